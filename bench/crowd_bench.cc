@@ -1,4 +1,4 @@
-// The tick among many structures: a ball of as many regions as one likes, felt by a tool of one and of four
+// Cost of a tick with many structures: a ball of any number of regions, touched by a tool of one and of four
 // spheres, or with a shaft. See README.md.
 
 #include <CLI/CLI.hpp>
@@ -25,7 +25,7 @@ struct Options {
   std::string json;
 };
 
-// regions of a ball by their nearest seed
+// partitions a ball into Voronoi regions of random seeds
 LabelMap regions_of(int structures, std::mt19937& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> unit(0, 1);
@@ -75,7 +75,7 @@ Result<std::shared_ptr<const Model>> model_of(const LabelMap& labels) {
   return ready_for(*std::move(model), kProxy);
 }
 
-// presses and slides anywhere, half as fast to as fast as is asked, and turns of the tool about its tip
+// presses and slides at random positions, at half to full speed, with rotations of the tool about its tip
 std::vector<DeviceState> path_of(int presses, double speed_mm_s, std::mt19937& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> unit(0, 1);

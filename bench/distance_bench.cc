@@ -1,5 +1,5 @@
-// How far a tool is from structures, in the servo's tick: a knee, and 250 structures of which some are near.
-// See README.md.
+// Cost of structure distances in the servo's tick: a knee, and 250 structures of which some are near. See
+// README.md.
 
 #include <vtkFlyingEdges3D.h>
 #include <vtkImageData.h>
@@ -38,7 +38,7 @@ Costs costs_of(std::vector<std::int64_t> ns) {
           static_cast<double>(ns.back())};
 }
 
-// what a tick asks, at every place once
+// queries of a tick, once at every position
 void measure(const char* what, const Distances& distances, const std::vector<Point<Patient>>& places,
              nlohmann::json& json) {
   const std::vector<ToolSphere> point{ToolSphere{}};
@@ -77,7 +77,7 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
                 {"bytes_each", static_cast<double>(bytes) / count}};
 }
 
-// balls of 4 to 15 mm anywhere in a body, each on voxels of its own
+// balls of 4 to 15 mm at random positions in a body, each on a separate grid
 Distances crowd(std::size_t count) {
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> place(-150, 150), radius(4, 15);
@@ -120,7 +120,7 @@ std::vector<Point<Patient>> places_in(const Eigen::Array3d& low, const Eigen::Ar
   return places;
 }
 
-// the same surface as triangles, in VTK's own search
+// the same surface as triangles, with VTK's search
 void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& places, nlohmann::json& json) {
   const SignedField& position = tree.surface()->position();
   const Volume<float> values = position.values();

@@ -8,25 +8,27 @@
 
 #include "palpate/sampling/sampling.h"
 
-/// Ways of getting a value and a gradient at a point, as sampling_bench compares them.
+/// Implementations of value and gradient at a point, as compared by sampling_bench.
 namespace palpate::bench {
 
 using Points = std::span<const Point<Patient>>;
 using Samples = std::span<FieldSample>;
 
-/// What of a sample must be the others'.
+/// Which part of a sample has to agree with the others.
 enum class Compared { kAll, kValue, kNothing };
 
 struct Entrant {
   std::string name;
-  /// All points, none waiting for another.
+  /// All points, independent of each other.
   std::function<void(Points, Samples)> throughput;
-  /// Every point's position depends on the sample before it; empty for whoever takes many points at once.
+  /// Every point's position depends on the previous sample; empty for implementations that process many
+  /// points at once.
   std::function<void(Points, Samples)> latency;
   Compared compared = Compared::kAll;
 };
 
-/// `sample` is called in two loops, compiled where this is called so that it may be inlined.
+/// Makes an entrant of a function `sample`. The two loops are compiled at the call site, so that it can be
+/// inlined.
 template <class Sample>
 Entrant entrant(std::string name, const Sample& sample, Compared compared = Compared::kAll) {
   Entrant result;
@@ -36,7 +38,7 @@ Entrant entrant(std::string name, const Sample& sample, Compared compared = Comp
     for (std::size_t n = 0; n < points.size(); ++n) samples[n] = sample(points[n]);
   };
   result.latency = [sample](Points points, Samples samples) {
-    // nothing is added, but the processor cannot know
+    // always adds zero, but the processor cannot know that
     double nothing = 0;
     for (std::size_t n = 0; n < points.size(); ++n) {
       const Point<Patient>& p = points[n];
@@ -47,18 +49,18 @@ Entrant entrant(std::string name, const Sample& sample, Compared compared = Comp
   return result;
 }
 
-/// The field that all sample, from the same bytes.
+/// The field that all of them sample, from the same bytes.
 struct SampledWork {
-  Volume<std::uint8_t> bytes;  ///< fractions of 255
+  Volume<std::uint8_t> bytes;  ///< In units of 1/255
   Transform<Voxel, Patient> X_VoxelPatient;
   Eigen::Matrix3d gradient_map;
 };
 
-/// Plain code, as one would write it first; the reference comes first.
+/// Straightforward implementations; the first is the reference.
 std::vector<Entrant> plain_entrants(const std::shared_ptr<const SampledWork>& work);
-/// Only what no way of sampling can do without: the cell, and the loads of its twelve rows.
+/// Lower bound: only finds the cell and loads its twelve rows.
 Entrant loads_alone(const std::shared_ptr<const SampledWork>& work);
-/// Of a spline with 16-bit coefficients; the reference, the plain sum of 64 terms, comes first.
+/// Splines with 16-bit coefficients; the first is the reference, the plain sum of 64 terms.
 std::vector<Entrant> plain_splines(const SplineField& field);
 
 std::vector<Entrant> itk_entrants(const std::shared_ptr<const SampledWork>& work);

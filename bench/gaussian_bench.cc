@@ -1,4 +1,4 @@
-// Gaussian smoothing: ours and ITK's on the same volumes in one run. See README.md.
+// Gaussian smoothing: palpate and ITK on the same volumes in one run. See README.md.
 
 #include <CLI/CLI.hpp>
 #include <cmath>
@@ -32,7 +32,7 @@ Work bones() {
   return {"two bones 3 mm apart, 256x256x124, 0.625x0.625x0.9 mm", two_bones()};
 }
 
-/// No row to leave out.
+/// Noise without any empty row that could be skipped.
 Work full_of_noise() {
   Volume<std::uint8_t> volume(founding_grid());
   std::mt19937 random(1);
@@ -51,8 +51,8 @@ Result<Work> labels_of_file(const std::string& file) {
   return Work{std::move(title), weigh_labels(read->labels.flattened(), weights)};
 }
 
-/// The voxels further than the kernel reaches from the border: what lies outside a volume is 0 to us and
-/// more of the same to ITK, which is no difference of accuracy.
+/// Voxels farther from the boundary than the reach of the kernel: outside a volume palpate assumes 0 and ITK
+/// repeats the boundary, which is not a difference of accuracy.
 class Interior {
  public:
   Interior(const GridGeometry& grid, double sigma_mm) : grid_(grid) {

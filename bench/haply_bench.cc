@@ -1,5 +1,5 @@
-// The Haply driver's round trip on loopback, with the servo attached, against a bare echo by Boost.Beast, by
-// turns in one run. See README.md.
+// Round trip of the Haply driver on loopback, with the servo attached, compared with a bare Boost.Beast echo,
+// alternating in one run. See README.md.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -33,19 +33,19 @@ using tcp = boost::asio::ip::tcp;
 using WebSocket = beast::websocket::stream<tcp::socket>;
 
 constexpr double kBall_mm = 15;
-// as the driver's own, and as long
+// same format and length as the driver's request
 constexpr const char* kRequest =
     R"({"inverse3":[{"device_id":"049D","commands":{"set_cursor_force":{"values":{"x":0.1234567,"y":0,"z":0.7654321}}}}]})";
-// where the tip lies a millimetre deep in the ball, whose middle is that of the device's workspace: a direct
-// method feels it from the first tick on
+// the tip is a millimetre deep in the ball at the centre of the device's workspace: a direct method generates
+// force from the first tick on
 constexpr const char* kState =
     R"({"inverse3":[{"device_id":"049D","state":{"cursor_position":{"x":0.014,"y":-0.12,"z":0.15},)"
     R"("cursor_velocity":{"x":0,"y":0,"z":0},"control_mode":"cursor_force"},"status":{"calibrated":true,)"
     R"("in_use":false,"power_supply":true,"ready":true,"started":true}}],"verse_grip":[{"device_id":"61548",)"
     R"("state":{"button":false,"hall":0,"orientation":{"w":1,"x":0,"y":0,"z":0}}}]})";
 
-/// Answers every message at once: an echo at /echo, else a state that stands ready, which is the least that a
-/// service can do. Both by the same lines.
+/// Replies to every message at once: an echo at /echo, otherwise a constant state, which is the least a
+/// service can do. Both use the same code.
 class Server {
  public:
   Server() : acceptor_(context_, tcp::endpoint(boost::asio::ip::address_v4::loopback(), 0)) {
@@ -54,7 +54,7 @@ class Server {
   ~Server() {
     ended_ = true;
     boost::system::error_code ignored;
-    // wakes the acceptor
+    // unblocks the acceptor
     tcp::socket(context_).connect(acceptor_.local_endpoint(), ignored);
     thread_.join();
     for (std::thread& each : served_) each.join();
@@ -108,8 +108,8 @@ class Server {
   std::vector<std::thread> served_;
 };
 
-/// A blocking client that says the same again and again. us for each round trip.
-/// @param target  "/echo", or "/": the service's state, which is read and not understood
+/// A blocking client that repeats the same request. Appends the duration of each round trip, us.
+/// @param target  "/echo", or "/" for the service's state, which is received but not parsed
 void bare_round_trips(std::uint16_t port, const char* target, int count, bool realtime,
                       std::vector<double>& took_us) {
   std::thread([&] {
@@ -134,7 +134,7 @@ void bare_round_trips(std::uint16_t port, const char* target, int count, bool re
   }).join();
 }
 
-/// A driver whose updates are timed: from one to the next there is a whole round trip, the tick included.
+/// A driver with timed updates: from one to the next there is a whole round trip, including the tick.
 class TimedDriver final : public DeviceDriver {
  public:
   explicit TimedDriver(DeviceDriver& driver) : driver_(driver) {}
@@ -147,7 +147,7 @@ class TimedDriver final : public DeviceDriver {
   void halt() noexcept override { driver_.halt(); }
   void resume(std::uint64_t newest) noexcept override { driver_.resume(newest); }
 
-  /// us; room for all that are wanted.
+  /// Durations, us; preallocated.
   std::vector<double> took_us;
   std::atomic<std::size_t> count{0};
 
@@ -175,7 +175,7 @@ class TimedDriver final : public DeviceDriver {
   DeviceDriver& driver_;
 };
 
-/// A servo that answers nothing, and the clock of a run that ends with its samples.
+/// A servo that returns no force, and the clock of a run that ends after a number of samples.
 class Nothing final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> /*samples*/,

@@ -18,7 +18,7 @@ double process_cpu_ms() {
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
 }
 
-/// By the clock, and of the process's processors.
+/// Wall-clock time, and CPU time of the process.
 std::array<double, 2> elapsed_ms(const Contender& contender) {
   if (contender.before) contender.before();
   const double cpu = process_cpu_ms();
@@ -42,7 +42,7 @@ void compare(const std::vector<float>& reference, const std::vector<float>& resu
 
 std::vector<Timing> run_interleaved(const std::vector<Contender>& contenders,
                                     const std::vector<float>& reference, int rounds) {
-  // the results first; this also warms everything up
+  // results first; this also warms up caches
   std::vector<Timing> timings;
   for (const Contender& contender : contenders) {
     timings.emplace_back().name = contender.name;

@@ -6,7 +6,7 @@
 
 namespace palpate::bench {
 
-/// A volume and its smoothed copy as ITK keeps them, so that no conversion is timed.
+/// A volume and its smoothed copy as ITK images, so that no conversion is timed.
 class ItkGaussian {
  public:
   explicit ItkGaussian(const Volume<std::uint8_t>& volume);
@@ -16,7 +16,7 @@ class ItkGaussian {
   void smooth_recursive(double sigma_mm, int threads);
   /// itk::DiscreteGaussianImageFilter: direct convolution.
   void smooth_discrete(double sigma_mm, int threads);
-  /// The voxels of the last result, i fastest.
+  /// Voxels of the last result, i varies fastest.
   const float* result() const;
 
  private:

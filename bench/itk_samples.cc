@@ -58,7 +58,7 @@ std::vector<Entrant> itk_entrants(const std::shared_ptr<const SampledWork>& work
                 const auto point = to_itk(p);
                 return to_sample(linear->Evaluate(point), differences->Evaluate(point));
               },
-              // by point the differences are those at half a voxel to either side
+              // evaluated by point, the differences are taken at half a voxel to either side
               Compared::kValue),
           entrant("ITK linear + difference, by index", [=](const Point<Patient>& p) {
             const Point<Voxel> x = work->X_VoxelPatient * p;

@@ -1,4 +1,5 @@
-// The force methods on raw labels and stored normals: literal and vector forms in one run. See README.md.
+// Force methods on raw labels and stored normals: scalar and vectorised implementations in one run. See
+// README.md.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -23,9 +24,9 @@ struct Options {
   std::string json;
 };
 
-// ---- the work ---------------------------------------------------------------------------------------------
+// ---- workload ---------------------------------------------------------------------------------------------
 
-/// Labels 1 and 2.
+/// Volume with labels 1 and 2.
 Volume<LabelId> labelled(const Volume<std::uint8_t>& bones) {
   const GridGeometry& grid = bones.geometry();
   Volume<LabelId> labels(grid);
@@ -38,7 +39,7 @@ Volume<LabelId> labelled(const Volume<std::uint8_t>& bones) {
   return labels;
 }
 
-// ---- the contenders ---------------------------------------------------------------------------------------
+// ---- contenders -------------------------------------------------------------------------------------------
 
 using Points = std::shared_ptr<const std::vector<Point<Patient>>>;
 using Samples = std::shared_ptr<std::vector<FieldSample>>;
@@ -52,7 +53,7 @@ std::vector<float> numbers_of(const std::vector<FieldSample>& samples) {
   return numbers;
 }
 
-/// Every query waits for the last one's result.
+/// Dependent queries: each waits for the result of the previous one.
 template <class Sample>
 void one_after_another(const Sample& sample, const std::vector<Point<Patient>>& points,
                        std::vector<FieldSample>& samples) {
@@ -85,16 +86,16 @@ Contender contender(std::string name, const std::shared_ptr<const Method>& metho
   return entrant;
 }
 
-/// One way of storing one method, timed along the path and anywhere.
+/// One storage format of a method, timed along the path and at random points.
 struct Row {
   std::string name;
   int bytes_per_voxel = 0;
   double literal_ns = 0, path_latency_ns = 0, path_batch_ns = 0, random_latency_ns = 0, random_batch_ns = 0;
-  double ratio = 0;  ///< of the latencies along the path, vector form over literal
+  double ratio = 0;  ///< Ratio of the latencies along the path, vectorised to scalar
   double max_difference = 0;
 };
 
-/// Also says what the literal form gives, which everybody is compared with before times are taken.
+/// Also computes the result of the scalar implementation, the reference of the others, before timing.
 template <class Method>
 Row time_method(std::string name, int bytes_per_voxel, const Method& the_method, const Points& path,
                 const Points& random, int rounds) {
@@ -133,7 +134,7 @@ std::vector<Row> time_spheres(const std::shared_ptr<const Bricks<LabelId>>& labe
                                  options.rounds));
     };
     time("Gaussian sphere, sigma 1 voxel, ", GaussianSphere::make(voxels, 1).value());
-    // so small a sigma that the radius is two voxels along every axis
+    // a small sigma, so that the radius is two voxels along every axis
     time("smooth sphere, 4x4x4, ", SmoothSphere::make(voxels, 0.1).value());
     const SmoothSphere full = SmoothSphere::make(voxels, options.sigma_mm).value();
     std::string size;
@@ -153,15 +154,14 @@ constexpr Encoding kEncodings[] = {{NormalEncoding::kBytes, "3 bytes"},
                                    {NormalEncoding::kOctahedral16, "octahedral 16"},
                                    {NormalEncoding::kOctahedral24, "octahedral 24"}};
 
-// ---- what they keep in memory
-// -------------------------------------------------------------------------------
+// ---- memory -----------------------------------------------------------------------------------------------
 
 struct Memory {
   std::string name;
   int bytes_per_voxel = 0;
   std::size_t voxels = 0;
-  std::size_t occupied = 0;  ///< voxels that hold anything but 0
-  /// Of the voxels alone, without the border that some keep around them.
+  std::size_t occupied = 0;  ///< Number of non-zero voxels
+  /// Size of the voxels without the border that some formats add.
   double dense_MB() const { return 1e-6 * bytes_per_voxel * static_cast<double>(voxels); }
   double occupied_MB() const { return 1e-6 * bytes_per_voxel * static_cast<double>(occupied); }
 };
@@ -173,7 +173,7 @@ Memory memory_of(std::string name, int bytes_per_voxel, const Volume<T>& volume)
   return {std::move(name), bytes_per_voxel, voxels.size(), voxels.size() - empty};
 }
 
-/// What is prepared from the bones, and what it is prepared from.
+/// Prepared representations of the bones, and their inputs.
 struct Prepared {
   explicit Prepared(const Options& options)
       : bones(two_bones()),
@@ -202,7 +202,7 @@ std::vector<Memory> memory_of_all(const Prepared& prepared) {
   return all;
 }
 
-// ---- what is shown ----------------------------------------------------------------------------------------
+// ---- output -----------------------------------------------------------------------------------------------
 
 void print_rows(const std::vector<Row>& rows) {
   std::printf("\n%-50s %6s %10s %9s %9s %9s %9s %7s %9s\n", "ns a query; medians", "bytes/", "literal",

@@ -34,7 +34,7 @@ FieldSample to_sample(const SampledWork& work, double value, const Eigen::Vector
   return {value / 255, Vector<Patient>(work.gradient_map * (per_voxel / 255))};
 }
 
-/// One interpolation with its own test of the border.
+/// A single interpolation with its own bounds check.
 double trilinear(const Volume<std::uint8_t>& volume, const Eigen::Vector3d& x) {
   const auto& dims = volume.geometry().dims;
   for (int axis = 0; axis < 3; ++axis) {
@@ -59,7 +59,7 @@ FieldSample seven(const SampledWork& work, const Point<Patient>& p) {
   return to_sample(work, trilinear(work.bytes, x), g);
 }
 
-/// The seven from one neighbourhood of 32 voxels.
+/// All seven interpolations from one neighbourhood of 32 voxels.
 FieldSample shared_32(const SampledWork& work, const Point<Patient>& p) {
   const Eigen::Vector3d x = (work.X_VoxelPatient * p).eigen();
   const auto& dims = work.bytes.geometry().dims;
@@ -98,7 +98,7 @@ std::uint32_t load_row(const std::uint8_t* p) {
   return row;
 }
 
-/// The cubic B-spline's weights for the four coefficients along an axis, and their derivatives.
+/// Weights of the cubic B-spline for the four coefficients along an axis, and their derivatives.
 struct Weights {
   explicit Weights(double t)
       : p{(1 - t) * (1 - t) * (1 - t) / 6, (3 * t * t * t - 6 * t * t + 4) / 6,
@@ -107,7 +107,7 @@ struct Weights {
   double p[4], q[4];
 };
 
-/// What a spline's kernel reads and what its sums become.
+/// Cell of a spline sample, and the conversion of its sums to a FieldSample.
 struct SplineCell {
   SplineCell(const SplineField& field, const Point<Patient>& point)
       : SplineCell(std::get_if<Bricks<std::int16_t>>(&field.coefficients())->view(),
@@ -124,7 +124,7 @@ FieldSample to_sample(const SplineField& field, double value, const Eigen::Vecto
           Vector<Patient>(field.X_VoxelPatient().linear().transpose() * (field.scale() * per_voxel))};
 }
 
-/// The formula: 64 terms, each with its own product of three weights for the value and for each derivative.
+/// Direct formula: 64 terms, each with a product of three weights for the value and for each derivative.
 FieldSample sum_of_64(const SplineField& field, const Point<Patient>& point) {
   const SplineCell cell(field, point);
   double value = 0, gi = 0, gj = 0, gk = 0;
@@ -142,7 +142,7 @@ FieldSample sum_of_64(const SplineField& field, const Point<Patient>& point) {
   return to_sample(field, value, {gi, gj, gk});
 }
 
-/// The same along one axis after the other.
+/// Separable evaluation, one axis after the other.
 FieldSample separable_sum(const SplineField& field, const Point<Patient>& point) {
   const SplineCell cell(field, point);
   double value = 0, gi = 0, gj = 0, gk = 0;

@@ -1,4 +1,4 @@
-/// How long a list of many runs takes beside the same query without palpate.
+/// Duration of listing many runs, compared with the same query through SQLite directly.
 #include <sqlite3.h>
 #include <stdlib.h>
 
@@ -26,7 +26,7 @@ void run_sql(sqlite3* database, const std::string& sql) {
   PALPATE_CHECK(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
 }
 
-/// 20 learners, 5 tasks, 8 metrics a run; in one transaction, for add() flushes each run to the disk.
+/// 20 learners, 5 tasks, 8 metrics per run; in one transaction, because add() flushes each run to the disk.
 void fill(const std::filesystem::path& file, int runs) {
   { PALPATE_CHECK(Records::open(file).ok()); }
   sqlite3* database = nullptr;
@@ -48,7 +48,7 @@ void fill(const std::filesystem::path& file, int runs) {
   sqlite3_close(database);
 }
 
-/// The rows of list(), each column as it is kept, and nothing made of them.
+/// The rows of list() with all columns read, without conversion.
 std::size_t bare(sqlite3* database) {
   constexpr const char* kSql =
       "SELECT runs.id, learners.name, task, task_hash, started_utc, data_set, palpate_version, commit_id, "

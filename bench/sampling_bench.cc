@@ -1,4 +1,4 @@
-// Value and gradient at a point: ours, plain code and other libraries on the same field in one run. See
+// Value and gradient at a point: palpate, plain code and other libraries on the same field in one run. See
 // README.md.
 
 #include <hwy/targets.h>
@@ -24,15 +24,15 @@ struct Options {
 };
 
 constexpr double kSigma_mm = 1.5;
-/// What the largest difference from the plain code may be, of full scale; times 1/mm for gradients.
+/// Maximum difference from the plain code, in units of full scale; for gradients per mm.
 constexpr double kTolerance = 1e-4;
-/// Random points are as many voxels from the border; ITK's spline ends differently from ours.
+/// Minimum distance of random points from the boundary, voxels; ITK's spline treats the boundary differently.
 constexpr double kMargin = 10;
 constexpr int kWarmingPasses = 3;
 
-// ---- the entrants -----------------------------------------------------------------------------------
+// ---- entrants ---------------------------------------------------------------------------------------
 
-/// Lets Highway see one target only while an entrant runs.
+/// Restricts Highway to one target while an entrant runs.
 Entrant on_target(std::int64_t target, Entrant entrant) {
   const auto wrapped = [target](std::function<void(Points, Samples)> run) {
     if (!run) return run;
@@ -67,7 +67,7 @@ Entrant many(const std::string& storage, const AnyField& field) {
   return result;
 }
 
-/// The same field stored in each way.
+/// The same field in each storage format.
 struct Fields {
   explicit Fields(const Volume<std::uint8_t>& volume)
       : bytes(volume),
@@ -132,7 +132,7 @@ std::vector<Entrant> spline_entrants(const std::shared_ptr<const SampledWork>& w
   return all;
 }
 
-// ---- the measurement ----------------------------------------------------------------------------------
+// ---- measurement --------------------------------------------------------------------------------------
 
 std::vector<float> flattened(const std::vector<FieldSample>& samples) {
   std::vector<float> numbers;
@@ -144,7 +144,7 @@ std::vector<float> flattened(const std::vector<FieldSample>& samples) {
   return numbers;
 }
 
-/// A run's numbers, those that are not to be compared replaced by the reference's.
+/// Values of a run, with those that are not compared replaced by the reference's.
 std::vector<float> compared(const std::vector<FieldSample>& samples, Compared what,
                             const std::vector<float>& reference) {
   if (what == Compared::kAll) return flattened(samples);
@@ -155,7 +155,7 @@ std::vector<float> compared(const std::vector<FieldSample>& samples, Compared wh
   return numbers;
 }
 
-/// What a row of the table says, in ns a query; 0 where it has none.
+/// A row of the table, in ns per query; 0 if not measured.
 struct Row {
   std::string name;
   Compared compared = Compared::kAll;
@@ -180,8 +180,8 @@ std::vector<Row> measure(const std::vector<Entrant>& entrants, const Options& op
       const auto& run = column % 2 == 0 ? entrants[e].throughput : entrants[e].latency;
       if (!run) continue;
       row_of.push_back(e);
-      // short enough to lie between two turns of the scheduler, and over voxels that are in the caches: a
-      // cache that the others' voxels fill takes more than one pass to change hands
+      // short enough to fit into a scheduler time slice, with voxels in the caches: replacing another
+      // entrant's voxels takes more than one pass
       const auto pass = [&] { run(points, samples); };
       const auto warm_up = [pass] {
         for (int n = 0; n < kWarmingPasses; ++n) pass();
@@ -225,7 +225,7 @@ nlohmann::json to_json(const std::string& title, const std::vector<Row>& rows) {
   return {{"title", title}, {"rows", std::move(list)}};
 }
 
-/// Whether our own rows say what the plain code says.
+/// Whether palpate's rows agree with the plain code.
 bool all_agree(const std::vector<Row>& rows) {
   bool agree = true;
   for (const Row& row : rows) {

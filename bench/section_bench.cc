@@ -30,10 +30,9 @@ struct Options {
   std::string labels, json;
 };
 
-// ---- the work
-// -----------------------------------------------------------------------------------------------
+// ---- workload ---------------------------------------------------------------------------------------------
 
-/// A scan in which every structure has its own grey, and noise.
+/// A scan with a distinct grey value for each structure, and noise.
 std::shared_ptr<const Volume<float>> generated_scan(const Volume<LabelId>& labels) {
   auto scan = std::make_shared<Volume<float>>(labels.geometry());
   std::uint32_t state = 1;
@@ -60,7 +59,7 @@ Vector<Patient> random_direction(std::mt19937& random) {
   return Vector<Patient>(x, y, z).normalized();
 }
 
-/// Anywhere in the middle half of the volume, at any angle.
+/// Random planes through the middle half of the volume.
 std::vector<SectionPlane> random_planes(const GridGeometry& grid, const Options& options) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> middle(0.25, 0.75);
@@ -77,7 +76,7 @@ std::vector<SectionPlane> random_planes(const GridGeometry& grid, const Options&
   return planes;
 }
 
-/// A tip that moves 0.2 mm a picture, turning by half a degree.
+/// A tip that moves 0.2 mm and rotates by half a degree per picture.
 std::vector<SectionPlane> following_planes(const GridGeometry& grid, const Options& options) {
   const double turn = 0.5 * std::numbers::pi / 180;
   const SectionPlane* before = nullptr;
@@ -93,8 +92,7 @@ std::vector<SectionPlane> following_planes(const GridGeometry& grid, const Optio
   return planes;
 }
 
-// ---- the contenders
-// -----------------------------------------------------------------------------------------
+// ---- contenders -------------------------------------------------------------------------------------------
 
 using Rgbs = std::vector<std::uint8_t>;
 
@@ -115,8 +113,8 @@ class Palpate {
   SectionRenderer renderer_;
 };
 
-/// Two reslices, each from and to the smallest integers that hold the values, and a loop over the pixels,
-/// which is quicker than VTK's own filters for colours.
+/// Two reslices with the smallest integer types that hold the values, and a loop over the pixels, which is
+/// faster than VTK's own colour filters.
 class Vtk {
  public:
   explicit Vtk(const Model& model) : grid_(model.labels->geometry()) {
@@ -197,7 +195,7 @@ class Vtk {
   std::vector<Rgb> colours_;
 };
 
-/// Draws one plane after another. Warm: the plane before it is drawn just before, untimed.
+/// Draws one plane after another. Warm: the previous plane is drawn immediately before, untimed.
 template <class Drawer>
 Contender contender(std::string name, const std::shared_ptr<Drawer>& drawer,
                     const std::vector<SectionPlane>& planes, bool structures, bool warm) {
@@ -215,8 +213,7 @@ Contender contender(std::string name, const std::shared_ptr<Drawer>& drawer,
   return result;
 }
 
-// ---- the run
-// ------------------------------------------------------------------------------------------------
+// ---- run --------------------------------------------------------------------------------------------------
 
 nlohmann::json to_json(const std::vector<Timing>& timings) {
   nlohmann::json rows;

@@ -1,5 +1,5 @@
-// The servo on volumes of 8, 31 and 134 million voxels in one run, and of 1000 million where asked for, and
-// for as long as one likes. See README.md.
+// The servo with volumes of 8, 31 and 134 million voxels in one run, optionally of 1000 million, and
+// endurance runs of any duration. See README.md.
 
 #include <pthread.h>
 #include <sched.h>
@@ -29,7 +29,7 @@ namespace palpate::bench {
 namespace {
 
 constexpr double kRates_hz[] = {1000, 2000, 4000, 8000, 10000};
-// beside the knee as it is
+// in addition to the original knee
 constexpr double kSmall_voxels = 8e6, kHuge_voxels = 134e6, kVast_voxels = 1e9;
 constexpr double kEnduranceBlock_s = 10;
 constexpr std::size_t kLine_bytes = 64, kWindow_ticks = 1000;
@@ -51,7 +51,7 @@ struct Knee {
   const Model& model() const { return *loaded.model; }
 };
 
-// ---- the volumes
+// ---- volumes
 
 std::string title_of(const std::string& what, const GridGeometry& grid) {
   char text[160];
@@ -60,7 +60,7 @@ std::string title_of(const std::string& what, const GridGeometry& grid) {
   return text;
 }
 
-// about that many voxels in the same box, about the same centre
+// grid with about that number of voxels, for the same box and centre
 GridGeometry resized(const GridGeometry& grid, double voxels) {
   const double part = std::cbrt(voxels / static_cast<double>(grid.voxel_count()));
   GridGeometry result = grid;
@@ -82,15 +82,15 @@ Result<Knee> knee_of(const std::string& what, LabelMap labels, ForceMethod metho
   return Knee{title, {*std::move(scene), *std::move(ready), ""}};
 }
 
-// ---- what a tick reads
+// ---- memory footprint of a tick
 
-/// Along the path: how far a tick looks, and how many cache lines 1000 ticks on end read.
+/// Search depth of ticks along the path, and number of cache lines that 1000 consecutive ticks read.
 struct Footprint {
-  double steps = 0;  ///< half voxels from the tip to the surface, mean over ticks that know their depth
-  double field_lines = 0, label_lines = 0;  ///< distinct ones in 1000 ticks, mean over such windows
+  double steps = 0;  ///< Half voxels from the tip to the surface, mean over ticks with a known depth
+  double field_lines = 0, label_lines = 0;  ///< Distinct lines in 1000 ticks, mean over such windows
 };
 
-/// Cache lines by their addresses.
+/// Set of cache lines, by address.
 class Lines {
  public:
   void add(const void* first, std::size_t bytes) {
@@ -98,7 +98,7 @@ class Lines {
     for (auto line = begin / kLine_bytes; line <= (begin + bytes - 1) / kLine_bytes; ++line)
       lines_.insert(line);
   }
-  // how many there were
+  // returns their number, and clears the set
   double take() {
     const auto count = static_cast<double>(lines_.size());
     lines_.clear();
@@ -109,7 +109,7 @@ class Lines {
   std::unordered_set<std::uintptr_t> lines_;
 };
 
-// the voxels that a sample reads in the volume: rows j and k from the cell, voxels from i on
+// voxels that a sample reads: rows j and k from the cell, voxels from i on
 template <class T>
 void add_rows(const Bricks<T>& volume, const Point<Voxel>& x, int before, int after, Lines& lines) {
   const auto [i, j, k] = std::array{static_cast<int>(std::floor(x.x())), static_cast<int>(std::floor(x.y())),
@@ -120,8 +120,8 @@ void add_rows(const Bricks<T>& volume, const Point<Voxel>& x, int before, int af
                 sizeof(T) * static_cast<std::size_t>(1 + before + after));
 }
 
-/// Of trilinear interpolation with central differences, and of the way from the tip to the surface, which
-/// every method looks along for structure and depth.
+/// Footprint of trilinear interpolation with central differences, and of the ray from the tip to the surface,
+/// along which every method determines structure and depth.
 Footprint footprint_of(const Model& model, const PalpationPath& path) {
   const Bricks<LabelId>& labels = *model.labels;
   const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
@@ -195,7 +195,7 @@ nlohmann::json describe(const std::vector<Knee>& knees, const PalpationPath& pat
   return all;
 }
 
-// ---- one volume beside the others
+// ---- comparison of volumes
 
 nlohmann::json to_json(const Percentiles& p) {
   return {{"p50_us", p.p50_us}, {"p99_us", p.p99_us}, {"p99.9_us", p.p999_us}, {"max_us", p.max_us}};
@@ -261,8 +261,8 @@ Result<nlohmann::json> compare_pace(const std::vector<Knee>& knees, const Palpat
   return rows;
 }
 
-// Ticks in contact, of each the least of some repeats of one path, which are the same to the last bit: what
-// else the machine does is left out. Sorted; us.
+// Durations of ticks in contact, each the minimum over repetitions of one path, which are identical bit for
+// bit: other load on the machine is excluded. Sorted; us.
 std::vector<double> min_in_contact_us(const Model& model, const PalpationPath& path) {
   constexpr int kRepeats = 20;
   std::vector<double> min_us(path.states.size(), std::numeric_limits<double>::infinity());
@@ -303,7 +303,7 @@ nlohmann::json compare_least(const std::vector<Knee>& knees, const PalpationPath
   return rows;
 }
 
-// the rounds of all in turn
+// interleaves the rounds of all of them
 Result<nlohmann::json> compare_free_running(const std::vector<Knee>& knees, const PalpationPath& path,
                                             const Options& options) {
   std::printf("\nas fast as it goes: ns, medians of %d rounds along %zu ticks, %.0f %% of them in contact\n",
@@ -337,9 +337,9 @@ Result<nlohmann::json> compare_free_running(const std::vector<Knee>& knees, cons
   return rows;
 }
 
-// ---- for a long time
+// ---- endurance
 
-/// Keeps every CPU but one busy while it lives, arithmetic and memory.
+/// Keeps every CPU but one busy during its lifetime, with arithmetic and memory accesses.
 class Load {
  public:
   explicit Load(int spared) {
@@ -420,10 +420,10 @@ Result<nlohmann::json> endure(const Knee& knee, const PalpationPath& path, const
   return json;
 }
 
-// ----
+// ---- main
 
 Result<nlohmann::json> measured(const Options& options) {
-  // its own volumes, however large
+  // no limit for its own volumes
   set_reading_limits({.max_memory_bytes = std::uint64_t{1} << 40});
   std::string what;
   const auto labels = large_knee(options.labels, what);

@@ -1,6 +1,6 @@
-// What a viewer that stops reading, viewers that download, tissue that yields, pictures of the volume, or a
-// task that is measured, cost the servo and the other viewers: pairs of sessions on the real clock, with and
-// without them, in turns. See README.md.
+// Effect of a viewer that stops reading, viewers that download, deformable tissue, pictures of the volume, or
+// an evaluated task on the servo and the other viewers: alternating pairs of sessions on the real clock, with
+// and without them. See README.md.
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -30,29 +30,30 @@ namespace {
 
 constexpr double kPoses_hz = 120;
 constexpr int kResamples = 20000;
-// so little that a viewer who stops reading is soon felt by who writes
+// small, so that the writer soon blocks on a viewer that stops reading
 constexpr int kStuckBuffer_bytes = 4096;
-// The server sends away who has taken nothing for 10 s, and who reads nothing does not see it: by then
-// another has come.
+// The server disconnects a viewer that has read nothing for 10 s; a viewer that does not read cannot notice
+// that, so it is replaced earlier.
 constexpr double kStuckFor_s = 8;
 
 struct Options {
-  int pairs = 10, viewers = 8, downloading = 0;  // 0: one that stops reading
-  int threads = 2;                               // that draw
+  int pairs = 10, viewers = 8, downloading = 0;  // 0: one viewer that stops reading
+  int threads = 2;                               // number of drawing threads
   double seconds = 60;
   std::uint64_t seed = 1;
-  bool tissue = false;    // it yields or does not; the viewers are the same
-  bool pictures = false;  // of the volume are drawn, one after another, or not; the viewers are the same
-  std::string task;       // that is done and told to the viewers, or not; the viewers are the same
+  bool tissue = false;    // whether tissue deforms; the viewers are the same
+  bool pictures = false;  // whether pictures of the volume are drawn continuously; the viewers are the same
+  // task that is evaluated and published to the viewers; empty: none; the viewers are the same
+  std::string task;
   std::string scene = "knee-phantom", json;
 };
 
-// What the viewers of a session saw, from their process.
+// Figures of the viewers of a session, from their process.
 struct ViewersReport {
   std::uint64_t poses = 0, missed = 0, stuck_connections = 0;
   double age_p50_ms = 0, age_p99_ms = 0;
   std::uint64_t downloaded_bytes = 0, volumes = 0;
-  double first_load_p50_ms = 0;  // of the downloading ones, until scan and labels were there
+  double first_load_p50_ms = 0;  // of the downloading viewers, until scan and labels are complete
 };
 
 struct Session {
@@ -68,7 +69,7 @@ struct Session {
   std::exit(1);
 }
 
-// ---- the viewers' process
+// ---- viewers' process
 
 ViewersReport watch(const Options& options, int port, bool troubled) {
   const std::int64_t until_ns = steady_ns() + static_cast<std::int64_t>(options.seconds * 1e9);
@@ -79,14 +80,14 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
   for (const auto& client : clients)
     threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
 
-  // those that load volumes, again and again
+  // viewers that download volumes, repeatedly
   const bool others = troubled && !options.tissue && !options.pictures && options.task.empty(),
              stuck = others && options.downloading == 0;
   std::vector<Downloads> downloads(others ? static_cast<std::size_t>(options.downloading) : 0);
   for (Downloads& one : downloads)
     threads.emplace_back([&one, port, until_ns] { one = download_until(port, until_ns); });
 
-  // one that says hello and then reads nothing, again and again
+  // a viewer that sends its greeting and then reads nothing, repeatedly
   ViewersReport report;
   while (stuck && steady_ns() < until_ns) {
     const ViewerClient silent(port, kPoses_hz, kStuckBuffer_bytes);
@@ -112,7 +113,7 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
   return report;
 }
 
-// Forked while this process has no threads that hold anything: it waits for a port and answers with a report.
+// Forked before this process starts threads: it waits for a port and replies with a report.
 struct ViewersProcess {
   pid_t id = -1;
   int port_to = -1, report_from = -1;
@@ -139,10 +140,10 @@ ViewersProcess start_viewers(const Options& options, bool troubled) {
 // ---- pictures
 
 constexpr int kPicture_px = 512;
-// as palpate's own pictures for viewers are drawn
+// same priority as for the pictures that palpate draws for viewers
 constexpr int kLowestPriority = 19;
 
-/// Draws the volume from all around, one picture after another, until it ends.
+/// Draws the volume from all around, one picture after another, during its lifetime.
 class Drawing {
  public:
   Drawing(VolumeRenderer& renderer, const GridGeometry& grid)
@@ -167,14 +168,14 @@ class Drawing {
   std::jthread thread_;
 };
 
-// ---- a session
+// ---- session
 
 Session run_session(const LoadedScene& loaded, const Script& script, const Options& options, bool troubled,
                     VolumeRenderer* renderer) {
   const ViewersProcess viewers = start_viewers(options, troubled);
   ExploreOptions explore_options;
   explore_options.repeat = true;
-  // the viewers come when the loop is about to run, and all is over when they have left
+  // viewers connect shortly before the loop starts, and the session ends when they have left
   explore_options.seconds = options.seconds;
   explore_options.viewers = [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
     ViewerServerOptions server_options;
@@ -217,8 +218,7 @@ double mean_of(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-// The mean of the differences within pairs, and the 5th and 95th percentile of what it is when pairs are
-// drawn again.
+// Mean of the differences within pairs, and its 5th and 95th percentile by bootstrap over the pairs.
 struct Increase {
   double mean = 0, least = 0, bound = 0;
 };
@@ -271,7 +271,7 @@ nlohmann::json json_of(const Session& session) {
           {"first_load_p50_ms", session.viewers.first_load_p50_ms}};
 }
 
-// the same scene, in which nothing yields
+// the same scene with rigid layers
 LoadedScene by_layers(const LoadedScene& loaded) {
   if (!is_elastic(loaded.model->tissue_law)) fail("nothing yields in this scene");
   LoadedScene other = loaded;
@@ -313,7 +313,7 @@ int run(const Options& options) {
   for (int n = 0; n < options.pairs; ++n) {
     std::printf("pair %d of %d\n", n + 1, options.pairs);
     const bool troubled_first = random() & 1;
-    std::array<Session, 2> sessions;  // without, with
+    std::array<Session, 2> sessions;  // [0] without, [1] with
     for (const bool troubled : {troubled_first, !troubled_first}) {
       sessions[troubled] = run_session(troubled ? *loaded : quiet, *script, options, troubled,
                                        renderer ? &*renderer : nullptr);

@@ -8,8 +8,9 @@
 #include "palpate/cache/cache.h"
 #include "palpate/loading/loading.h"
 
-/// One start, for bench/start.py: what the command line names, until it is ready for the proxy, with the
-/// cache of the environment. Prints the model's hash, that of its surfaces, and the most memory in MiB.
+/// A single start, for bench/start.py: loads what the command line names until it is ready for the proxy,
+/// with the cache of the environment. Prints the model's hash, that of its surfaces, and the peak memory in
+/// MiB.
 int main(int argc, char** argv) {
   using namespace palpate;
   if (argc != 2) {
@@ -39,7 +40,7 @@ int main(int argc, char** argv) {
   getrusage(RUSAGE_SELF, &used);
   std::printf("%016llx %016llx %ld\n", static_cast<unsigned long long>((*ready)->content_hash),
               static_cast<unsigned long long>(surfaces), used.ru_maxrss >> 10);
-  // as a session does not end here
+  // exits without destructors, because a session does not end here
   std::fflush(stdout);
   std::_Exit(0);
 }

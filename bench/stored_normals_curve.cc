@@ -1,4 +1,4 @@
-// What storing a normal costs: the tilt that remains of a surface's true tilt, and errors over all
+// Error of storing normals: tilt of the stored surface as a function of the true tilt, and errors over all
 // directions. See README.md.
 
 #include <CLI/CLI.hpp>
@@ -35,7 +35,7 @@ double degrees(double radians) {
   return radians * 180 / std::numbers::pi;
 }
 
-/// Angles between random directions and what is stored of them, ascending.
+/// Angles between random directions and their stored values, ascending.
 std::vector<double> errors_deg(NormalEncoding encoding, const Options& options) {
   std::mt19937 random(options.seed);
   std::normal_distribution<double> normal;

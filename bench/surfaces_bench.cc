@@ -1,4 +1,5 @@
-// Preparing surfaces from labels: whole structures, and a box of 32^3 voxels again. See README.md.
+// Preparation of surfaces from labels: whole structures, and the update of a box of 32^3 voxels. See
+// README.md.
 
 #include <sys/resource.h>
 
@@ -41,7 +42,7 @@ double peak_MB() {
   return static_cast<double>(usage.ru_maxrss) / 1024;
 }
 
-// of a knee: its bones, cartilages and menisci, else the largest structures
+// for a knee its bones, cartilages and menisci, otherwise the largest structures
 std::vector<Segment> choose(const LabelMap& labels) {
   std::vector<Segment> chosen;
   for (const char* name : {"femur", "tibia", "patella", "femoral_cartilage", "lateral_tibial_cartilage",
@@ -60,7 +61,7 @@ std::vector<Segment> choose(const LabelMap& labels) {
   return chosen;
 }
 
-// a box around a random voxel of the structure's rim, as it is with a ball of tissue removed
+// a box around a random voxel at the structure's boundary, with a ball of tissue removed
 PatchOf<LabelId> dig(const PreparedSurface& surface, std::mt19937& random, const Bricks<LabelId>& labels) {
   const GridGeometry& grid = labels.geometry();
   const auto& box = surface.workings.extent;
@@ -91,7 +92,7 @@ PatchOf<LabelId> dig(const PreparedSurface& surface, std::mt19937& random, const
   }
 }
 
-/// Of what is felt and of what a patch needs, its net apart.
+/// Memory used for contact and that needed for updates, without the net.
 double bytes_of(const PreparedSurface& surface) {
   std::size_t bytes = surface.workings.slopes.size() * sizeof(float);
   for (const Bricks<std::int16_t>* bricks :
@@ -132,7 +133,7 @@ Result<nlohmann::json> run(const Options& options) {
   std::mt19937 random(1);
   for (std::size_t n = 0; n < prepared->size(); ++n) {
     const PreparedSurface& surface = (*prepared)[n];
-    // apart, since each leaves the caches and the heap otherwise than the other finds them in use
+    // timed separately, because each affects the caches and the heap of the other
     std::vector<double> patch_ms, again_ms, labels_ms;
     for (const bool whole : {false, true}) {
       for (int round = 0; round < options.rounds; ++round) {

@@ -1,4 +1,5 @@
-// Soft tissue: what a cell, a frame, a box and a tick cost, each beside the plain way in turn. See README.md.
+// Soft tissue: cost of a cell, a frame, a box and a tick, each interleaved with the plain implementation. See
+// README.md.
 
 #include <time.h>
 
@@ -31,7 +32,7 @@ double thread_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// medians of the processor time of several works, which take turns
+// medians of the processor time of several works, interleaved
 std::vector<double> medians_s(const std::vector<std::function<void()>>& works, int rounds) {
   std::vector<std::vector<double>> times(works.size());
   for (int round = 0; round < rounds; ++round)
@@ -62,11 +63,12 @@ ElasticGrid layer_on_bone(const std::array<int, 3>& cells) {
   return grid;
 }
 
-/// The plain way: two 24 x 24 matrices for each cell, times its moduli.
+/// Plain implementation: two 24 x 24 matrices per cell, times its moduli.
 class DenseCells {
  public:
   explicit DenseCells(const ElasticGrid& grid) : grid_(grid) {
-    // of unit moduli and a unit cube, strain in its middle; the hourglass modes cost as much either way
+    // for unit moduli and a unit cube, with the strain at its centre; the cost of the hourglass modes is the
+    // same
     const auto sign = [](int corner, int axis) { return (corner >> axis & 1) != 0 ? 0.25f : -0.25f; };
     for (int a = 0; a < 8; ++a)
       for (int b = 0; b < 8; ++b)
@@ -187,8 +189,7 @@ Result<std::shared_ptr<const Model>> plane(TissueLaw law) {
   return prepared_for(made->model, {&proxy, 1});
 }
 
-// A corner of three blocks with a gap of air between them, each soft on something hard, or by layers the
-// same.
+// A corner of three blocks separated by gaps of air, each soft on a hard core; or the same as rigid layers.
 Result<std::shared_ptr<const Model>> corner(TissueLaw law) {
   GridGeometry grid;
   grid.dims = {40, 40, 40};
@@ -198,7 +199,7 @@ Result<std::shared_ptr<const Model>> corner(TissueLaw law) {
   for (int k = 1; k < 39; ++k)
     for (int j = 1; j < 39; ++j)
       for (int i = 1; i < 39; ++i) {
-        // the deepest below x, y or z = 0 is whose it is
+        // the block is that of the greatest depth below x, y or z = 0
         const int depth[3] = {19 - i, 19 - j, 19 - k};
         int most = 0;
         for (int axis = 1; axis < 3; ++axis)
@@ -230,8 +231,8 @@ Result<std::shared_ptr<const Model>> corner(TissueLaw law) {
   return prepared_for(made->model, {&proxy, 1});
 }
 
-/// A tool of four spheres that is pressed into that corner, so deep that each leans on, or is near, three
-/// soft surfaces and three hard ones within: 24 pairs of a sphere and a surface.
+/// A tool of four spheres pressed into that corner so deep that each is in contact with, or near, three soft
+/// surfaces and three hard ones beneath: 24 pairs of a sphere and a surface.
 class CornerTip {
  public:
   explicit CornerTip(const Model& model) : model_(model) {
@@ -252,7 +253,7 @@ class CornerTip {
       for (int layer = 0; layer < kMaxLayers; ++layer) places_ += state_.hands[0].proxy.layer(layer).contacts;
     }
   }
-  /// In which it leant in the last run.
+  /// Number of contacts in the last run.
   int places() const { return places_; }
 
  private:
@@ -288,7 +289,7 @@ nlohmann::json ticks(int rounds) {
   finite.spot[0].stiffening_mm_per_N2 = 2;
   finite.spot[0].stiffening_slope = Vector<Patient>(1, 0, 0);
   const ToolSphere sphere{{}, 3};
-  // four shafts that lie, in six places each
+  // four lying shafts with six contacts each
   std::vector<ToolSphere> shafts;
   for (int n = 0; n < 4; ++n) shafts.push_back({{0, 2.5 * n, 0}, 1, {5, 0, 0}});
   const auto slide = [&](const Model& model, const ComplianceFrame* yields,

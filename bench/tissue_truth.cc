@@ -1,4 +1,4 @@
-// What soft tissue gives way by in the five cases that calculix.py asks CalculiX for. See README.md.
+// Compliance of soft tissue in the five cases for which calculix.py runs CalculiX. See README.md.
 
 #include <cmath>
 #include <cstdio>
@@ -14,7 +14,7 @@
 namespace palpate::bench {
 namespace {
 
-// a body on a plate, its surface z = 0, under a patch of pressure in its middle
+// a body on a plate with surface z = 0, under a pressure patch at its centre
 struct PressedBody {
   std::string name;
   std::function<ElasticMaterial(const Point<Patient>&)> material;
@@ -45,21 +45,21 @@ std::vector<PressedBody> pressed_bodies() {
   };
 }
 
-// places of equal force under the patch's pressure, many more than the tick's patch has: a fine grid tells
-// one from the next
+// points of equal force under the patch's pressure, many more than in the tick's patch, because a fine grid
+// resolves them
 std::vector<Point<Patient>> pressed_places(double rho_mm) {
   constexpr int kPlaces = 4096;
   const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
   std::vector<Point<Patient>> places;
   for (int n = 0; n < kPlaces; ++n) {
-    // so much of the force is within r: 1 - (1 - r2 / rho2)^(3/2)
+    // the force within r is a fraction 1 - (1 - r2 / rho2)^(3/2)
     const double beyond = std::cbrt(1 - (n + 0.5) / kPlaces), r_mm = rho_mm * std::sqrt(1 - beyond * beyond);
     places.emplace_back(r_mm * std::cos(n * golden_angle), r_mm * std::sin(n * golden_angle), 0);
   }
   return places;
 }
 
-// W, mm/N
+// compliance W, mm/N
 double compliance(const PressedBody& body, double cell_mm) {
   const int across = static_cast<int>(std::lround(kAcross_mm / cell_mm));
   const int deep = static_cast<int>(std::lround(body.thick_mm / cell_mm));

@@ -13,7 +13,7 @@ namespace palpate::bench {
 
 namespace {
 
-/// Seven samples by anything that has one of an index: value(i, j, k).
+/// Seven interpolations through an accessor by index: value(i, j, k).
 template <class Value>
 FieldSample seven(const SampledWork& work, const Point<Patient>& p, const Value& value) {
   const Point<Voxel> at = work.X_VoxelPatient * p;
@@ -24,7 +24,7 @@ FieldSample seven(const SampledWork& work, const Point<Patient>& p, const Value&
   return {value(x, y, z), Vector<Patient>(work.gradient_map * per_voxel)};
 }
 
-/// Sparse, as OpenVDB means it: blocks that are nothing but 0 are not stored.
+/// Sparse grid as usual in OpenVDB: blocks of zeros are not stored.
 openvdb::FloatGrid::Ptr to_grid(const Volume<std::uint8_t>& volume) {
   const auto& dims = volume.geometry().dims;
   openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ> dense(
@@ -75,7 +75,7 @@ std::vector<Entrant> vdb_entrants(const std::shared_ptr<const SampledWork>& work
                 return FieldSample{static_cast<double>(sampler(at)),
                                    Vector<Patient>(work->gradient_map * Eigen::Vector3d(g[0], g[1], g[2]))};
               },
-              // the interpolant's own derivative, which jumps from cell to cell
+              // the derivative of the interpolant itself, which is discontinuous between cells
               Compared::kValue)};
 }
 

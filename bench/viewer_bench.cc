@@ -1,4 +1,4 @@
-// How old a pose is when a viewer has it: from the snapshot to the last byte of its WebSocket message, on
+// Age of a pose when a viewer receives it: from the snapshot to the last byte of its WebSocket message, on
 // loopback. See README.md.
 
 #include <CLI/CLI.hpp>
@@ -20,7 +20,7 @@ struct Options {
   std::string json;
 };
 
-/// A session that stands still: its snapshots cost a copy, as the loop's do.
+/// A session at rest: its snapshots cost a copy, as in the loop.
 class StillHost : public ViewerHost {
  public:
   StillHost() {
@@ -60,7 +60,7 @@ int run(const Options& options) {
   std::vector<std::unique_ptr<ViewerClient>> clients;
   for (int n = 0; n < options.viewers; ++n)
     clients.push_back(std::make_unique<ViewerClient>((*server)->port(), options.poses_hz));
-  // one that says hello and then reads nothing
+  // sends its greeting and then reads nothing
   std::unique_ptr<ViewerClient> stuck;
   if (options.stuck) stuck = std::make_unique<ViewerClient>((*server)->port(), options.poses_hz);
 

@@ -15,7 +15,7 @@
 namespace palpate::bench {
 namespace {
 
-// where the sequence and the server's clock stand in a pose, docs/reference/viewer-messages.md
+// offsets of the sequence number and the server's clock in a pose, docs/reference/viewer-messages.md
 constexpr std::size_t kSequenceAt = 8, kClockAt = 32, kPoseHead_bytes = 96;
 
 }  // namespace
@@ -50,7 +50,7 @@ ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes, 
   input_.erase(0, std::min(input_.size(), input_.find("\r\n\r\n") + 4));
   const std::string hello = "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) +
                             (task ? ",\"task\":true}" : "}");
-  // masked by zeros, which change nothing
+  // masked with zeros, which leaves the payload unchanged
   say(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
 }
 
@@ -85,7 +85,7 @@ bool ViewerClient::receive() {
   return got > 0;
 }
 
-// the payload of the next message; empty at the end
+// payload of the next message; empty if the connection has ended
 std::string ViewerClient::frame() {
   while (true) {
     const auto byte = [&](std::size_t i) {
@@ -106,11 +106,11 @@ std::string ViewerClient::frame() {
 
 namespace {
 
-/// A request on a connection that is kept, its body counted or kept.
+/// Requests on a persistent connection; the body is counted or stored.
 class Download {
  public:
   explicit Download(int port) : port_(port), handle_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    // no wait outlasts the measurement
+    // no read blocks for longer than the measurement
     const timeval patience{0, 200'000};
     ::setsockopt(handle_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     sockaddr_in address{};
@@ -123,7 +123,7 @@ class Download {
   Download(const Download&) = delete;
   Download& operator=(const Download&) = delete;
 
-  /// Whether the answer came to its end in time.
+  /// Returns whether the response was completed in time.
   bool get(const std::string& target, std::int64_t until_ns, std::uint64_t& bytes,
            std::string* body = nullptr) {
     const std::string request = "GET " + target + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port_) +

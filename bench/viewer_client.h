@@ -4,29 +4,29 @@
 #include <string>
 #include <vector>
 
-/// A viewer of plain sockets, which adds little of its own to what is measured.
+/// A viewer on plain sockets, with little overhead of its own.
 namespace palpate::bench {
 
-/// Of the clock by which a server stamps its poses.
+/// Clock by which a server stamps its poses.
 std::int64_t steady_ns();
 
-/// What viewers got.
+/// Poses that viewers received.
 struct PosesSeen {
-  std::vector<double> ages_ms;  ///< from a snapshot to the receipt of its message
-  std::uint64_t missed = 0;     ///< poses that the server left out, by their sequence
+  std::vector<double> ages_ms;  ///< From a snapshot to the receipt of its message
+  std::uint64_t missed = 0;     ///< Poses that the server skipped, by their sequence numbers
   void add(const PosesSeen& other);
 };
 
 class ViewerClient {
  public:
-  /// Asks the server on loopback for poses.
-  /// @param receive_buffer_bytes  0: the system's
+  /// Connects to the server on loopback and requests poses.
+  /// @param receive_buffer_bytes  0: system default
   ViewerClient(int port, double poses_hz, int receive_buffer_bytes = 0, bool task = false);
   ~ViewerClient();
   ViewerClient(const ViewerClient&) = delete;
   ViewerClient& operator=(const ViewerClient&) = delete;
 
-  /// Reads until the time is up or the server is gone.
+  /// Reads until the deadline, or until the server closes the connection.
   void read_until(std::int64_t until_ns);
   const PosesSeen& seen() const { return seen_; }
 
@@ -41,16 +41,17 @@ class ViewerClient {
   std::uint64_t last_ = 0;
 };
 
-/// What a viewer loads before it shows anything, the scan and the labels, again and again as one that wants
-/// to do harm would.
+/// Downloads of what a viewer loads before it shows anything, scan and labels, repeated continuously as by a
+/// malicious one.
 struct Downloads {
-  std::uint64_t bytes = 0, whole = 0;  ///< received; volumes that came to their end
-  double first_ms = 0;                 ///< until scan and labels were there for the first time; 0: never
+  std::uint64_t bytes = 0, whole = 0;  ///< Received bytes, and number of complete volumes
+  /// Time until scan and labels were complete for the first time; 0: never
+  double first_ms = 0;
 };
-/// @return when the time is up or the server is gone
+/// @return at the deadline, or when the server closes the connection
 Downloads download_until(int port, std::int64_t until_ns);
 
-/// The value below which a part of them lies; not a number for none. Sorts them.
+/// Quantile of the values, which are sorted in place; NaN if there are none.
 double quantile(std::vector<double>& values, double part);
 
 }  // namespace palpate::bench

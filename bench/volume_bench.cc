@@ -1,5 +1,5 @@
-// A shaded picture of a knee's structures, seen from elsewhere each time: palpate's shear-warp and VTK's ray
-// caster for the processor. See README.md.
+// A shaded picture of a knee's structures from changing directions: palpate's shear-warp and VTK's CPU ray
+// caster. See README.md.
 
 #include <vtkAutoInit.h>
 #include <vtkCamera.h>
@@ -27,7 +27,7 @@
 #include "palpate/rendering/rendering.h"
 #include "palpate/rendering/volume_renderer.h"
 
-// whoever makes a mapper gets the part of it that would show its picture; nothing is shown
+// required to create a mapper, although nothing is displayed
 VTK_MODULE_INIT(vtkRenderingOpenGL2);
 VTK_MODULE_INIT(vtkRenderingVolumeOpenGL2);
 
@@ -36,7 +36,7 @@ namespace palpate::bench {
 namespace {
 
 constexpr Rgb kBone{230, 220, 190};
-/// Optical depth of a voxel that structures cover, as palpate's solid ones have.
+/// Optical depth of a voxel covered by structures, as for palpate's solid ones.
 constexpr double kSolidDepth = 5;
 
 struct Options {
@@ -45,10 +45,9 @@ struct Options {
   std::string labels, json, pictures;
 };
 
-// ---- the work
-// -----------------------------------------------------------------------------------------------
+// ---- workload ---------------------------------------------------------------------------------------------
 
-/// All structures as one, along the axes of the patient.
+/// All structures merged, on a grid along the patient's axes.
 Result<Volume<LabelId>> knee(const Options& options, std::string& what) {
   auto map = large_knee(options.labels, what);
   if (!map) return map.error();
@@ -75,7 +74,7 @@ Result<Volume<LabelId>> knee(const Options& options, std::string& what) {
   return one;
 }
 
-/// Around the long axis, up and down a little.
+/// Directions around the long axis, with a small elevation.
 std::vector<VolumeCamera> views(const GridGeometry& grid, const Options& options) {
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
   double longest = 0;
@@ -96,7 +95,7 @@ std::vector<VolumeCamera> views(const GridGeometry& grid, const Options& options
   return cameras;
 }
 
-/// What extinction is in proportion to: palpate's solidity (src/rendering/volume_terms.h), of 255.
+/// Extinction in units of 1/255: palpate's solidity (src/rendering/volume_terms.h).
 std::vector<unsigned short> solidity(const Volume<LabelId>& labels) {
   const std::array<int, 3>& dims = labels.geometry().dims;
   std::vector<float> smooth(labels.voxels().begin(), labels.voxels().end()), from;
@@ -119,8 +118,7 @@ std::vector<unsigned short> solidity(const Volume<LabelId>& labels) {
   return values;
 }
 
-// ---- the contenders
-// -----------------------------------------------------------------------------------------
+// ---- contenders -------------------------------------------------------------------------------------------
 
 class Palpate {
  public:
@@ -137,7 +135,7 @@ class Palpate {
   VolumeStyle style_;
 };
 
-/// All that makes the picture, and nothing that would show it.
+/// The computation of the picture, without its display.
 class Vtk {
  public:
   Vtk(const Volume<LabelId>& labels, const Options& options) {
@@ -156,7 +154,7 @@ class Vtk {
     mapper_->LockSampleDistanceToInputSpacingOff();
     mapper_->IntermixIntersectingGeometryOff();
     mapper_->SetImageSampleDistance(1);
-    // palpate's samples are at most so far apart
+    // the maximum sample spacing of palpate
     mapper_->SetSampleDistance(static_cast<float>(h));
     mapper_->SetInteractiveSampleDistance(static_cast<float>(h));
 
@@ -196,7 +194,7 @@ class Vtk {
     renderer_->UpdateLightsGeometryToFollowCamera();
     volume_->Update();
     mapper_->Update();
-    // not used of a single volume
+    // unused for a single volume
     double origin[3]{}, spacing[3]{};
     int extent[6]{};
     PALPATE_CHECK(mapper_->PerImageInitialization(renderer_, volume_, 0, origin, spacing, extent) == 1);
@@ -207,7 +205,7 @@ class Vtk {
   }
 
  private:
-  /// The part of the picture that was drawn, upside down and in 15 bits.
+  /// Copies the part of the picture that was drawn, which is upside down with 15 bits.
   void copy(Image& image) {
     vtkFixedPointRayCastImage* from = mapper_->GetRayCastImage();
     int size[2], memory[2], origin[2];
@@ -256,17 +254,15 @@ Contender contender(std::string name, const std::shared_ptr<Drawer>& drawer,
   return result;
 }
 
-// ---- a changed box
-// ----------------------------------------------------------------------------------------
+// ---- a changed box ----------------------------------------------------------------------------------------
 
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return values[values.size() / 2];
 }
 
-/// 32^3 voxels in the middle that are cut away and filled again, one change after another as a burr makes
-/// them, each time by turns with preparing all. The first change finds nothing of what it reads in a cache:
-/// told apart.
+/// Removes and restores 32^3 voxels in the centre, one change after another as a burr would, alternating with
+/// a full preparation. The first change runs with cold caches and is reported separately.
 nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& options) {
   constexpr int kSide = 32, kChanges = 8;
   const std::vector<StructureLook> looks{{{}, 0}, {kBone, 1}};
@@ -307,8 +303,7 @@ nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& option
           {"ratio", median(share)}};
 }
 
-// ---- the run
-// ------------------------------------------------------------------------------------------------
+// ---- run --------------------------------------------------------------------------------------------------
 
 Result<nlohmann::json> run(const Options& options) {
   std::string what;

@@ -42,7 +42,7 @@ std::vector<Entrant> vtk_entrants(const std::shared_ptr<const SampledWork>& work
             double x[3] = {p.x(), p.y(), p.z()}, gradient[3];
             const double value = implicit->EvaluateFunction(x);
             implicit->EvaluateGradient(x, gradient);
-            // VTK's points to where the value falls
+            // VTK's gradient points down the slope
             return FieldSample{value / 255,
                                Vector<Patient>(-gradient[0] / 255, -gradient[1] / 255, -gradient[2] / 255)};
           })};

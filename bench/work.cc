@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kRadius_mm = 24, kGap_mm = 3;
 
-/// From the middle between the bones to the middle of the second one's rounded end.
+/// From the middle between the bones to the centre of the second one's rounded end.
 const Eigen::Vector3d kToEnd(0, kRadius_mm + kGap_mm / 2, 0);
 
 }  // namespace
@@ -43,7 +43,7 @@ Volume<std::uint8_t> two_bones() {
 }
 
 std::vector<Point<Patient>> probe_path(std::size_t count) {
-  // great circles whose plane turns slowly, on the half of the end that faces the gap
+  // great circles in a slowly rotating plane, on the half of the end that faces the gap
   constexpr double kStep_mm = 0.05, kTurn = 0.03;
   const Eigen::Vector3d end = founding_grid().centre().eigen() - kToEnd;
   std::vector<Point<Patient>> path(count);

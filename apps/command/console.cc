@@ -25,12 +25,12 @@
 namespace palpate::app {
 namespace {
 
-// of the run in progress, where a signal handler finds them
+// of the current run; global because a signal handler accesses them
 std::atomic<bool> stop_requested{false}, stop_heard{false};
 sem_t wake_up;  // posted when a stop is requested, and when the run ends
 
 extern "C" void request_stop(int signal) {
-  // a second one ends the program at once, the usual way
+  // a second signal has its default effect and ends the program
   if (!stop_requested.exchange(true)) {
     ::sem_post(&wake_up);
     return;
@@ -44,9 +44,9 @@ extern "C" void request_stop(int signal) {
 
 namespace detail {
 
-/// Ends the program when the work does not notice that a stop was requested: it waits for a file system or a
-/// name server, or is in a library's long loop. Work that has noticed ends in its own time, so that nothing
-/// is half written.
+/// Ends the process if the work does not react to a stop request, because it waits for a file system or a
+/// name server, or is in a long loop of a library. Work that has reacted may finish, so that no output is
+/// left half-written.
 class StopWatch {
  public:
   explicit StopWatch(int err) {
@@ -83,14 +83,14 @@ class StopWatch {
   std::thread thread_;
 };
 
-// what a line on the terminal may take; the last column stays free, so that the cursor does not wrap
+// width of a line; the last column is left free so that the cursor does not wrap
 static std::size_t terminal_columns(int terminal) {
   winsize size{};
   const bool known = ::ioctl(terminal, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
   return known ? size.ws_col - 1u : 79;
 }
 
-// one line on a terminal, redrawn at most 20 times a second and erased when a stage is done
+// progress bar on a terminal, redrawn at most 20 times a second and erased when a stage is complete
 class Bar {
  public:
   explicit Bar(int terminal) : terminal_(terminal) {}
@@ -111,7 +111,7 @@ class Bar {
   }
   void show(const std::string& line) {
     const std::lock_guard lock(mutex_);
-    // a terminal that is held (Ctrl-S) must not hold what the line tells of
+    // a terminal paused with Ctrl-S must not block the caller
     pollfd screen{terminal_, POLLOUT, 0};
     if (::poll(&screen, 1, 0) != 1) return;
     const std::string shown = printable_name(line);
@@ -136,7 +136,7 @@ class Bar {
   bool shown_ = false;
 };
 
-// where stderr is no terminal: a line now and then
+// progress as occasional lines, if stderr is not a terminal
 class Lines {
  public:
   void show(std::string_view stage, double fraction) {
@@ -176,7 +176,7 @@ struct Console::State {
   explicit State(const Streams& to) : streams(to), bar(to.err), watch(to.err) {}
 
   Streams streams;
-  detail::Bar bar;  // where stderr is a terminal
+  detail::Bar bar;  // used if stderr is a terminal
   detail::Lines lines;
   detail::StopWatch watch;
   ScopedSignals signals{{SIGINT, SIGTERM, SIGHUP}, request_stop};
@@ -227,7 +227,7 @@ void Console::note(const std::string& text) {
 
 int Console::fail(const Error& error) {
   state_->bar.clear();
-  // a line end in a name would let it write a line of its own
+  // line breaks in a name could forge a line of output
   const Error shown{error.kind, printable_name(error.what), printable_name(error.where), error.remedy};
   std::fprintf(stderr, "palpate: error: %s\n", shown.message().c_str());
   return exit_code(error.kind);

@@ -8,49 +8,50 @@
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 
-/// What the programs of this folder's neighbours share: exit codes, messages, the parsing of a command line.
+/// Shared by all programs: exit codes, messages, and the type of a verb's function.
 namespace palpate::app {
 
 /// Documented in `palpate --help` and README.md.
 enum ExitCode : int {
   kExitOk = 0,
-  kExitBadInput = 1,  ///< a file or a setting cannot be used, or doctor found something missing
-  kExitUsage = 2,     ///< the command line does not make sense
-  kExitLimit = 3,     ///< a figure beyond its limit, a replay that differs, or a step of a script that failed
-  kExitOutput = 4,    ///< a result could not be written
-  kExitUnavailable = 5,  ///< a data set or the network is missing
+  kExitBadInput = 1,     ///< A file or setting is unusable, or doctor found something missing
+  kExitUsage = 2,        ///< Invalid command line
+  kExitLimit = 3,        ///< A figure exceeds its limit, a replay differs, or a step of a script failed
+  kExitOutput = 4,       ///< A result could not be written
+  kExitUnavailable = 5,  ///< A data set or the network is unavailable
   kExitInterrupted = 130,
 };
 
-/// Messages of one run of a verb, and requests to stop it (SIGINT, SIGTERM, SIGHUP). One at a time in a
-/// process.
+/// Messages of one run of a verb, and requests to stop it (SIGINT, SIGTERM, SIGHUP). One instance per process
+/// at a time.
 class Console {
  public:
-  /// Handles these signals while it lives: the first one stops the work that progress() was given to; the
-  /// process ends when a second one arrives, or when the work has not noticed the first within 0.8 s.
-  /// @param streams  stdout and stderr of the process lead there (PrintableStreams)
+  /// Handles these signals during its lifetime. The first one stops the work that uses progress(); the
+  /// process exits on a second one, or if the work has not reacted to the first within 0.8 s.
+  /// @param streams  descriptors to which stdout and stderr of the process are redirected (PrintableStreams)
   explicit Console(const Streams& streams);
   ~Console();
 
-  bool quiet = false;  ///< -q: no progress and no notes; results, warnings and errors still appear
+  /// Option -q: no progress and no notes; results, warnings and errors are still printed
+  bool quiet = false;
 
   const Streams& streams() const;
-  Progress progress();  ///< a bar on stderr when that is a terminal, else a line now and then
-  /// A line on stderr that the next one replaces and everything else erases, cut to the terminal's width;
-  /// an empty one only erases. Nothing when quiet, or where there is no terminal.
+  Progress progress();  ///< Progress bar on stderr if that is a terminal, otherwise occasional lines
+  /// Status line on stderr, truncated to the terminal's width. The next one replaces it and any other output
+  /// erases it; an empty text only erases. No effect when quiet or without a terminal.
   void live(const std::string& line);
-  /// Columns available to a live line.
+  /// Width available to a status line, in columns.
   std::size_t columns() const;
-  Warn warn();                         ///< "palpate: warning: ..." on stderr
-  void note(const std::string& text);  ///< a line on stderr unless quiet
-  int fail(const Error& error);        ///< prints the error on stderr; returns the exit code of its kind
+  Warn warn();                         ///< Prints "palpate: warning: ..." on stderr
+  void note(const std::string& text);  ///< Prints a line on stderr unless quiet
+  int fail(const Error& error);        ///< Prints the error on stderr; returns the exit code of its kind
 
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
 
-/// Runs the verb that the command line chose. @return its exit code
+/// Runs the selected verb. Returns its exit code.
 using Run = std::function<int(Console&)>;
 
 }  // namespace palpate::app

@@ -16,7 +16,7 @@ std::atomic<bool> changed{false};
 
 Keys::Keys(int in) {
   terminal = in;
-  // a program in the background must not touch the terminal: it would be stopped
+  // a background process that changes the terminal would be stopped
   if (!::isatty(terminal) || ::tcgetpgrp(terminal) != ::getpgrp()) return;
   if (::tcgetattr(terminal, &terminal_before) != 0) return;
   termios keys = terminal_before;

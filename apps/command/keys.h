@@ -4,8 +4,8 @@
 
 namespace palpate::app {
 
-/// Single keys from the terminal that a run reads from, as they are pressed and without being shown, while
-/// this lives. None when that is no terminal. One at a time in a process.
+/// Unbuffered key input without echo from the terminal that a run reads from, during its lifetime; inactive
+/// if the descriptor is not a terminal. One instance per process at a time.
 class Keys {
  public:
   explicit Keys(int in);
@@ -13,11 +13,11 @@ class Keys {
   Keys(const Keys&) = delete;
   Keys& operator=(const Keys&) = delete;
 
-  /// There is a terminal whose keys are read.
+  /// Whether keys are read from a terminal.
   bool active() const;
-  /// The next key that has been pressed; never waits.
+  /// Next key pressed, if any; does not block.
   std::optional<char> next();
-  /// The terminal as it was. Signal handlers may call it.
+  /// Restores the terminal's settings. Async-signal-safe.
   static void restore() noexcept;
 };
 

@@ -6,7 +6,7 @@
 namespace palpate::app {
 namespace {
 
-// 0.1 as "0.1", 1e9 as "1000000000"
+// shortest decimal: 0.1 as "0.1", 1e9 as "1000000000"
 std::string shortest(double value) {
   char text[400];
   return {text, std::to_chars(text, text + sizeof text, value, std::chars_format::fixed).ptr};
@@ -19,7 +19,7 @@ CLI::Validator number_between(double low, double high) {
   return {[=](std::string& text) -> std::string {
             char* end = nullptr;
             const double value = std::strtod(text.c_str(), &end);
-            // false for nan too
+            // false for NaN as well
             const bool inside = value >= low && value <= high;
             return !text.empty() && *end == '\0' && inside ? "" : text + " is not a number between " + range;
           },

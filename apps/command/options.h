@@ -5,15 +5,15 @@
 #include <string>
 #include <vector>
 
-/// Options whose values are checked.
+/// Validated options.
 namespace palpate::app {
 
-/// For options with a number: finite, and from low to high, both included.
+/// Validator of a finite number in the closed interval low ... high.
 CLI::Validator number_between(double low, double high);
-/// An option of so many numbers with commas between them, each from -most to most.
+/// Adds an option with `count` comma-separated numbers, each in -most ... most.
 CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<double>& numbers, int count,
                          double most, const std::string& help);
-/// The same for whole numbers, written in digits alone.
+/// Validator of an integer in decimal digits in the closed interval low ... high.
 CLI::Validator whole_between(std::uint64_t low, std::uint64_t high);
 
 }  // namespace palpate::app

@@ -34,7 +34,7 @@ std::string version_text() {
   return text + ")";
 }
 
-// the verbs that the command line got to: the program, `data`, `fetch`
+// the chain of verbs that were parsed: the program, `data`, `fetch`
 std::vector<const CLI::App*> chosen_verbs(const CLI::App& app) {
   std::vector<const CLI::App*> chosen{&app};
   while (true) {
@@ -50,8 +50,9 @@ std::vector<std::string> names_of_verbs(const CLI::App& app) {
   return names;
 }
 
-/// What a word most likely means: a verb, or the command for a word of other programs, spelt right or not;
-/// empty where nothing is near. @param first  it stands where one of the program's own verbs should
+/// Suggestion for an unknown word: a verb, or the command for a word of other programs, misspelled or not;
+/// empty if none is close.
+/// @param first  whether the word is in the position of one of the program's own verbs
 std::string meant_by(const Program& program, const std::string& word, const std::vector<std::string>& verbs,
                      bool first) {
   std::vector<std::string> others;
@@ -71,7 +72,7 @@ bool exists(const std::string& path) {
   return std::filesystem::exists(path, unknown);
 }
 
-/// What is wrong with a command line that the parser refused, with the word that it most likely is about.
+/// Error for a command line that the parser rejected, with the word that most likely caused it.
 Error explain(const Program& program, const CLI::App& app, const CLI::ParseError& refusal) {
   const auto chosen = chosen_verbs(app);
   std::string command;
@@ -101,13 +102,13 @@ Error explain(const Program& program, const CLI::App& app, const CLI::ParseError
   return error;
 }
 
-/// `palpate help`, `palpate help simulate`, `palpate help data fetch`: the help of that verb.
-/// @return the exit code, or nothing where help is not asked for
+/// Help of a verb: `palpate help`, `palpate help simulate`, `palpate help data fetch`.
+/// @return the exit code; empty if no help was requested
 std::optional<int> help_on(const Program& program, const CLI::App& app, const std::vector<std::string>& words,
                            Console& console) {
   if (words.empty() || words.front() != "help") return std::nullopt;
   const CLI::App* verb = &app;
-  std::string above;  // the words before the verb's own
+  std::string above;  // words before the name of the verb
   for (std::size_t n = 1; n < words.size(); ++n) {
     above += (above.empty() ? "" : " ") + verb->get_name();
     const auto verbs = names_of_verbs(*verb);
@@ -123,12 +124,12 @@ std::optional<int> help_on(const Program& program, const CLI::App& app, const st
   return kExitOk;
 }
 
-// help after a word that is no verb would hide the mistake
+// showing help after an unknown verb would hide the mistake
 bool asks_for_help_with_nothing(const CLI::App& app) {
   return !names_of_verbs(*chosen_verbs(app).back()).empty() && !app.remaining(true).empty();
 }
 
-/// As two options say it, empty where one was not given.
+/// Mesh placement given by two options; an empty string means not given.
 MeshPlacing mesh_placing_of(const std::string& space, const std::string& unit) {
   MeshPlacing placing;
   if (!space.empty()) placing.space = space == "ras" ? MeshSpace::kRas : MeshSpace::kLps;
@@ -142,7 +143,8 @@ constexpr const char* kMeshUnit = "--mesh-unit";
 constexpr const char* kSpacing = "--spacing";
 constexpr const char* kForm = "--form";
 
-/// "0.05,0.05,0.1": mm between columns, rows and slices; one number is all three. Nothing where it is none.
+/// Spacing in mm between columns, rows and slices: "0.05,0.05,0.1"; a single number applies to all three.
+/// Empty if invalid.
 std::optional<Eigen::Vector3d> spacing_of(const std::string& text) {
   std::vector<double> values;
   for (std::size_t at = 0; at <= text.size();) {
@@ -160,7 +162,8 @@ std::optional<Eigen::Vector3d> spacing_of(const std::string& text) {
   return Eigen::Vector3d(values.data());
 }
 
-/// Place of the verb on a command line, after options of the program; their number where there is none.
+/// Index of the verb on a command line, after options of the program; the number of arguments if there is
+/// none.
 std::size_t place_of_verb(const std::vector<std::string>& arguments) {
   std::size_t n = 0;
   while (n < arguments.size() && arguments[n].starts_with("-")) {
@@ -174,10 +177,10 @@ std::size_t place_of_verb(const std::vector<std::string>& arguments) {
 
 struct CompanionCall {
   std::string verb;
-  std::vector<std::string> arguments;  // of palpate-VERB
+  std::vector<std::string> arguments;  // arguments of palpate-VERB
 };
 
-/// The companion that a command line names: `palpate [OPTIONS] verify ...`, `palpate help verify`.
+/// The companion that a command line selects: `palpate [OPTIONS] verify ...`, `palpate help verify`.
 std::optional<CompanionCall> companion_of(const Program& program, const std::vector<std::string>& arguments) {
   const std::size_t place = place_of_verb(arguments);
   const bool help = place < arguments.size() && arguments[place] == "help";
@@ -261,7 +264,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
   try {
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& error) {
-    // help and version are "errors" that succeed
+    // help and version are reported as errors with exit code 0
     const bool asked = error.get_exit_code() == 0 && !asks_for_help_with_nothing(app);
     return asked ? app.exit(error) : console.fail(explain(program, app, error));
   }
@@ -277,7 +280,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
   return verb(console);
 }
 
-/// What a command line sets for the whole process, at its default again.
+/// Resets process-wide settings of a command line to their defaults.
 struct DefaultSettings {
   ~DefaultSettings() {
     set_reading_limits({});
@@ -287,17 +290,17 @@ struct DefaultSettings {
   }
 };
 
-/// run_verb(), its exceptions as messages.
+/// Calls run_verb() and reports exceptions as messages.
 int run_caught(const Program& program, const std::vector<std::string>& arguments, const Streams& streams) {
   try {
     Console console(streams);
-    // before the console, which the cache's warnings go to
+    // constructed before the console, because the cache's warnings use it
     const DefaultSettings afterwards;
     return run_verb(program, arguments, console);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "palpate: error: out of memory\n  try a smaller volume or larger voxels\n");
   } catch (const std::system_error& error) {
-    // what is thrown where a thread is to begin
+    // std::thread throws this if no thread can be started
     if (error.code() != std::errc::resource_unavailable_try_again) {
       std::fprintf(stderr, "palpate: bug: %s\n", error.what());
       return kExitBadInput;
@@ -315,7 +318,7 @@ int run_caught(const Program& program, const std::vector<std::string>& arguments
 }  // namespace
 
 int run(const Program& program, const std::vector<std::string>& arguments, const Streams& streams) {
-  // a limit of file size, or a reader that went away, is met as an error of the write, with a message
+  // file size limits and closed pipes become write errors with a message
   const ScopedSignals as_errors({SIGXFSZ, SIGPIPE}, SIG_IGN);
   std::optional<PrintableStreams> printable;
   try {
@@ -324,7 +327,7 @@ int run(const Program& program, const std::vector<std::string>& arguments, const
     return kExitBadInput;
   }
   const int code = run_caught(program, arguments, streams);
-  // a result that is lost is a failure
+  // lost output is a failure
   if (printable->flush() || code != kExitOk) return code;
   std::fprintf(
       stderr,
@@ -338,7 +341,7 @@ void exec_companion(const Program& program, const std::vector<std::string>& argu
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", failed);
   if (!call || failed) return;
   const std::string name = "palpate-" + call->verb;
-  // where a build folder and an installation have it, and where distributions may put it
+  // locations in a build folder, in an installation, and in a distribution's layout
   for (const std::filesystem::path& folder :
        {self.parent_path(), self.parent_path().parent_path() / "libexec/palpate"}) {
     const std::string file = folder / name;

@@ -12,39 +12,39 @@ namespace CLI {
 class App;
 }
 
-/// A program as a set of verbs, and how a command line runs one of them.
+/// A program as a set of verbs, and the execution of a command line.
 namespace palpate::app {
 
-/// A word known from other programs, and the command that does the same here.
+/// A word known from other programs, and the equivalent command.
 struct OtherWord {
   std::string_view word;
   const char* command;
 };
 
-/// A verb that is a program of its own, palpate-NAME.
+/// A verb implemented by a separate executable, palpate-NAME.
 struct Companion {
   const char* verb;
   const char* description;
 };
 
 struct Program {
-  const char* examples;  ///< below the help
+  const char* examples;  ///< Shown below the help
   std::vector<void (*)(CLI::App&, Run&)> verbs;
   std::vector<Companion> companions;
-  std::span<const OtherWord> other_words;  ///< suggested in place of an unknown verb
+  std::span<const OtherWord> other_words;  ///< Suggestions for unknown verbs
 };
 
-/// Runs one command line: parses it, runs its verb and flushes what was printed. Limits of reading, placing
-/// of meshes, cache, signal handlers and the process's streams are as the command line says meanwhile, and as
-/// they were by default afterwards. Never throws or exits; but a second SIGINT, SIGTERM or SIGHUP ends the
-/// process (Console). One at a time in a process.
+/// Runs one command line: parses it, runs its verb and flushes the output. Reading limits, mesh placement,
+/// cache settings, signal handlers and the process's streams are set as the command line says, and reset to
+/// their defaults afterwards. Does not throw or exit, except that a second SIGINT, SIGTERM or SIGHUP ends the
+/// process (Console). One run per process at a time.
 /// @param arguments  without the program's name
 /// @return the exit code
 int run(const Program& program, const std::vector<std::string>& arguments, const Streams& streams);
 
 /// Replaces the process by the companion whose verb `arguments` name, with the same standard streams and
-/// environment. Returns where they name none, or it is not installed: run() then says so. To be called before
-/// anything is printed.
+/// environment. Returns if they name none, or if it is not installed, which run() then reports. Call it
+/// before any output.
 void exec_companion(const Program& program, const std::vector<std::string>& arguments);
 
 }  // namespace palpate::app

@@ -8,7 +8,7 @@
 
 namespace palpate::app {
 
-/// Handles signals in another way while it lives; afterwards they are handled as before.
+/// Installs a signal handler during its lifetime, and restores the previous ones afterwards.
 class ScopedSignals {
  public:
   ScopedSignals(std::initializer_list<int> signals, void (*handler)(int)) {

@@ -18,13 +18,13 @@
 namespace palpate::app {
 namespace detail {
 
-// a descriptor that a stream of the C library writes to
+// target descriptor of a C library stream
 struct Border {
   int descriptor;
   PrintableStream shown;
 };
 
-// as fopencookie(3) wants it: the bytes taken, 0 for an error
+// write function of fopencookie(3): returns the number of bytes consumed, 0 for an error
 ssize_t write_printable(void* cookie, const char* bytes, std::size_t size) {
   auto& border = *static_cast<Border*>(cookie);
   try {
@@ -36,7 +36,7 @@ ssize_t write_printable(void* cookie, const char* bytes, std::size_t size) {
       rest.remove_prefix(static_cast<std::size_t>(wrote));
     }
   } catch (const std::exception&) {
-    // no memory; exceptions must not pass through the C library
+    // out of memory; exceptions must not propagate through the C library
     return 0;
   }
   return static_cast<ssize_t>(size);
@@ -71,7 +71,7 @@ class ReplacedFile {
   std::FILE* before_;
 };
 
-// std::cout and the like, replaced likewise
+// std::cout or the like, redirected in the same way
 class ReplacedStream {
  public:
   ReplacedStream(std::ostream& stream, std::streambuf* buffer) : stream_(stream), format_(nullptr) {
@@ -81,7 +81,7 @@ class ReplacedStream {
   }
   ~ReplacedStream() {
     stream_.flush();
-    // clears the error state as well
+    // also clears the error state
     stream_.rdbuf(before_);
     stream_.copyfmt(format_);
   }

@@ -5,16 +5,16 @@
 
 namespace palpate::app {
 
-/// The descriptors a run reads from and writes to. Whoever opened them closes them.
+/// Descriptors of a run's standard streams; owned by the caller.
 struct Streams {
   int in = 0;
   int out = 1;
   int err = 2;
 };
 
-/// Redirects stdout, stderr, std::cout, std::cerr and std::clog of the process to the given descriptors while
-/// it lives. Whatever any library writes to them gets out as palpate/base/printable.h says. Afterwards the
-/// process has its own streams again, with their format flags. One at a time in a process.
+/// Redirects stdout, stderr, std::cout, std::cerr and std::clog of the process to the given descriptors
+/// during its lifetime. All output, including that of libraries, is sanitised by palpate/base/printable.h.
+/// The original streams with their format flags are restored afterwards. One instance per process at a time.
 class PrintableStreams {
  public:
   /// Throws std::bad_alloc.
@@ -23,7 +23,7 @@ class PrintableStreams {
   PrintableStreams(const PrintableStreams&) = delete;
   PrintableStreams& operator=(const PrintableStreams&) = delete;
 
-  /// Writes what is buffered. False when anything written to stdout so far was lost.
+  /// Flushes buffered output. Returns false if any output to stdout was lost.
   bool flush();
 
  private:

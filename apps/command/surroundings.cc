@@ -6,8 +6,8 @@
 namespace palpate::app {
 
 void distrust_environment() {
-  // whatever of these the dynamic linker reads it has read before main, and leaves out by itself where a
-  // program has capabilities
+  // variables of the dynamic linker are omitted: they take effect before main, and the linker itself ignores
+  // them for a program with capabilities
   for (const char* name : {
            "ITK_AUTOLOAD_PATH",                                                           // ITK's factories
            "HDF5_PLUGIN_PATH", "HDF5_PLUGIN_PRELOAD", "HDF5_VOL_CONNECTOR",               // HDF5's filters,

@@ -2,8 +2,8 @@
 
 namespace palpate::app {
 
-/// Forgets what the environment says to libraries about code and settings that they should load: palpate may
-/// have capabilities that whoever set its environment has not. To be called before anything else.
+/// Removes environment variables by which libraries load code and settings, because palpate may have
+/// capabilities that the creator of its environment does not have. Call it before anything else.
 void distrust_environment();
 
 }  // namespace palpate::app

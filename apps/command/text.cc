@@ -7,13 +7,12 @@
 namespace palpate::app {
 namespace {
 
-// bytes that continue a UTF-8 character take no column
+// UTF-8 continuation bytes have no width
 bool continues(char c) {
   return (static_cast<unsigned char>(c) & 0xC0) == 0x80;
 }
 
-// letters inserted, removed, replaced, or swapped with their neighbour (optimal string alignment), three rows
-// of the table at a time
+// optimal string alignment distance (insert, remove, replace, swap neighbours), with three rows of the table
 std::size_t edits_between(const std::string& a, const std::string& b) {
   std::vector<std::size_t> before(b.size() + 1), above(b.size() + 1), row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});

@@ -34,7 +34,7 @@ Result<std::vector<CohortCase>> load_cohort_table(const fs::path& file) {
 }
 
 Result<std::string> case_key(const CohortCase& one, const std::string& program, const Progress& progress) {
-  // version 2: raised by whoever changes what a result says
+  // format version of results; increment when their contents change
   cache::Key key("cohort case", 2);
   key.put(program);
   key.put(find_entry(one.target).ok() ? one.target : "");

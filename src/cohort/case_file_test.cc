@@ -58,7 +58,7 @@ TEST(CaseFile, BelievesNothing) {
   for (int round = 0; round < 3000; ++round) {
     std::string spoilt = text;
     for (int n = 0; n < 3; ++n) spoilt[random() % spoilt.size()] = static_cast<char>(random());
-    // a result or none, and no crash
+    // a result or an error, without a crash
     (void)parse_case_json(spoilt).has_value();
   }
   for (const char* other : {"", "[]", "null", "{}", "{\"key\": 3}"}) EXPECT_FALSE(parse_case_json(other));
@@ -78,7 +78,7 @@ TEST(CaseFile, ItsKeyFollowsFilesRowAndProgram) {
   const std::string first = key();
   EXPECT_EQ(first.size(), 64u);
   EXPECT_EQ(key(), first);
-  // the case's name and line say nothing of its result
+  // name and line of the case do not affect its key
   one.name = "other";
   one.line = 9;
   EXPECT_EQ(key(), first);
@@ -87,7 +87,7 @@ TEST(CaseFile, ItsKeyFollowsFilesRowAndProgram) {
   EXPECT_NE(key(), first);
   ASSERT_TRUE(write_file(file, "voxels"));
   EXPECT_EQ(key(), first);
-  // a table beside it names its labels
+  // a colour table next to it names its labels
   ASSERT_TRUE(write_file(folder / "a.json", "{}"));
   EXPECT_NE(key(), first);
   one.seed = 0;
@@ -119,19 +119,19 @@ TEST(CaseFile, ItsKeyFollowsRolesNamesTablesAndHeadersData) {
     return made ? *made : "";
   };
   const std::string first = key();
-  // another name is another name of a structure; the same file in another place is not
+  // a renamed file may rename a structure; the same file in another folder does not change the key
   one.target = (folder / "data/b.nii").string();
   EXPECT_NE(key(), first);
   put("other/a.nii", "voxels");
   one.target = (folder / "other/a.nii").string();
   EXPECT_EQ(key(), first);
-  // what it is read as
+  // the role of the file
   one.segmentation = folder / "data/b.nii";
   const std::string segmented = key();
   one.target = (folder / "data/b.nii").string();
   one.segmentation = folder / "other/a.nii";
   EXPECT_NE(key(), segmented);
-  // a lone table names labels, a second one takes that from it
+  // a single table names the labels; with a second one neither is read
   one = {};
   one.target = (folder / "data/a.nii").string();
   put("data/anything.ctbl", "1 femur 1 2 3 255\n");
@@ -142,12 +142,12 @@ TEST(CaseFile, ItsKeyFollowsRolesNamesTablesAndHeadersData) {
   put("data/second.tsv", "value\tname\n");
   const std::string two = key();
   EXPECT_NE(two, named);
-  // the cohort's own counts by being there
+  // of the cohort's own table only the presence counts
   one.table = folder / "data/second.tsv";
   const std::string own = key();
   put("data/second.tsv", "study\na.nii\nb.nii\n");
   EXPECT_EQ(key(), own);
-  // the data of a header, whatever they are called
+  // data files of a header, whatever their names
   for (const auto& [header, line] :
        {std::pair("data/h.nhdr", "NRRD0004\n# x\ndata file: v o x.bin\n\n"),
         std::pair("data/h.mhd", "NDims = 3\r\nElementDataFile = v o x.bin\r\n")}) {
@@ -172,14 +172,14 @@ TEST(CaseFile, NamesOfFilesAreTakenOutOfTexts) {
        {"/data/DOE^CANARY/scan of doe.nii.gz: is damaged",
         "scan of doe.nii.gz and seg/canary_labels.seg.nrrd do not lie together",
         "the folder DOE^CANARY has none", "canary_labels has no voxel", "\"canary_labels.seg\": unknown",
-        // of files that nobody knows here
+        // names of unrelated files
         "cannot write /srv/Jane van Canary/out of doe/x.png", "canary.raw is missing", "(canary/7)",
         "'C/canary.NII.GZ', damaged"}) {
     const std::string shown = without_names(text, one);
     for (const char* secret : {"DOE", "doe", "CANARY", "canary", "Canary", "Jane"})
       EXPECT_EQ(shown.find(secret), std::string::npos) << shown;
   }
-  // words of everybody's folders, of anatomy and units stay
+  // common folder names, anatomical terms and units are kept
   for (const std::string text : {"a segmentation of data", "the voxel data end",
                                  "femur: 0.5 N/mm and 20 mm/s.", "scan and labels do not lie together"})
     EXPECT_EQ(without_names(text, one, "/home/results/femur"), text);
@@ -204,7 +204,7 @@ TEST(CaseFile, NamesThatScenesHeadersAndNeighboursHaveAreTakenOut) {
     for (const char* secret : {"zebra", "quagga", "okapi", "gnu", "eland", "kudu", "impala"})
       EXPECT_EQ(shown.find(secret), std::string::npos) << shown;
   }
-  // one that is not understood names its files all the same
+  // names in a scene that cannot be parsed are removed as well
   put("study/scene.toml", "no such key = 3\nlabels = \"hartebeest\"\n[broken\n");
   EXPECT_EQ(without_names("'hartebeest' is no volume", one).find("hartebeest"), std::string::npos);
 }

@@ -25,7 +25,7 @@ fs::path folder_around(const fs::path& file) {
   return parent.empty() ? fs::path(".") : parent;
 }
 
-/// The names in a folder, in order; of more than these a folder has no palpable study.
+/// Sorted names in a folder; a folder with more entries than the limit does not hold a study.
 std::vector<fs::path> entries_of(const fs::path& folder) {
   constexpr std::size_t kMost = 100'000;
   std::vector<fs::path> found;
@@ -37,13 +37,13 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
   return found;
 }
 
-/// The data file that a header of NRRD or MetaImage names, as it is written; whether it is there or not.
+/// Data file named by a header of NRRD or MetaImage, as written, whether or not it exists.
 std::optional<std::string> data_named_in(const fs::path& header) {
   const std::string ending = in_small_letters(header.extension().string());
   if (ending != ".nhdr" && ending != ".nrrd" && ending != ".mhd" && ending != ".mha") return std::nullopt;
   const auto file = InputFile::open(header);
   if (!file) return std::nullopt;
-  // the readers' bound of a header is larger, and such a one is mostly comment
+  // the readers accept longer headers, but those consist mostly of comments
   std::string front(std::size_t{1} << 18, '\0');
   const auto got = file->read_at(0, std::as_writable_bytes(std::span(front)));
   if (!got) return std::nullopt;
@@ -54,7 +54,7 @@ std::optional<std::string> data_named_in(const fs::path& header) {
     std::string_view line = rest.substr(0, end);
     rest = end == rest.npos ? std::string_view() : rest.substr(end + 1);
     while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
-    // NRRD's voxels follow an empty line
+    // in NRRD an empty line ends the header
     if (line.empty() && ending.starts_with(".n")) return std::nullopt;
     const auto mark = line.find_first_of(":=");
     if (mark == line.npos) continue;
@@ -71,10 +71,10 @@ std::optional<std::string> data_named_in(const fs::path& header) {
   return std::nullopt;
 }
 
-/// What a case's files are, and what they might be called in a text.
+/// Files of a case, and the names by which a text may refer to them.
 struct Files {
   std::vector<CaseFile> files;
-  std::vector<fs::path> named;  ///< what the case and its scene and headers name, there or not
+  std::vector<fs::path> named;  ///< Files named by the case, its scene and headers, whether or not they exist
 };
 
 void add_with_data(const std::string& role, const fs::path& file, Files& all) {
@@ -87,7 +87,8 @@ void add_with_data(const std::string& role, const fs::path& file, Files& all) {
   if (fs::is_regular_file(at, failed)) all.files.push_back({role + " data", at});
 }
 
-/// Tables of names that are read with labels unasked, and parts of a volume in several files.
+/// Adds colour tables that are read with the labels automatically, and further parts of a volume in several
+/// files.
 void add_beside(const std::string& role, const fs::path& labels, const fs::path& table, Files& all) {
   const std::string name = labels.filename().string();
   const std::string stem = name.substr(0, name.find('.'));
@@ -103,14 +104,14 @@ void add_beside(const std::string& role, const fs::path& labels, const fs::path&
       tables.push_back(entry);
   }
   for (const fs::path& entry : tables) {
-    // the cohort's own is none of labels, whatever rows are put to it
+    // the cohort's own table is not a colour table, whatever rows are added to it
     const bool own = !table.empty() && same_file(entry, table);
     all.files.push_back({role + (own ? " beside the cohort's table" : " table " + entry.filename().string()),
                          own ? fs::path() : entry});
   }
 }
 
-/// What a scene names that is not understood: an error of it may quote that.
+/// Adds names found in a scene that cannot be parsed, because its error may quote them.
 void add_named_in_broken(const fs::path& scene, Files& all) {
   constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
   if (in_small_letters(scene.extension().string()) != ".toml") return;
@@ -159,7 +160,7 @@ Files files_of(const CohortCase& one) {
     add_beside(role, *file, one.table, all);
   };
   if (find_entry(one.target)) {
-    // a phantom is its name
+    // a phantom is fully described by its name
     if (const auto data = locate(one.target)) {
       add("set labels", data->labels);
       add("set scan", data->scan);
@@ -167,7 +168,7 @@ Files files_of(const CohortCase& one) {
     }
   } else {
     add("study", fs::path(one.target));
-    // what is wrong with a scene is told where it is used
+    // errors of a scene are reported where it is used
     if (const auto scene = load_scene(one.target)) {
       const auto resolved = [&](const std::optional<fs::path>& file) -> std::optional<fs::path> {
         if (!file) return std::nullopt;
@@ -188,11 +189,11 @@ Files files_of(const CohortCase& one) {
   return all;
 }
 
-// ---- what names them in a text --------------------------------------------------------------------------
+// ---- removal of names -----------------------------------------------------------------------------------
 
 constexpr std::string_view kGap = "\xe2\x80\xa6";
 
-// folders and files of everybody are called so; cut out, they would tear sentences apart
+// common names of folders and files; removing them would garble sentences
 constexpr std::array kCommon{
     "bin",    "case",    "cases",   "cohort", "data",  "dev",     "dicom",        "export",
     "file",   "files",   "folder",  "home",   "image", "images",  "input",        "knee",
@@ -205,7 +206,7 @@ constexpr std::array kCommon{
     "slice",  "slices",  "voxel",   "voxels", "force", "header",  "structure",    "surfaces"};
 
 bool says_nothing(const std::string& name) {
-  // what is shorter names nobody, and would tear words apart
+  // shorter names do not identify anyone, and removing them would garble words
   if (name.size() < 3) return true;
   return std::ranges::find(kCommon, name) != kCommon.end() || structure_in_name(name) == name;
 }
@@ -218,7 +219,7 @@ std::vector<std::string> names_of(const CohortCase& one, const fs::path& cohort)
     names.insert(printable(name));
     names.insert(printable_name(name));
   };
-  // with and without its endings
+  // with and without extensions
   const auto put_name = [&](const fs::path& name) {
     put(name.string(), false);
     put(name.stem().string(), false);
@@ -248,7 +249,7 @@ std::vector<std::string> names_of(const CohortCase& one, const fs::path& cohort)
   }
   std::error_code failed;
   for (const fs::path& each : all.named) {
-    // a data set of the catalogue is no file
+    // a data set of the catalogue is not a file
     if (each == fs::path(one.target) && find_entry(one.target).ok()) continue;
     put_path(each);
     folders.insert(fs::is_directory(each, failed) ? each : folder_around(each));
@@ -267,7 +268,7 @@ bool is_name_letter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || static_cast<unsigned char>(c) >= 0x80;
 }
 
-/// A word that is a path, or a file's name by its ending.
+/// Whether a word is a path, or a file name by its extension.
 bool is_path(std::string_view word) {
   constexpr std::string_view kAround = ",;:.()[]{}\"'`<>";
   while (!word.empty() && kAround.find(word.back()) != kAround.npos) word.remove_suffix(1);
@@ -293,7 +294,7 @@ std::vector<CaseFile> case_files(const CohortCase& one) {
 }
 
 std::string without_names(std::string text, const CohortCase& one, const fs::path& cohort) {
-  // the longest first: a path holds its file's name
+  // longest first, because a path contains the name of its file
   auto names = names_of(one, cohort);
   std::ranges::sort(
       names, [](const auto& a, const auto& b) { return a.size() != b.size() ? a.size() > b.size() : a < b; });
@@ -311,8 +312,8 @@ std::string without_names(std::string text, const CohortCase& one, const fs::pat
       text.replace(at, name.size(), kGap);
       at += kGap.size();
     }
-  // what still is a path or a file's name is of files that nobody knows here; a path may have spaces in it,
-  // so that what stands between two of its pieces goes as well
+  // remaining paths and file names belong to unknown files; a path may contain spaces, so the text between
+  // two of its pieces is removed as well
   std::string kept;
   std::size_t first = text.npos, last = 0;
   for (std::size_t begin = 0; begin < text.size();) {

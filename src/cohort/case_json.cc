@@ -8,7 +8,7 @@
 namespace palpate {
 
 std::string case_json(const CaseResult& result) {
-  // JSON has no NaN: what is not there is null
+  // JSON has no NaN: missing values are null
   const auto maybe = [](double value) { return std::isnan(value) ? Json() : Json(value); };
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(result.run_hash));
@@ -34,7 +34,7 @@ std::string case_json(const CaseResult& result) {
                                   {"held_s", maybe(s.held_s)},
                                   {"mean_force_N", maybe(s.mean_force_N)},
                                   {"peak_force_N", maybe(s.peak_force_N)}});
-  // a name in another encoding than UTF-8 is kept as far as it can be
+  // invalid UTF-8 in a name is preserved as far as possible
   return json.dump(1) + "\n";
 }
 

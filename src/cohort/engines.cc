@@ -23,7 +23,7 @@ std::vector<std::string> with_number(std::vector<std::string> command, int numbe
 
 // ---- Slurm ----------------------------------------------------------------------------------------------
 
-/// A word as a shell reads it as one.
+/// Quotes a word for the shell.
 std::string quoted(const std::string& word) {
   std::string text = "'";
   for (const char c : word) {
@@ -35,7 +35,7 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
-/// 1, 2, 3, 7 as "1-3,7"
+/// Array specification of sorted numbers: 1, 2, 3, 7 as "1-3,7".
 std::string array_of(const std::vector<int>& numbers) {
   std::string text;
   for (std::size_t n = 0; n < numbers.size();) {
@@ -57,13 +57,13 @@ Error without_slurm(const std::string& program) {
           "run where Slurm's commands are (Debian: slurm-client), or use --engine local"};
 }
 
-/// Whether something of the job is still waiting, running or ending.
+/// Whether any task of the job is pending, running or completing.
 Result<bool> is_alive(const std::string& job) {
   const auto said = cohort::ask({"squeue", "--noheader", "--format=%T", "--jobs=" + job});
   if (!said) return said.error();
   if (said->exit_code == 127) return without_slurm("squeue");
   if (said->exit_code == 0) return said->out.find_first_not_of(" \n") != std::string::npos;
-  // of a job that it has forgotten
+  // the job is no longer in Slurm's records
   if (said->err.find("Invalid job id") != std::string::npos) return false;
   return Error{ErrorKind::kUnavailable, "Slurm does not answer: " + first_line(said->err), "squeue",
                "the job is still there: run the same command again once Slurm answers, and it is collected"};
@@ -71,10 +71,10 @@ Result<bool> is_alive(const std::string& job) {
 
 struct Waited {
   Result<void> how;
-  bool gone = false;  ///< Slurm says that nothing of the job is left
+  bool gone = false;  ///< Whether Slurm reports that the job is gone
 };
 
-/// Cancels a job; whether Slurm has said that it does and that nothing of it is left.
+/// Cancels a job; returns whether Slurm confirmed that nothing of it is left.
 bool cancel(const std::string& job) {
   const auto said = cohort::ask({"scancel", job});
   if (!said || said->exit_code != 0) return false;
@@ -91,7 +91,7 @@ Waited wait_for(const std::string& job, const std::function<std::size_t()>& look
   int silent = 0;
   while (true) {
     const auto alive = is_alive(job);
-    // a controller that is restarted answers again
+    // tolerates a restart of the controller
     constexpr int kTries = 60;
     if (!alive && (++silent >= kTries || alive.error().where != "squeue" ||
                    alive.error().what.find("not to be found") != std::string::npos))
@@ -106,7 +106,7 @@ Waited wait_for(const std::string& job, const std::function<std::size_t()>& look
   }
 }
 
-/// The job that is noted in a cohort's folder.
+/// Job id stored in a cohort's folder.
 std::optional<std::string> noted_job(const fs::path& note) {
   const auto text = read_file(note, 64);
   if (!text) return std::nullopt;
@@ -211,10 +211,10 @@ Result<void> run_by_slurm(const std::vector<std::string>& command,
     return written;
   }
   const Waited waited = wait_for(job, look, progress);
-  // the note of a job that may still run stays
+  // the file of a job that may still be running is kept
   if (waited.gone) fs::remove(note, none);
   if (!waited.how) return waited.how;
-  // what another machine has written is seen here when the file system's memory of the folder is renewed
+  // results written by other machines become visible once the file system refreshes its cached directory
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(options.late_s);
   while (look() > 0 && std::chrono::steady_clock::now() < end) {
     if (progress.stopped()) return Progress::interrupted();

@@ -46,7 +46,7 @@ TEST(RunLocally, EachNumberOnceAndSomeAtATime) {
         EXPECT_EQ(how.said, number == 4 ? "why\n" : "") << number;
       }));
   std::ranges::sort(ended);
-  // one that is killed and one that fails stop nobody
+  // a killed and a failed process do not affect the others
   EXPECT_EQ(ended, (std::vector<int>{1, 2, 3, 4, 5, 9}));
   for (const int number : ended) EXPECT_TRUE(fs::exists(folder / ("begun-" + std::to_string(number))));
 }
@@ -59,7 +59,7 @@ TEST(RunLocally, EndsWhatRunsWhenItIsInterrupted) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     stop = true;
   });
-  // each ends when both have been asked to: none is waited for before
+  // each ends only after both have received the signal: none is waited for before
   const std::string script =
       "cd '" + folder.path().string() +
       "'; trap 'touch asked-$0; until [ -e asked-1 ] && [ -e asked-2 ]; do sleep 0.02; "
@@ -81,7 +81,7 @@ TEST(RunLocally, EndsWhatRunsWhenItIsInterrupted) {
   }
 }
 
-/// Commands of Slurm that a shell plays, found before others for as long as this lives.
+/// Fake Slurm commands, implemented by shell scripts, which take precedence while the object exists.
 class PlayedSlurm {
  public:
   explicit PlayedSlurm(const fs::path& folder) : folder_(folder), path_(::getenv("PATH")) {
@@ -118,7 +118,7 @@ TEST(RunBySlurm, TheNoteStaysUntilTheJobIsGone) {
         },
         Progress({}, &stop));
   };
-  // a job that cannot be cancelled goes on, and nobody else may work there
+  // a job that cannot be cancelled continues, and blocks the folder
   slurm.play("scancel", "exit 1");
   const auto lives = run();
   ASSERT_FALSE(lives);
@@ -130,7 +130,7 @@ TEST(RunBySlurm, TheNoteStaysUntilTheJobIsGone) {
   slurm.play("squeue", "echo 'Unable to contact' >&2; exit 1");
   EXPECT_FALSE(check_no_slurm_job(folder.path())) << "nobody knows";
   EXPECT_TRUE(fs::exists(folder / "slurm-job"));
-  // one that is cancelled and gone
+  // a job that was cancelled and is gone
   slurm.play("squeue", "[ ! -e alive ] || echo RUNNING");
   slurm.play("scancel", "rm alive");
   EXPECT_FALSE(run());

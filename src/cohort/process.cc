@@ -51,14 +51,14 @@ Result<pid_t> start(const std::vector<std::string>& command, int in, int out, in
     return Error{ErrorKind::kUnavailable, "no process is to be had", command.front(),
                  "close other programs, or raise the limit of processes (ulimit -u)"};
   if (id > 0) return id;
-  // nothing here but what is safe after a fork of several threads
+  // only async-signal-safe calls after a fork of a multithreaded process
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(127);
   ::setpgid(0, 0);
   const int nothing = ::open("/dev/null", O_RDWR);
   int to = 0;
   for (const int from : {in, out, err}) ::dup2(from >= 0 ? from : nothing, to++);
-  // handlers are gone by themselves; what is ignored would stay so
+  // exec resets handlers, but ignored signals would stay ignored
   for (const int signal : {SIGPIPE, SIGXFSZ, SIGINT, SIGTERM, SIGHUP}) ::signal(signal, SIG_DFL);
   ::execvp(arguments.front(), arguments.data());
   ::_exit(127);
@@ -81,7 +81,7 @@ bool has_ended(pid_t id, Ended& how) {
 void end_groups(std::vector<pid_t> ids) {
   Ended how;
   const auto sweep = [&] { std::erase_if(ids, [&](pid_t id) { return has_ended(id, how); }); };
-  // to all of them before any is waited for
+  // signal all of them before waiting for any
   for (const pid_t id : ids) ::kill(id, SIGTERM);
   for (int tries = 0; tries < 500 && !ids.empty(); ++tries) {
     sweep();

@@ -10,22 +10,23 @@
 
 namespace palpate::cohort {
 
-/// Starts a program, found as a shell finds it, that ends (SIGKILL) where the calling thread's process ends,
-/// in a process group of its own: what a terminal sends to the user's own does not reach it.
-/// @param in, out, err  descriptors that it gets; -1: nothing, /dev/null
+/// Starts a program, found by PATH, in its own process group, so that signals from the user's terminal do not
+/// reach it. It is killed (SIGKILL) when the process of the calling thread ends.
+/// @param in, out, err  descriptors that it inherits; -1: /dev/null
 /// Errors: kUnavailable.
 Result<pid_t> start(const std::vector<std::string>& command, int in, int out, int err);
 
-/// How a process has ended, as waitpid says it; nothing while it runs.
+/// Exit status of a process, as by waitpid.
 struct Ended {
-  int exit_code = 0;  ///< -1 where a signal ended it
+  int exit_code = 0;  ///< -1 if terminated by a signal
   int signal = 0;
 };
+/// Whether the process has ended; sets `how` if so.
 bool has_ended(pid_t id, Ended& how);
-/// Asks all of them to end, and waits; after 10 s ends them and their groups.
+/// Sends SIGTERM to all processes and waits; after 10 s kills them and their groups.
 void end_groups(std::vector<pid_t> ids);
 
-/// A file in memory, for what a process says or reads.
+/// An anonymous file in memory for the input or output of a process.
 class MemoryFile {
  public:
   MemoryFile();
@@ -37,20 +38,21 @@ class MemoryFile {
   }
   int descriptor() const { return file_; }
   void write(const std::string& text);
-  /// The last bytes.
+  /// The last `most` bytes.
   std::string tail(std::size_t most) const;
 
  private:
   int file_;
 };
-inline constexpr std::size_t kKeptSaid = 4096;  ///< bytes of what a case's process says
+inline constexpr std::size_t kKeptSaid = 4096;  ///< Retained output of a case's process, bytes
 
-/// What a short command says.
+/// Output of a short command.
 struct Said {
   int exit_code = 0;
   std::string out, err;
 };
-/// @param in  what it reads
+/// Runs a command and waits.
+/// @param in  its standard input
 Result<Said> ask(const std::vector<std::string>& command, const std::string& in = "");
 
 }  // namespace palpate::cohort

@@ -15,14 +15,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
+/// Larger volumes get no picture: a solid voxel takes 32 bytes during rendering.
 constexpr std::size_t kMaxVoxelsDrawn = std::size_t{1} << 28;
 constexpr int kPicture_px = 320;
 constexpr double kHeld_s = 0.1;
 
 class Clock {
  public:
-  /// Seconds since the last call.
+  /// Time since the last call, s.
   double lap() {
     const auto now = std::chrono::steady_clock::now();
     const std::chrono::duration<double> passed = now - since_;
@@ -34,12 +34,12 @@ class Clock {
   std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
 };
 
-/// Volumes, parts, thin places and gaps of the model's structures.
+/// Computes volumes, components, minimum thickness and gaps of the model's structures.
 Result<void> check_structures(const Model& model, CaseResult& result, const Progress& progress) {
   LabelMap map;
   map.layers.push_back(model.labels->dense());
   map.segments = model.segments;
-  // flattened: a voxel says which segment it is
+  // flattened: each voxel has the id of its segment
   for (Segment& segment : map.segments) {
     segment.layer = 0;
     segment.value = segment.id;
@@ -65,7 +65,7 @@ Result<void> check_structures(const Model& model, CaseResult& result, const Prog
   return {};
 }
 
-/// What the hand felt, put to the structures.
+/// Assigns the palpation results to the structures.
 void put_palpation(const SimulationResult& run, CaseResult& result) {
   for (const HoldFigure& hold : run.holds) {
     ++result.palpated;
@@ -118,14 +118,14 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
   const fs::path folder = case_folder(cohort, number);
   if (auto made = make_folder(folder); !made) return made.error();
   std::error_code none;
-  // nothing of an earlier try stays beside a new result
+  // remove the output of an earlier run
   for (const char* name : {"result.json", "times.json", "picture.png", "run.h5"})
     fs::remove(folder / name, none);
 
   CaseResult result;
   CaseTimes times;
   const auto key = case_key(one, options.program, progress);
-  // a file that cannot be read has no key, and is tried again each time
+  // without a key the case is retried in every run
   if (key)
     result.key = *key;
   else if (key.error().kind == ErrorKind::kInterrupted)
@@ -133,7 +133,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
   const Warn warn = [&](const std::string& text) {
     result.notes.push_back(without_names(text, one, cohort));
   };
-  // in words without the file's name: the row says which case it is
+  // without the file's name: the row identifies the case
   const auto failed = [&](const Error& error) -> Result<void> {
     if (error.kind == ErrorKind::kInterrupted || error.kind == ErrorKind::kOutput) return error;
     result.fault = without_names(error.what, one, cohort);

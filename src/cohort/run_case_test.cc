@@ -42,7 +42,7 @@ TEST(RunCase, AKneeIsPreparedCheckedPalpatedAndDrawn) {
   EXPECT_TRUE(std::filesystem::exists(case_folder(folder / "out", 1) / "picture.png"));
   EXPECT_FALSE(std::filesystem::exists(case_folder(folder / "out", 1) / "run.h5"));
 
-  // whatever fails is a result as well
+  // a failure is a result as well
   CohortCase broken;
   broken.name = "broken";
   broken.target = (folder / "DOE-CANARY.nrrd").string();
@@ -61,7 +61,7 @@ TEST(RunCase, AKneeIsPreparedCheckedPalpatedAndDrawn) {
   CohortResults cohort{{one, broken, lacks, one}, {*result, *fault, *half, std::nullopt}};
   const std::string tsv = cohort_tsv(cohort);
   EXPECT_EQ(std::ranges::count(tsv, '\n'), 5);
-  // every row has as many fields
+  // every row has the same number of fields
   std::size_t fields = 0;
   for (std::string_view rest = tsv; !rest.empty();) {
     const auto end = rest.find('\n');

@@ -27,15 +27,15 @@ std::string without_spaces_around(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(" \t") - first + 1));
 }
 
-/// The fields of a line; nothing where a quotation mark is not closed. In a table between tabs quotation
-/// marks are letters like others.
+/// Fields of a line; empty if a quotation mark is not closed. In tab-separated tables quotation marks are
+/// ordinary characters.
 std::optional<std::vector<std::string>> fields_of(std::string_view line, char separator) {
   std::vector<std::string> fields(1);
   bool quoted = false;
   for (std::size_t n = 0; n < line.size(); ++n) {
     const char c = line[n];
     if (separator != '\t' && c == '"') {
-      // a doubled one within quotation marks is one
+      // a doubled quotation mark within a quoted field
       if (quoted && n + 1 < line.size() && line[n + 1] == '"')
         fields.back() += line[++n];
       else
@@ -59,7 +59,7 @@ std::optional<T> number_of(const std::string& text, T low, T high) {
   T value{};
   const char* end = text.data() + text.size();
   const auto read = std::from_chars(text.data(), end, value);
-  // false for nan too
+  // false for NaN as well
   if (read.ec != std::errc() || read.ptr != end || !(value >= low && value <= high)) return std::nullopt;
   return value;
 }
@@ -87,7 +87,7 @@ Error at_line(const std::string& source, int line, std::string what, std::string
   return {ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line), std::move(remedy)};
 }
 
-/// What is wrong with a field, or nothing.
+/// Parses a field. Returns its error, or empty.
 std::optional<std::string> put_field(Column column, const std::string& text, const fs::path& folder,
                                      const std::function<bool(const std::string&)>& is_data_set,
                                      CohortCase& one) {

@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 using Cells = std::vector<double>;
 
-/// What is shown of a case, and where it comes from.
+/// A column of the table: title and value.
 struct Figure {
   const char* title;
   const char* unit;
@@ -38,7 +38,7 @@ Cells cells_of_case(const CaseResult& result) {
     volume += s.volume_mm3;
     parts += s.components;
     gaps += static_cast<double>(s.gaps);
-    // of what is felt: the thinnest of the rest is felt by nobody
+    // touchable structures only
     if (s.felt && !std::isnan(s.thinnest_mm) && !(s.thinnest_mm >= thinnest)) thinnest = s.thinnest_mm;
     if (!std::isnan(s.mean_force_N)) force += s.mean_force_N, ++forces;
   }
@@ -66,7 +66,7 @@ Cells cells_of_structure(const CaseResult& result, const std::string& name) {
           s->peak_force_N};
 }
 
-/// Of all cases, in the order in which they first occur.
+/// Names of structures of all cases, in the order of their first occurrence.
 std::vector<std::string> structures_of(const CohortResults& cohort) {
   std::vector<std::string> names;
   for (const auto& result : cohort.results) {
@@ -77,7 +77,7 @@ std::vector<std::string> structures_of(const CohortResults& cohort) {
   return names;
 }
 
-/// A point whatever the locale; empty for what is not there.
+/// Number with a decimal point in any locale; empty if not available.
 std::string decimal(double value, int decimals) {
   if (!std::isfinite(value)) return "";
   char text[400];

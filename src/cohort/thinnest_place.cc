@@ -9,8 +9,7 @@ namespace {
 
 constexpr float kFar = 1e30f;
 
-/// One row of the separable transform: the lower envelope of parabolas that stand on `from` with their
-/// heights.
+/// One row of the separable transform: lower envelope of parabolas with their vertices at the voxels.
 /// @param row  scratch of three times the row's length
 struct Envelope {
   std::vector<int> place;
@@ -31,7 +30,7 @@ struct Envelope {
           break;
         }
         const double other = place.back() * spacing_mm;
-        // where the two parabolas meet
+        // intersection of the two parabolas
         const double meet = ((height + at * at) - (get(place.back()) + other * other)) / (2 * (at - other));
         if (meet > until.back()) {
           place.push_back(n);
@@ -99,7 +98,7 @@ NearestOutside nearest_outside(const std::array<int, 3>& dims, const Eigen::Vect
 
 std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const SegmentStatistics& structure) {
   const GridGeometry& grid = labels.geometry();
-  // the structure's box, a voxel larger where the volume goes on
+  // bounding box of the structure, extended by a voxel within the volume
   std::array<int, 3> low, dims;
   for (std::size_t a = 0; a < 3; ++a) {
     low[a] = std::max(0, structure.box_min[a] - 1);
@@ -111,7 +110,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
            static_cast<std::size_t>(i);
   };
   const std::size_t count = offset(0, 0, dims[2]);
-  // indices of 32 bits are enough for any volume that fits into memory as labels
+  // 32-bit indices suffice for any label volume that fits into memory
   if (count == 0 || count > 0x7fffffff) return std::nullopt;
   std::vector<std::uint8_t> outside(count);
   for (int k = 0; k < dims[2]; ++k)
@@ -134,7 +133,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
   std::vector<Middle> middle;
   std::vector<std::uint8_t> is_middle(count);
   const std::array<std::size_t, 3> stride{1, offset(0, 1, 0), offset(0, 0, 1)};
-  constexpr double kApart = -0.6428;  // the cosine of 130 degrees
+  constexpr double kApart = -0.6428;  // cosine of 130 degrees
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) {
@@ -144,7 +143,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
         for (std::size_t a = 0; a < 3; ++a) {
           if (here[a] + 1 >= dims[a]) continue;
           if (outside[n + stride[a]]) {
-            // a single voxel between two outside
+            // thickness of one voxel
             if (here[a] == 0 || !outside[n - stride[a]]) continue;
             middle.push_back({static_cast<float>(grid.spacing_mm[static_cast<Eigen::Index>(a)]),
                               static_cast<std::uint32_t>(n)});
@@ -155,7 +154,8 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
                                 to = at(static_cast<std::size_t>(nearest.index[n + stride[a]]));
           const Eigen::Vector3d one = from - at(n), other = to - at(n + stride[a]);
           if (!(one.dot(other) <= kApart * one.norm() * other.norm())) continue;
-          // between the two centres outside, less half a voxel on either side, along the line between them
+          // distance between the two outside voxel centres, minus half a voxel on each side, along the
+          // connecting line
           const Eigen::Vector3d across = to - from;
           const double length = across.norm();
           const double voxel = (across / length).cwiseAbs().dot(grid.spacing_mm);
@@ -166,12 +166,12 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
   std::ranges::sort(middle, [](const Middle& a, const Middle& b) {
     return a.thickness_mm != b.thickness_mm ? a.thickness_mm < b.thickness_mm : a.voxel < b.voxel;
   });
-  // Whether a place is within a voxel of a ball in the structure whose radius is larger than its own by a
-  // voxel: it then belongs to what is there, and only stands out of it. The voxels below it tell so.
+  // Whether a point is within a voxel of an inscribed ball whose radius exceeds its own by a voxel: it then
+  // is a protrusion of that thicker part. Only nearby voxels are tested.
   const double longest_mm = grid.spacing_mm.maxCoeff();
   const auto stands_out = [&](double thickness_mm, const std::array<int, 3>& here) {
     constexpr int kBelow = 4;
-    // from the middle to the centres outside, as of the balls
+    // from the medial surface to the outside voxel centres, as for the balls
     const double own_mm = 0.5 * (thickness_mm + longest_mm);
     const auto from = [&](std::size_t a) { return std::max(0, here[a] - kBelow); };
     const auto to = [&](std::size_t a) { return std::min(dims[a] - 1, here[a] + kBelow); };
@@ -197,7 +197,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
     const std::array<int, 3> here{static_cast<int>(n % row), static_cast<int>(n / row % rows),
                                   static_cast<int>(n / (row * rows))};
     if (stands_out(one.thickness_mm, here)) continue;
-    // the middle's own middle around it: at a rim it lies to one side
+    // centroid of the neighbouring medial voxels: at a rim it is off to one side
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     std::size_t voxels = 0;
     for (int k = std::max(0, here[2] - reach[2]); k <= std::min(dims[2] - 1, here[2] + reach[2]); ++k)
@@ -210,7 +210,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
           sum += off;
           ++voxels;
         }
-    // of half a disc it lies at 0.42 of the radius
+    // for half a disc the centroid is at 0.42 of the radius
     constexpr double kOneSided = 0.25;
     if (sum.norm() > kOneSided * kRim_mm * static_cast<double>(voxels)) continue;
     const Eigen::Vector3d index(low[0] + here[0], low[1] + here[1], low[2] + here[2]);

@@ -17,7 +17,7 @@ GridGeometry grid_of_test(int n, const Eigen::Vector3d& spacing_mm) {
   return grid;
 }
 
-/// Label 1 where `in` holds of a place relative to the volume's middle, mm.
+/// Volume with label 1 where `in` is true for a point relative to the volume's centre, mm.
 template <class In>
 Volume<LabelId> where(const GridGeometry& grid, const In& in) {
   Volume<LabelId> labels(grid);
@@ -92,7 +92,7 @@ TEST(ThinnestPlace, OfAPlateIsItsThickness) {
 TEST(ThinnestPlace, IsFoundWhereAPlateIsWornAndNotAtItsRim) {
   const auto grid = grid_of_test(64, {0.5, 0.5, 0.5});
   const Eigen::Vector3d worn(4, -3, 0);
-  // a disc of 4 mm that tapers off to nothing, worn to 2 mm at a place
+  // a disc of 4 mm with tapered rim, worn to 2 mm at one location
   const auto thin = thinnest_of(where(grid, [&](const Eigen::Vector3d& at) {
     const double out = at.head<2>().norm(), top = out < 11 ? 2 : 2 * (13 - out) / 2;
     const double pit = 2.0 * std::exp(-(at - worn).head<2>().squaredNorm() / 8);
@@ -113,7 +113,7 @@ TEST(ThinnestPlace, OfASlantedPlateIsItsThicknessToAVoxel) {
   EXPECT_NEAR(thin->thickness_mm, 3.5, 0.75);
 }
 
-// a coarse bone is as thick as it is, whatever stands out of its surface
+// the thickness of a coarsely voxelised bone is not affected by protrusions of its surface
 TEST(ThinnestPlace, VoxelsThatStandOutAreNoPlates) {
   constexpr unsigned kSeed = 21;
   std::mt19937 random(kSeed);
@@ -146,7 +146,7 @@ TEST(ThinnestPlace, VoxelsThatStandOutAreNoPlates) {
   }
 }
 
-// what is thin beside what is thick is found
+// a thin part next to a thick one is found
 TEST(ThinnestPlace, APlateBetweenTwoBlocksIsThin) {
   for (const double spacing_mm : {0.5, 2.5}) {
     const auto grid = grid_of_test(40, Eigen::Vector3d::Constant(spacing_mm));
@@ -171,7 +171,7 @@ TEST(ThinnestPlace, EdgesAreNotThin) {
 
 TEST(ThinnestPlace, TheVolumesBorderIsNoSide) {
   const auto grid = grid_of_test(24, {1, 1, 1});
-  // through the whole volume along i and j
+  // extends through the whole volume along i and j
   const auto thin = thinnest_of(where(grid, [](const Eigen::Vector3d& at) { return std::abs(at[2]) < 3; }));
   ASSERT_TRUE(thin);
   EXPECT_NEAR(thin->thickness_mm, 6, 1e-3);

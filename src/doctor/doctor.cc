@@ -24,7 +24,7 @@ std::string user_name() {
   return entry && entry->pw_name ? entry->pw_name : "";
 }
 
-// what a thread gets that asks for all that a session asks for
+// requests all rights of a session for a thread
 Result<RealtimeGrant> try_rights() try {
   return std::async(
              std::launch::async,
@@ -64,7 +64,7 @@ void look_at_devices(const DeviceRegistry& known, const DoctorSettings& settings
     }
     any_ready = any_ready || fine;
   }
-  // who has one device need not have them all
+  // with one device ready, the requirements of others are only advice
   if (any_ready && settings.devices.empty())
     for (auto line = report.lines.begin() + static_cast<std::ptrdiff_t>(before); line != report.lines.end();
          ++line)
@@ -103,7 +103,7 @@ Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& 
   const std::string user = user_name();
   report.lines = {priority_line(*grant, user), memory_line(*grant, user), governor_line(settings.root),
                   kernel_line(settings.root)};
-  // one set of lines gives both rights
+  // the same lines of limits.conf give both rights
   if (report.lines[0].finding == Finding::kMissing && !report.lines[1].cure.empty())
     report.lines[1].cure = "the three lines above, for the priority, give this, too: nothing more to enter";
   const auto timer = measure_timer(settings.timer_s, progress);

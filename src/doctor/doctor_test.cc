@@ -25,7 +25,7 @@ TEST(Doctor, SaysWhoMayHaveWhichRightsAndHow) {
   none.memory = "not locked (refused)";
   for (const DoctorLine& line : {priority_line(none, "anna"), memory_line(none, "anna")}) {
     EXPECT_EQ(line.finding, Finding::kMissing);
-    // what can be typed as it stands
+    // can be entered as shown
     EXPECT_THAT(line.cure, HasSubstr("sudo usermod -aG haptics anna\n"));
     EXPECT_THAT(line.cure, HasSubstr("/etc/security/limits.d/palpate.conf"));
     EXPECT_THAT(line.cure, HasSubstr("log out and in again"));

@@ -21,29 +21,30 @@ namespace palpate {
 namespace {
 
 constexpr double kWindow_s = 0.5, kMaxDelay_s = 0.02, kDelayStep_s = 0.25e-3;
-// dry friction of 0.3 N is overcome; of another delay that far off the force explains the way clearly worse
+// kPush_N overcomes a dry friction of 0.3 N. A latency is accepted if the residual of others at least
+// kOtherDelay_s away is larger by the factor kClearly
 constexpr double kPush_N = 0.8, kDirection_s = 0.008, kOtherDelay_s = 0.0015, kClearly = 1.5;
 constexpr double kKnock_N = 0.4, kKnock_s = 0.01;
-// what a hand does by itself is slower
+// time constant of the tip's low-pass filter; voluntary motion is slower
 constexpr double kSlow_s = 0.008;
-// a swing is four steps of the encoder, and what a fingertip feels
+// minimum amplitude of an oscillation: four encoder steps, and the threshold of perception
 constexpr double kSteps = 4, kLeast_mm = 0.03;
-// it does not die away
+// ratio of successive amplitudes above which an oscillation counts as persistent
 constexpr double kStays = 0.7;
 constexpr double kMaxWay_mm = 15, kMaxSpeed_mm_s = 500, kMaxAge_s = 0.01, kMaxRest_mm = 3;
 constexpr double kFuture_s = 0.001;
-// speed is that of so long: a step of the encoder within one tick is none
+// speed is averaged over this time, so that an encoder step within one tick does not count
 constexpr std::int64_t kSpeedOver_ns = 8'000'000, kPlaceEach_ns = 250'000;
 constexpr double kFinestStep_mm = 1e-4, kCoarsestStep_mm = 0.2;
 constexpr std::int64_t kLate_ns = 9'000'000;
 constexpr auto kLook = std::chrono::milliseconds(1);
-// what is wrong when a driver begins to run may be over within this
+// transient errors at a driver's start may last this long
 constexpr std::int64_t kSettles_ns = 100'000'000;
-// and one that ends takes no longer
+// maximum time a driver takes to end
 constexpr std::int64_t kEnds_ns = 5'000'000'000;
 constexpr double kMaxSpring_N_per_mm = 5;
 
-/// Even ticks of the thread that waits.
+/// Clock with even ticks, which the waiting thread runs.
 class EvenClock final : public ServoClock {
  public:
   explicit EvenClock(double rate_hz) : period_ns_(std::llround(1e9 / rate_hz)) {}
@@ -63,20 +64,20 @@ class EvenClock final : public ServoClock {
   std::atomic<bool> stop_{false};
 };
 
-// the force at a time, by ticks whose force holds until the next
+// twice the time integral of the force, which is held constant between ticks and delayed
 class TwiceIntegrated {
  public:
   TwiceIntegrated(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to, double delay_s) {
     const double begun_s = ticks[from].time_s;
     double once = 0, twice = 0, last_s = begun_s;
-    // what was said before the window acts in it
+    // forces commanded before the window act within it
     std::size_t said = 0;
     const auto force_at = [&](double time_s) {
       while (said + 1 < ticks.size() && ticks[said + 1].time_s + delay_s <= time_s) ++said;
       return ticks[said].time_s + delay_s <= time_s ? ticks[said].force_N : 0.0;
     };
     for (std::size_t n = from; n < to; ++n) {
-      // through every change within the tick
+      // split the tick at every change of the delayed force
       while (last_s < ticks[n].time_s) {
         const double force_N = force_at(last_s);
         double next_s = ticks[n].time_s;
@@ -100,7 +101,7 @@ class TwiceIntegrated {
   std::vector<double> values_;
 };
 
-// once and twice integrated over the ticks' times, evenly between two
+// first and second time integral, by the trapezoidal rule
 struct Integrals {
   std::vector<double> once, twice;
   Integrals(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to,
@@ -119,8 +120,8 @@ struct Integrals {
   }
 };
 
-// Which way the tip goes at each tick, -1 ... 1: dry friction's direction. Looked for in what comes before
-// and after it; slower than an encoder's step in that time is rest.
+// Direction of motion at each tick, -1 ... 1, i.e. that of dry friction, from the displacement over an
+// interval around the tick. A displacement below an encoder step counts as rest.
 std::vector<double> directions(const std::vector<PushedTick>& ticks, double step_m) {
   std::vector<double> found(ticks.size(), 0.0);
   std::size_t before = 0, after = 0;
@@ -132,7 +133,7 @@ std::vector<double> directions(const std::vector<PushedTick>& ticks, double step
   return found;
 }
 
-/// A piece of the way, and what of its equation no delay changes.
+/// A window of the motion, with the terms of its equation that do not depend on the latency.
 class Window {
  public:
   Window(const std::vector<PushedTick>& ticks, const std::vector<double>& directions, std::size_t from,
@@ -147,13 +148,13 @@ class Window {
     for (Eigen::Index i = 0; i < size; ++i) {
       const auto k = static_cast<std::size_t>(i);
       const double t = ticks[from + k].time_s - ticks[from].time_s;
-      // the spring's rest is not where the window begins
+      // constant, linear and quadratic terms account for the initial state and the spring's rest position
       terms_.row(i) << 0, of_way.once[k], of_way.twice[k], of_direction.twice[k], 1, t, t * t;
       way_[i] = way[from + k];
     }
     normalise(terms_.rightCols(6));
   }
-  /// How much of the way a force with this delay does not explain, m^2.
+  /// Residual sum of squares of a fit with this latency, m^2.
   double unexplained(double delay_s) {
     const auto force = TwiceIntegrated(ticks_, from_, to_, delay_s).values();
     terms_.col(0) = Eigen::Map<const Eigen::VectorXd>(force.data(), static_cast<Eigen::Index>(force.size()));
@@ -163,7 +164,7 @@ class Window {
   }
 
  private:
-  // columns of a like size
+  // scales the columns to unit norm
   static void normalise(Eigen::Ref<Eigen::MatrixXd> terms) {
     for (Eigen::Index c = 0; c < terms.cols(); ++c)
       if (const double size = terms.col(c).norm(); size > 0) terms.col(c) /= size;
@@ -222,7 +223,7 @@ void HeldHandTrial::update(std::span<const DeviceSample> samples,
   const DeviceSample& sample = samples[0];
   const std::int64_t now_ns = now_(), before_ns = last_update_ns_.exchange(now_ns);
   if (ended_.load() != Ended::kNot) return;
-  // none yet
+  // no sample yet
   if (!begun_.load() && (sample.fault || sample.taken_ns == 0)) {
     if (1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s) end(Ended::kNotReady);
     return;
@@ -253,7 +254,7 @@ void HeldHandTrial::update(std::span<const DeviceSample> samples,
   commands[0].force_N = Vector<Device>(wanted);
 }
 
-// what of the sample's time, or of the tick's, ends it
+// checks the time stamps of the sample and of the tick
 HeldHandTrial::Ended HeldHandTrial::odd_time(const DeviceSample& sample, std::int64_t now_ns,
                                              std::int64_t before_ns) const {
   const double age_s = 1e-9 * static_cast<double>(now_ns - sample.taken_ns);
@@ -261,13 +262,13 @@ HeldHandTrial::Ended HeldHandTrial::odd_time(const DeviceSample& sample, std::in
   if (age_s < -kFuture_s) return Ended::kTimes;
   if (!begun_.load())
     return 1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s ? Ended::kNotReady : Ended::kNot;
-  // the watchdog may be late itself
+  // also checked here, because the watchdog itself may be late
   if (now_ns - before_ns > kLate_ns) return Ended::kLate;
   return sample.taken_ns < last_taken_ns_ ? Ended::kTimes : Ended::kNot;
 }
 
 bool HeldHandTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm) {
-  // the newest place that is old enough is the oldest one
+  // keep as the oldest entry the newest one that is old enough
   while (kept_ > 1 && taken_ns - places_[(oldest_ + 1) % places_.size()].taken_ns >= kSpeedOver_ns) {
     oldest_ = (oldest_ + 1) % places_.size();
     --kept_;
@@ -295,20 +296,20 @@ Eigen::Vector3d HeldHandTrial::force(const DeviceSample& sample, double time_s) 
     if ((tip_mm - rest_mm_).norm() > kMaxRest_mm) end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
-  // where it rested first, too: a spring's rest goes with the hand
+  // also relative to the initial rest position, because a spring's rest position follows the hand
   if ((tip_mm - rest_mm_).norm() > kMaxWay_mm || (tip_mm - first_rest_mm_).norm() > kMaxWay_mm) {
     end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
   if (time_s < kRest_s + kPushed_s) return push(time_s - kRest_s);
   if (time_s >= kRest_s + kPushed_s + kSettle_s) return spring(tip_mm, time_s);
-  // what the pushes leave is no swing of the first spring
+  // motion left by the pushes must not count as an oscillation of the first spring
   rest_mm_ = slow_mm_;
   return Eigen::Vector3d::Zero();
 }
 
-// to and fro, in unlike lengths, so that no delay looks like another. Their number is odd: what goes to one
-// side comes back in the next round, so that the hand is not pushed away.
+// Pushes in alternating directions with different durations, so that the latency is unambiguous. Their number
+// is odd, so that the next round has opposite signs and the mean is zero.
 Eigen::Vector3d HeldHandTrial::push(double time_s) {
   constexpr std::array kLengths_s{0.03, 0.05, 0.02, 0.07, 0.04, 0.06, 0.05};
   static_assert(kLengths_s.size() % 2 == 1);
@@ -328,7 +329,7 @@ Eigen::Vector3d HeldHandTrial::spring(const Eigen::Vector3d& tip_mm, double time
     judge();
     if (ended_.load() != Ended::kNot) return Eigen::Vector3d::Zero();
     spring_begun_s_ = time_s;
-    // where the hand holds it now: a hand drifts
+    // follow the slow drift of the hand
     rest_mm_ = slow_mm_;
   }
   const double swing_mm = (tip_mm - slow_mm_).norm();
@@ -349,7 +350,7 @@ void HeldHandTrial::judge() {
   const double early = early_ > 0 ? std::sqrt(early_mm2_ / static_cast<double>(early_)) : 0;
   const double late = late_ > 0 ? std::sqrt(late_mm2_ / static_cast<double>(late_)) : 0;
   if (late_most_mm_ > threshold_mm_ && late > kStays * early) {
-    // of none is known that it is held
+    // no stiffness was found stable
     if (held_N_per_mm_ == 0) return end(Ended::kSwung);
     swings_N_per_mm_ = stiffness_N_per_mm_;
     return end(Ended::kDone);
@@ -407,7 +408,7 @@ Error ended_by(HeldHandTrial::Ended why, const DeviceDriver& driver, const std::
   return error("the device has withheld its force", "see what it shows, and try again");
 }
 
-/// The watchdog. False: interrupted.
+/// The watchdog. Returns false if interrupted.
 bool watch(DeviceDriver& driver, HeldHandTrial& trial, const std::atomic<bool>& gone, Heartbeat* heartbeat,
            const Progress& progress, const std::string& name) {
   const std::int64_t begun_ns = monotonic_ns();
@@ -432,8 +433,8 @@ bool watch(DeviceDriver& driver, HeldHandTrial& trial, const std::atomic<bool>& 
   return true;
 }
 
-// Until the driver has ended. The supervisor sees that this process lives, but not for ever: a driver that
-// does not end holds the device.
+// Waits until the driver has ended. The heartbeat shows the supervisor that this process lives, but for a
+// limited time: a driver that does not end still holds the device.
 void await_end(const std::atomic<bool>& gone, Heartbeat* heartbeat) {
   if (!heartbeat) return;
   heartbeat->beat_ns.store(Heartbeat::kResting);
@@ -474,7 +475,7 @@ Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettin
                  "close other programs, or raise the limit of processes (ulimit -u)"};
   }
   const bool interrupted = !watch(driver, trial, gone, settings.heartbeat, progress, info.name);
-  // it gave zeros already; the driver is told, too
+  // the forces are already zero; the driver is halted as well
   if (trial.ended() != HeldHandTrial::Ended::kDone) driver.halt();
   if (interrupted) trial.end(HeldHandTrial::Ended::kFault);
   clock.stop();

@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 
 std::int64_t trial_ns = 0;
 
-/// A trial on a virtual clock, with a hand that wants to stay.
+/// A trial on a virtual clock with a simulated hand that holds its position.
 HeldHandFigures tried(const char* device, const char* hand, double delay_s, HeldHandSettings settings = {},
                       double* largest_N = nullptr, HeldHandTrial::Ended* ended = nullptr) {
   SimulatedDevice plant(*find_plant_device(device), *find_plant_hand(hand), delay_s);
@@ -56,7 +56,7 @@ INSTANTIATE_TEST_SUITE_P(Each, HeldTrials,
                                            HeldCase{"premium-1.5", "light-grip", 0.008}),
                          [](const auto& tested) { return "case" + std::to_string(tested.index); });
 
-// against what is known of what is simulated: its delay, and that it rests at what is advised
+// compared with the simulation's parameters: its latency, and stability at the advised stiffness
 TEST_P(HeldTrials, AreToldByTheirDelayAndWhatTheyHold) {
   const HeldCase& tested = GetParam();
   double largest_N = 0;
@@ -73,7 +73,7 @@ TEST_P(HeldTrials, AreToldByTheirDelayAndWhatTheyHold) {
   }
 }
 
-// a delay costs stiffness, as b / (T/2 + t) says
+// latency reduces the stable stiffness as b / (T/2 + t)
 TEST(HeldHand, ALongerDelayHoldsLess) {
   const auto at = [](double delay_s) { return tried("premium-1.5", "light-grip", delay_s).held_N_per_mm; };
   const double none = at(0), some = at(0.004), much = at(0.012);
@@ -83,7 +83,7 @@ TEST(HeldHand, ALongerDelayHoldsLess) {
 }
 
 TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
-  // a sample that is wrong, said some time later than it was taken
+  // result for an invalid sample that is processed some time after it was taken
   const auto after = [](const DeviceSample& wrong, std::int64_t later_ns, std::int64_t taken_later_ns = 0) {
     trial_ns = 1'000'000'000;
     HeldHandTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
@@ -99,7 +99,7 @@ TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
     trial_ns += later_ns;
     trial.update({&then, 1}, {&command, 1});
     EXPECT_EQ(command.force_N, Vector<Device>());
-    // and never again
+    // the force stays zero
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
     EXPECT_EQ(command.force_N, Vector<Device>());
@@ -122,7 +122,7 @@ TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
   EXPECT_EQ(after({}, 0, -2'000'000), HeldHandTrial::Ended::kTimes) << "older than the one before";
 }
 
-/// How a trial ends whose tip goes along y as `mm_at` says, s, and when, s.
+/// Result and end time, s, of a trial whose tip follows mm_at(time) along y.
 template <class Way>
 std::pair<HeldHandTrial::Ended, double> led(Way mm_at, double step_mm = 0.05, double rate_hz = 1000) {
   trial_ns = 1'000'000'000;
@@ -139,7 +139,7 @@ std::pair<HeldHandTrial::Ended, double> led(Way mm_at, double step_mm = 0.05, do
   return {trial.ended(), time_s};
 }
 
-// of 8 ms, whatever the rate and whatever the device says of its encoder
+// averaged over 8 ms, whatever the rate and the resolution of the encoder
 TEST(HeldHand, ItsSpeedIsBounded) {
   const auto moves = [](double mm_s) {
     return [=](double time_s) { return time_s < 1 ? 0.0 : std::min(14.0, mm_s * (time_s - 1)); };
@@ -154,7 +154,7 @@ TEST(HeldHand, ItsSpeedIsBounded) {
     }
 }
 
-// a hand that drifts takes the springs' rest with it, and not for ever
+// the springs' rest position follows a drifting hand, but not indefinitely
 TEST(HeldHand, ItsWayIsBoundedFromWhereItRestedFirst) {
   const auto [ended, at_s] = led([](double time_s) { return std::max(0.0, 5 * (time_s - 2.5)); });
   EXPECT_EQ(ended, HeldHandTrial::Ended::kMoved);
@@ -172,7 +172,7 @@ TEST(HeldHand, ItBeginsSoonOrNotAtAll) {
     trial.update({&sample, 1}, {&command, 1});
   }
   EXPECT_EQ(trial.ended(), HeldHandTrial::Ended::kNotReady);
-  // the brake is let go of
+  // the fault ends
   sample.fault = false;
   for (int n = 0; n < 1000; ++n, trial_ns += 1'000'000) {
     sample.taken_ns = trial_ns;
@@ -181,7 +181,7 @@ TEST(HeldHand, ItBeginsSoonOrNotAtAll) {
   }
 }
 
-// what is pushed in is pushed back
+// the pushes have zero mean
 TEST(HeldHand, ThePushesHaveNoMean) {
   trial_ns = 1'000'000'000;
   HeldHandTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
@@ -196,7 +196,7 @@ TEST(HeldHand, ThePushesHaveNoMean) {
     size_N += std::abs(command.force_N.x());
   }
   EXPECT_NEAR(size_N, 0.8 * 3e3 * HeldHandTrial::kPushPeriod_s, 0.01);
-  // a change that falls between two ticks is two of theirs off
+  // a change that falls between two ticks contributes an error of up to two ticks
   EXPECT_LT(std::abs(sum_N), 0.01 * size_N);
 }
 
@@ -228,7 +228,7 @@ TEST(HeldHand, IsTriedOnTheRealClock) {
   settings.first_N_per_mm = 0.2;
   settings.max_N_per_mm = 0.4;
   const auto figures = try_held_hand(driver, settings);
-  // a machine with much else to do may be late, or tell the plant of its force late, and says so
+  // on a loaded machine the trial may be aborted for lateness, and reports so
   if (!figures) {
     EXPECT_EQ(figures.error().kind, ErrorKind::kUnavailable);
     EXPECT_FALSE(figures.error().remedy.empty());
@@ -244,7 +244,7 @@ TEST(HeldHand, IsTriedOnTheRealClock) {
   EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
 }
 
-// says what a test tells it to
+// driver with a scripted behaviour
 class SaidDriver final : public DeviceDriver {
  public:
   explicit SaidDriver(const DeviceInfo& info) : info_(info) {}
@@ -252,7 +252,7 @@ class SaidDriver final : public DeviceDriver {
   Result<void> open(bool /*may_move*/) override { return {}; }
   void run(ServoFunction& /*servo*/, ServoClock& clock) noexcept override {
     while (!clock.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    // and takes its time to end
+    // takes time to end
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     if (!heartbeat) return;
     const std::int64_t looked_ns = heartbeat->looked_ns;
@@ -273,7 +273,7 @@ class SaidDriver final : public DeviceDriver {
   DeviceInfo info_;
 };
 
-// armed is armed now, and not minutes later; the supervisor sees meanwhile that somebody is there
+// a trial starts soon after arming or not at all; the heartbeat continues meanwhile
 TEST(HeldHand, ADriverThatDoesNotBeginIsNotWaitedFor) {
   for (const bool says : {true, false}) {
     SCOPED_TRACE(says);
@@ -327,7 +327,7 @@ TEST(HeldHand, IsKeptAsText) {
   EXPECT_TRUE(of_windows->contains("arm"));
 }
 
-// what was measured bounds a device; its maker's word and a slower loop do, too
+// the measurement, the vendor's limit and a slower loop all bound the device
 TEST(HeldHand, BoundsTheDeviceThatItWasMeasuredWith) {
   const HeldHands hands{{"arm", {"arm", 1000, 0.0015, 1, 1.15, 0.69}}};
   const auto said = [&](const DeviceInfo& info, double rate_hz) {

@@ -12,20 +12,20 @@
 
 namespace palpate {
 
-/// A way of the tip and what pushed it, tick by tick.
+/// One tick of the tip's motion and the commanded force.
 struct PushedTick {
   double time_s;
-  double tip_m;    ///< along one axis
-  double force_N;  ///< from then on
+  double tip_m;    ///< Position along one axis
+  double force_N;  ///< Commanded force, from this tick on
 };
 
-/// The delay with which the force explains the way best, s: of a mass on spring, damper and dry friction.
-/// Empty: another one does nearly as well.
-/// @param ticks   a second or more
-/// @param step_m  of the encoder
+/// Latency, s, for which the force best explains the motion of a mass with spring, damper and dry friction.
+/// Empty if another latency fits nearly as well.
+/// @param ticks   at least a second
+/// @param step_m  resolution of the encoder
 std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step_m);
 
-/// The trial itself: what a driver calls. Its time is that of the samples. Nothing is allocated in a tick.
+/// Servo function of the trial. Time is that of the samples. Does not allocate in a tick.
 class HeldHandTrial final : public ServoFunction {
  public:
   enum class Ended : std::uint8_t {
@@ -34,34 +34,34 @@ class HeldHandTrial final : public ServoFunction {
     kMoved,
     kFast,
     kOld,
-    kTimes,  ///< of samples, which are from the future or go back
+    kTimes,  ///< Time stamps decrease or are in the future
     kFault,
     kNoNumber,
     kLate,
-    kNotReady,  ///< it never began
-    kSwung,     ///< with the softest spring
+    kNotReady,  ///< It did not start
+    kSwung,     ///< Oscillation with the softest spring
   };
 
-  /// It begins with the first sample, and has to within kBegin_s from here.
-  /// @param step_mm  of the encoder; held to what encoders have
+  /// The trial starts with the first sample, which has to arrive within kBegin_s from construction.
+  /// @param step_mm  resolution of the encoder; clamped to plausible values
   HeldHandTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now);
 
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
-  /// From another thread: zeros from now on.
+  /// Aborts the trial from another thread; forces are zero afterwards.
   void end(Ended why) noexcept;
 
   Ended ended() const { return ended_.load(); }
   std::int64_t last_update_ns() const { return last_update_ns_.load(); }
   bool begun() const { return begun_.load(); }
-  /// 0 ... 1
+  /// Progress, 0 ... 1.
   double part_done() const { return part_done_.load(); }
-  /// After its end: delay, rate and stiffness. Empty: the delay is not clear.
+  /// Latency, rate and stiffness after the end. Empty: the latency is ambiguous.
   std::optional<HeldHandFigures> figures() const;
 
   static constexpr double kRest_s = 0.5, kPushed_s = 2, kSettle_s = 0.4, kSpring_s = 0.4;
-  /// The pushes begin again, and their mean is 0 over it.
+  /// Period of the sequence of pushes, over which its mean is 0.
   static constexpr double kPushPeriod_s = 0.64;
-  /// Whoever armed it holds still for so long, and knows when it begins.
+  /// Maximum time from arming to the start, during which the user holds the device still.
   static constexpr double kBegin_s = 2;
 
  private:
@@ -85,14 +85,14 @@ class HeldHandTrial final : public ServoFunction {
   double ended_at_s_ = 0;
   Eigen::Vector3d rest_mm_ = Eigen::Vector3d::Zero(), slow_mm_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d first_rest_mm_ = Eigen::Vector3d::Zero();
-  // a ring of where the tip was
+  // ring buffer of tip positions
   std::array<Place, 128> places_;
   std::size_t oldest_ = 0, kept_ = 0;
   std::uint64_t rested_ = 0;
   std::vector<PushedTick> pushed_;
   double stiffness_N_per_mm_, held_N_per_mm_ = 0, spring_begun_s_ = kRest_s + kPushed_s + kSettle_s;
   std::optional<double> swings_N_per_mm_;
-  // of the last two quarters of a spring: how far the tip swings
+  // mean squared and maximum deviation of the tip in the third and the fourth quarter of a spring's interval
   double early_mm2_ = 0, late_mm2_ = 0, late_most_mm_ = 0;
   std::uint64_t early_ = 0, late_ = 0;
   std::atomic<Ended> ended_{Ended::kNot};

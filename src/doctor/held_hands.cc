@@ -11,13 +11,13 @@
 namespace palpate {
 namespace {
 
-// what a trial can find: its springs, its delays, and loops of 250 Hz and more
+// plausible range of trial results: stiffness, latency, and loop rates of 250 Hz and more
 constexpr double kMinHeld_N_per_mm = 1e-3, kMaxHeld_N_per_mm = 5, kMaxDelaySaid_s = 0.02;
 constexpr double kMinRate_hz = 250, kMaxRate_hz = 20'000;
-// a session's rate is met but for this part
+// tolerance for a session's rate that is not fully reached
 constexpr double kRatePlay = 0.9;
 
-// the next word of a line, which becomes shorter
+// next word of a line, which is removed from it
 std::string_view word_of(std::string_view& line) {
   const std::size_t end = std::min(line.find(' '), line.size());
   const std::string_view word = line.substr(0, end);
@@ -40,7 +40,7 @@ std::optional<HeldHandFigures> figures_of(std::string_view line) {
   const std::string_view swings_word = word_of(line);
   const auto swings = number_of(swings_word, kMinHeld_N_per_mm, kMaxHeld_N_per_mm);
   if (!rate_hz || !delay_s || !held || (!swings && swings_word != "-") || line.empty()) return std::nullopt;
-  // a name that needs it was not written so
+  // the name would have been written differently
   if (swings.value_or(*held) < *held || printable_name(line) != line) return std::nullopt;
   figures = {std::string(line), *rate_hz, *delay_s, *held, swings, kStiffnessMargin * swings.value_or(*held)};
   return figures;

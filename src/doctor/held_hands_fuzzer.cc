@@ -6,7 +6,7 @@
 #include "palpate/base/printable.h"
 #include "palpate/doctor/held_hand.h"
 
-/// The file of what hands held, which a user or another program may have written.
+/// Parses a file of held-hand results, which a user or another program may have modified.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   const auto must = [](bool holds) {
@@ -22,7 +22,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     must(figures.delay_s >= 0 && figures.delay_s <= 0.02);
     must(figures.advised_N_per_mm > 0 && figures.advised_N_per_mm <= 3);
   }
-  // what was read is written as it is read again
+  // round trip
   const auto again = palpate::parse_held_hands(palpate::held_hands_text(*hands), "held");
   must(again.ok() && again->size() == hands->size());
   for (const auto& [name, figures] : *hands) must(again->contains(name));

@@ -9,12 +9,12 @@ namespace palpate {
 namespace {
 
 constexpr const char* kComputer = "this computer";
-// the supervisor's, which is the highest that is asked for
+// priority of the supervisor, the highest that is requested
 constexpr int kMaxPriority = 95;
-// a timer that is later than this often is felt as roughness
+// minimum fraction of punctual ticks; below it the timer is perceived as roughness
 constexpr double kMinOnTime = 0.99;
 
-// the first line of a small file of the kernel's; empty where there is none
+// first line of a small kernel file; empty if missing
 std::string line_of(const std::filesystem::path& file) {
   std::ifstream in(file);
   std::string line;
@@ -26,7 +26,7 @@ std::string who(const std::string& user) {
   return user.empty() ? "NAME (the account that palpate is started from)" : user;
 }
 
-// one and the same for both rights, which stand in one file
+// the same for both rights, which are configured in one file
 std::string rights_cure(const std::string& user) {
   return "an administrator enters these three lines in a terminal, once:\n"
          "  sudo groupadd -f haptics\n"

@@ -8,10 +8,10 @@
 
 namespace palpate {
 
-/// @param grant  what a thread of ours got that asked for all
+/// @param grant  result of a thread's request for all rights
 DoctorLine priority_line(const RealtimeGrant& grant, const std::string& user);
 DoctorLine memory_line(const RealtimeGrant& grant, const std::string& user);
-/// @param root  where /sys and /proc are
+/// @param root  root of /sys and /proc
 DoctorLine governor_line(const std::filesystem::path& root);
 DoctorLine kernel_line(const std::filesystem::path& root);
 DoctorLine timer_line(const TimerFigures& timer, bool realtime);

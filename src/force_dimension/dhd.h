@@ -4,12 +4,12 @@
 
 #include "palpate/base/result.h"
 
-/// The functions of Force Dimension's library that palpate calls, and the numbers that they speak in. Written
-/// from public documentation; nothing of the maker's is needed to build this.
+/// The functions of Force Dimension's library that palpate uses, with their constants. Written from public
+/// documentation; no vendor files are needed for the build.
 namespace palpate::dhd {
 
 // clang-format off
-/// Result, name, arguments. `char` is the device's number.
+/// Result, name, arguments. `char` is the device id.
 #define PALPATE_DHD_NEEDED(X)                                                                            \
   X(int, dhdGetDeviceCount, ())                                                                          \
   X(int, dhdOpenID, (char))                                                                              \
@@ -30,7 +30,7 @@ namespace palpate::dhd {
   X(bool, dhdHasActiveWrist, (char))                                                                     \
   X(bool, dhdHasActiveGripper, (char))                                                                   \
   X(bool, dhdIsLeftHanded, (char))
-/// What only libdrd has, and what older versions lack.
+/// Functions that only libdrd has, or that older versions lack.
 #define PALPATE_DHD_OPTIONAL(X)                                                                          \
   X(int, drdOpenID, (char))                                                                              \
   X(int, drdClose, (char))                                                                               \
@@ -48,7 +48,7 @@ struct Library {
   PALPATE_DHD_OPTIONAL(PALPATE_DHD_MEMBER)
 #undef PALPATE_DHD_MEMBER
 
-  /// Whether arms can be initialised and asked whether they are.
+  /// Whether the library supports initialising arms and querying it.
   bool initialises() const {
     return drdOpenID && drdClose && drdIsInitialized && drdAutoInit && drdStop;
   }
@@ -57,10 +57,10 @@ struct Library {
 /// Errors: those of load_vendor_library().
 Result<Library> load(const std::filesystem::path& file);
 
-/// Answers: any below 0 is a failure.
-inline constexpr int kTimeGuard = 1;  ///< the state is an old one
+/// Positive return value; any negative one is a failure.
+inline constexpr int kTimeGuard = 1;  ///< The returned state is an old one
 
-/// dhdGetSystemType.
+/// Results of dhdGetSystemType.
 enum Type : int {
   kOmega3 = 33,
   kOmega6 = 34,
@@ -74,10 +74,10 @@ enum Type : int {
   kSigma7Left = 105,
 };
 
-/// What dhdGetStatus fills.
+/// Indices into the array that dhdGetStatus fills.
 enum Status : int { kPower, kConnected, kStarted, kReset, kIdle, kForce, kError = 9, kForceOffCause = 14 };
-inline constexpr int kStatusFields = 64;  ///< 17 in 3.17; newer ones fill more
-/// Why forces are off.
+inline constexpr int kStatusFields = 64;  ///< 17 in version 3.17; newer ones have more
+/// Reasons for disabled forces.
 enum OffCause : int {
   kByButton = 1,
   kByVelocity = 2,

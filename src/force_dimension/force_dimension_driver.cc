@@ -19,29 +19,29 @@
 namespace palpate {
 namespace dhd {
 
-/// Why there is no force, the most serious first.
+/// Reasons for the absence of force, the most serious first.
 enum class Trouble : std::uint8_t {
   kNone,
-  kLost,   ///< calls fail, and the device is looked for
-  kInUse,  ///< it is there, and cannot be opened
-  kOther,  ///< another one is in its place
+  kLost,   ///< Calls fail, and the device is searched for
+  kInUse,  ///< It is connected, but cannot be opened
+  kOther,  ///< Another device is in its place
   kNoPower,
-  kNotInitialised,  ///< it does not know where its arm is
-  kByHand,          ///< and has to be led through its workspace
-  kError,           ///< it says that it has an error
-  kBroken,          ///< its pose is no number
-  kButton,          ///< forces were switched off at the device
-  kVelocity,        ///< it was too fast
-  kWatchdog,        ///< nobody spoke to it for a while
+  kNotInitialised,  ///< Its arm's position is unknown
+  kByHand,          ///< It has to be moved through its workspace manually
+  kError,           ///< It reports an error
+  kBroken,          ///< Its pose is not finite
+  kButton,          ///< Forces were disabled at the device
+  kVelocity,        ///< It exceeded its speed limit
+  kWatchdog,        ///< Its watchdog expired
   kUsb,
-  kDeadman,   ///< nobody holds it
-  kForceOff,  ///< forces are off, and it does not say why
-  kSilent,    ///< a call has failed
+  kDeadman,   ///< Its dead man's switch is released
+  kForceOff,  ///< Forces are disabled for an unknown reason
+  kSilent,    ///< A call failed
 };
 
 constexpr char kNobody = -1;
 
-/// Which device it is, apart from its place among others.
+/// Identity of a device, independent of its position in the list.
 struct Identity {
   int type = 0;
   bool left = false;
@@ -49,8 +49,8 @@ struct Identity {
   bool operator==(const Identity&) const = default;
 };
 
-/// A device of the driver. Its library's number belongs to the servo's thread while it is there, and to the
-/// finder's while it is lost; `state` hands it over.
+/// A device of the driver. Its library id belongs to the servo's thread while `state` is kThere, and to the
+/// finder's thread while it is kLost; changes of `state` transfer it.
 struct Unit {
   enum class State : std::uint8_t { kThere, kLost, kBack };
   Identity identity;
@@ -58,18 +58,19 @@ struct Unit {
   DeviceInfo info;
   bool turns = false, gripper = false;
   std::atomic<char> id{kNobody};
-  std::atomic<int> halts{0};  ///< that switch its motors off now, from whatever thread
+  std::atomic<int> halts{0};  ///< Number of threads that are disabling its motors at this moment
   std::atomic<State> state{State::kThere};
   std::atomic<Trouble> trouble{Trouble::kNone};
 
-  // ---- the servo's
+  // ---- the servo's thread
   DeviceSample sample;
   Trouble said_by_status = Trouble::kNone, off_why = Trouble::kNone;
   std::int64_t status_ns = 0, failing_since_ns = 0, unheard_since_ns = 0, off_since_ns = 0;
-  int off_by_hand = 0;     ///< the cause, until the device says that its forces are on; 0: a hand has not
-  bool force_on = false;   ///< as palpate has asked for
-  bool motors_on = true;   ///< as the device said last; not known counts as on
-  bool is_broken = false;  ///< its newest pose is none
+  /// Cause of forces disabled by the operator, until the device reports them enabled; 0: none
+  int off_by_hand = 0;
+  bool force_on = false;   ///< Whether palpate has enabled forces
+  bool motors_on = true;   ///< Whether the device last reported forces enabled; true if unknown
+  bool is_broken = false;  ///< Whether its latest pose is invalid
 };
 
 }  // namespace dhd
@@ -82,7 +83,7 @@ using DhdTrouble = dhd::Trouble;
 using DhdIdentity = dhd::Identity;
 using DhdUnit = dhd::Unit;
 
-// how often a lost device is looked for, and whether one is to be looked for
+// interval of the search for a lost device, and of polling whether a search is wanted
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
 constexpr std::int64_t kLastCall_ns = 1'000'000'000;
 constexpr std::uint16_t kForceDimensionUsb = 0x1451, kFtdiUsb = 0x0403, kFalconUsb = 0xcb48;
@@ -162,12 +163,12 @@ DhdTrouble trouble_of_cause(int cause) {
   }
 }
 
-// a hand, or a fault that only a hand mends
+// disabled by the operator, or for a reason that only the operator can remove
 bool is_by_hand(int cause) {
   return cause == dhd::kByButton || cause == dhd::kByUsb || cause == dhd::kByDeadman;
 }
 
-// from a wrong place the library would carry the arm's weight in a wrong direction
+// with an unknown arm position the library's gravity compensation would act in a wrong direction
 bool is_without_place(DhdTrouble trouble) {
   return trouble == DhdTrouble::kNoPower || trouble == DhdTrouble::kNotInitialised ||
          trouble == DhdTrouble::kByHand || trouble == DhdTrouble::kError || trouble == DhdTrouble::kBroken;
@@ -178,7 +179,7 @@ Error error_for(DhdTrouble trouble, const std::string& where) {
   return {ErrorKind::kUnavailable, words.what, where, words.cure};
 }
 
-/// A call's failure in the library's own words.
+/// Error with the library's own message for a failed call.
 Error said_by(const dhd::Library& library, const std::string& what, const std::string& where,
               const std::string& cure) {
   const char* said = library.dhdErrorGetLastStr();
@@ -216,7 +217,8 @@ std::string name_of(const DhdIdentity& identity) {
   return name;
 }
 
-// the matrix's rows are the device's axes; not quite orthonormal. Empty: it is no turn
+// rotation from a matrix whose rows are the device's axes, only approximately orthonormal. Empty: not a
+// rotation
 std::optional<Eigen::Quaterniond> turn_of(const double (&frame)[3][3]) {
   Eigen::Matrix3d matrix;
   for (int r = 0; r < 3; ++r)
@@ -227,7 +229,7 @@ std::optional<Eigen::Quaterniond> turn_of(const double (&frame)[3][3]) {
 
 }  // namespace
 
-/// Members are grouped by whose they are. The servo's thread is whoever calls run().
+/// Members are grouped by the thread that uses them. The servo's thread is the caller of run().
 class ForceDimensionDriver::Core {
  public:
   explicit Core(const ForceDimensionSettings& settings) : settings_(settings) {}
@@ -282,7 +284,7 @@ class ForceDimensionDriver::Core {
     for (DhdUnit& unit : units)
       if (unit.state.load() == DhdUnit::State::kThere) {
         set_force(unit, {});
-        // brakes: an arm that nobody carries comes down slowly
+        // braking mode: an arm without compensation descends slowly
         library_->dhdStop(unit.id.load());
         unit.force_on = unit.motors_on = false;
       }
@@ -306,7 +308,7 @@ class ForceDimensionDriver::Core {
   }
 
  private:
-  // ---- whoever opens
+  // ---- the thread that opens
   Result<void> open_all(bool may_move) {
     const int count = library_->dhdGetDeviceCount();
     if (count <= 0)
@@ -335,7 +337,7 @@ class ForceDimensionDriver::Core {
   Result<void> initialise(DhdUnit& unit, bool may_move) {
     const char id = unit.id.load();
     if (is_initialised(*library_, id)) return {};
-    // the session waits, and says so
+    // the session waits for manual initialisation and reports it
     if (unit.model.by_hand) return {};
     if (!library_->initialises()) return error_for(DhdTrouble::kNotInitialised, unit.info.name);
     unit.info.moves_by_itself = true;
@@ -343,24 +345,24 @@ class ForceDimensionDriver::Core {
     if (library_->drdAutoInit(id) < 0) {
       const Error failed = said_by(*library_, "the arm could not be initialised", unit.info.name,
                                    "see that nothing is in its way, and begin anew");
-      // its control may still be at it
+      // the library's motion control may still be active
       library_->drdStop(false, id);
       return failed;
     }
-    // the library's own control lets go, with forces on
+    // ends the library's motion control, with forces enabled
     if (library_->drdStop(true, id) < 0)
       return said_by(*library_, "the library goes on moving the arm", unit.info.name,
                      "switch the device off and on again");
     return {};
   }
 
-  /// What has to be said to a device whenever it was opened.
+  /// Settings required after every opening of a device.
   Result<void> prepare(const DhdUnit& unit) {
     const char id = unit.id.load();
     const auto failed = [&](const char* what) {
       return said_by(*library_, what, unit.info.name, "switch the device off and on again");
     };
-    // beside the output stage's own limit
+    // in addition to the limit of the output stage
     if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
       return failed("it takes no limit of its force");
     if (settings_.held_mass_kg) {
@@ -380,7 +382,7 @@ class ForceDimensionDriver::Core {
     info.name = name_of(unit.identity);
     info.drive = DeviceInfo::Drive::kPulled;
     info.peak_force_N = model.peak_force_N;
-    // a limit that somebody has set, and which is not undone here
+    // an existing limit of the device is respected
     if (const double limit_N = library_->dhdGetMaxForce(id); std::isfinite(limit_N) && limit_N > 0)
       info.peak_force_N = std::min(limit_N, info.peak_force_N.value_or(limit_N));
     const bool active_wrist = library_->dhdHasActiveWrist(id);
@@ -434,7 +436,7 @@ class ForceDimensionDriver::Core {
       unit.said_by_status = read_status(unit);
       if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
     }
-    // an old state may hold anything, and says nothing of the newest one
+    // an old state has arbitrary contents, and says nothing about the current one
     if (got != dhd::kTimeGuard) {
       const auto turn = unit.turns ? turn_of(frame) : Eigen::Quaterniond::Identity();
       unit.is_broken = !tip_m.allFinite() || !turn;
@@ -457,7 +459,7 @@ class ForceDimensionDriver::Core {
     sample.buttons = library_->dhdGetButtonMask(id);
     sample.fault = trouble != DhdTrouble::kNone;
     unit.trouble.store(trouble);
-    // the device's button may have switched them on since the halt
+    // the device's own button may have enabled them since the halt
     if (unit.motors_on && (is_without_place(trouble) || halted_.load())) switch_off(unit);
     if (unit.said_by_status != DhdTrouble::kNone) unit.force_on = false;
   }
@@ -473,7 +475,7 @@ class ForceDimensionDriver::Core {
     if (library_->dhdGetStatus(status.data(), id) < 0) return DhdTrouble::kSilent;
     if (!status[dhd::kConnected]) return DhdTrouble::kLost;
     unit.motors_on = status[dhd::kForce];
-    // a hand's word holds until it says otherwise, whatever else the device tells meanwhile
+    // a cause set by the operator persists until forces are enabled, whatever the device reports meanwhile
     const int cause = status[dhd::kForceOffCause];
     if (unit.motors_on) unit.off_by_hand = 0;
     if (!unit.motors_on && is_by_hand(cause)) unit.off_by_hand = cause;
@@ -484,9 +486,9 @@ class ForceDimensionDriver::Core {
     if (!is_initialised(*library_, id))
       return unit.model.by_hand ? DhdTrouble::kByHand : DhdTrouble::kNotInitialised;
     if (unit.off_since_ns != 0) {
-      // by software: a halt's, after the device's own
+      // the cause "software" comes from a halt after the device's own reason
       if (!unit.motors_on && why != dhd::kBySoftware) unit.off_why = trouble_of_cause(why);
-      // who switched them off at the device switches them on there
+      // forces disabled at the device have to be enabled there
       const bool asks = !by_hand && unit.off_why != DhdTrouble::kForceOff;
       if (!calm_for_long(unit) || (!asks && !unit.motors_on)) return unit.off_why;
       unit.off_since_ns = 0;
@@ -495,17 +497,17 @@ class ForceDimensionDriver::Core {
     if (unit.motors_on) return DhdTrouble::kNone;
     if (!by_hand && (!unit.force_on || halted_.load())) return DhdTrouble::kNone;
     unit.force_on = false;
-    // a halt that is over already
+    // from a halt that has ended
     if (why == dhd::kBySoftware) return DhdTrouble::kNone;
     unit.off_since_ns = monotonic_ns();
     unit.off_why = trouble_of_cause(why);
     return unit.off_why;
   }
 
-  // forces that went off by themselves are asked for again no sooner
+  // delay before forces that the device disabled by itself are enabled again
   static bool calm_for_long(DhdUnit& unit) {
     const std::int64_t now_ns = monotonic_ns();
-    // one that is not known is not calm
+    // an unknown velocity does not count as calm
     if (!(unit.sample.velocity_mm_s.norm() <= kCalm_mm_s)) unit.off_since_ns = now_ns;
     return now_ns - unit.off_since_ns >= in_ns(kCalm_s);
   }
@@ -518,7 +520,7 @@ class ForceDimensionDriver::Core {
   }
 
   void lose(DhdUnit& unit) {
-    // who does not tell may still hear
+    // a device that does not report may still accept commands
     set_force(unit, {});
     unit.sample.fault = true;
     unit.force_on = false;
@@ -540,7 +542,7 @@ class ForceDimensionDriver::Core {
     const bool halted = halted_.load();
     if (halted) unit.force_on = false;
     const bool fine = !halted && !unit.sample.fault && unit.sample.taken_ns != 0;
-    // zero first, and then the motors' switch
+    // a zero command precedes enabling the motors
     const bool enables = fine && !unit.force_on;
     if (!set_force(unit, fine && !enables ? command : DeviceCommand{})) return unheard(unit);
     unit.unheard_since_ns = 0;
@@ -548,19 +550,19 @@ class ForceDimensionDriver::Core {
   }
 
   void switch_on(DhdUnit& unit) {
-    // a hand may have been at the device's own switch since it was asked last
+    // the operator may have used the device's own switch since the last query
     unit.said_by_status = read_status(unit);
     if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
     if (unit.said_by_status != DhdTrouble::kNone) return;
     unit.force_on = library_->dhdEnableForce(1, unit.id.load()) >= 0;
     unit.motors_on = true;
-    // a halt that came meanwhile
+    // a halt arrived meanwhile
     if (halted_.load()) switch_off(unit);
   }
 
-  // motors hold what they were told last
+  // a device that rejects commands keeps the last force, so its motors are disabled
   void unheard(DhdUnit& unit) {
-    // once: a hand that switches them on has to be seen first
+    // only once: if the operator enables them, that has to be observed first
     if (unit.motors_on) switch_off(unit);
     unit.force_on = false;
     const std::int64_t now_ns = monotonic_ns();
@@ -586,8 +588,8 @@ class ForceDimensionDriver::Core {
     }
   }
 
-  // Nobody calls about it any more, nor is in a call: a halt may come from any thread, and must not wait. One
-  // that the library keeps in there keeps the device open as well.
+  // Takes the id, after which no thread makes calls for the device, and waits for calls in progress: a halt
+  // may come from any thread and must not wait. If such a call hangs in the library, the device stays open.
   static char take_back(DhdUnit& unit) {
     const char id = unit.id.exchange(kNobody);
     const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
@@ -621,7 +623,7 @@ class ForceDimensionDriver::Core {
       if (identity_of(*library_, id) != unit.identity) {
         why = DhdTrouble::kOther;
       } else if (!unit.model.by_hand && !is_initialised(*library_, id)) {
-        // the maker's program can have it until then
+        // closed again meanwhile, so that the vendor's program can initialise it
         why = DhdTrouble::kNotInitialised;
       } else {
         unit.id.store(id);

@@ -13,7 +13,7 @@
 #include "palpate/device/bounds.h"
 #include "palpate/servo/servo_loop.h"
 
-/// The driver with a device in good order.
+/// The driver with working devices.
 namespace palpate {
 namespace {
 
@@ -24,7 +24,7 @@ using testing::FakeDhd;
 using ::testing::HasSubstr;
 using testing::soon;
 
-// the same wrench again and again, and the last samples
+// sends a constant wrench and records the last samples
 class DhdConstant final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -55,11 +55,11 @@ struct DhdModelCase {
   double peak_N;
   int in, out, buttons;
   bool left, turns, gripper;
-  double torque_Nmm, gripper_N;  ///< 0: is not known or not there
+  double torque_Nmm, gripper_N;  ///< 0: unknown or not available
   double reach_mm, step_mm;
 };
 class DhdModels : public ::testing::TestWithParam<DhdModelCase> {};
-// the reference's table of limits, and which device turns, grips and pushes how
+// the reference's table of limits, and the capabilities of each device
 INSTANTIATE_TEST_SUITE_P(
     Each, DhdModels,
     ::testing::Values(DhdModelCase{33, "omega.3", 12, 3, 3, 1, false, false, false, 0, 0, 75, 0.01},
@@ -95,9 +95,9 @@ TEST_P(DhdModels, SayWhatTheyAre) {
   EXPECT_EQ(info.gripper, expected.gripper);
   ASSERT_TRUE(info.workspace);
   EXPECT_NEAR((info.workspace->high - info.workspace->low).norm(), 2 * expected.reach_mm, 1e-9);
-  // to the user, right, up
+  // device axes: towards the user, right, up
   EXPECT_NEAR((info.R_WorldDevice * Vector<Device>(1, 2, 3) - Vector<World>(2, -1, 3)).norm(), 0, 1e-12);
-  // said to the device, too
+  // also set at the device
   EXPECT_EQ(rig.device.max_force_N, expected.peak_N);
   EXPECT_EQ(rig.device.gravity, 1);
   EXPECT_EQ(rig.device.held_kg, -1);
@@ -120,7 +120,7 @@ TEST_P(DhdModels, EachAxisUnitButtonAndTheGripperIsInItsPlace) {
   DhdConstant servo;
   std::thread running([&] { rig.driver->run(servo, rig.clock); });
   EXPECT_TRUE(soon([&] { return rig.device.force_N > 0.9; }));
-  // the hand gives way by half a millimetre at most
+  // the hand yields by at most half a millimetre
   const DeviceSample sample = servo.last()[0];
   EXPECT_NEAR(sample.tip.x(), 10, 0.6);
   EXPECT_NEAR(sample.tip.y(), -20, 0.6);
@@ -133,7 +133,7 @@ TEST_P(DhdModels, EachAxisUnitButtonAndTheGripperIsInItsPlace) {
     EXPECT_EQ(sample.gripper_rad, 0.3);
   else
     EXPECT_TRUE(std::isnan(sample.gripper_rad));
-  // N as they are, N mm as N m
+  // N unchanged, N mm converted to N m
   EXPECT_EQ(rig.device.asked_x_N, 0.25);
   EXPECT_EQ(rig.device.asked_y_N, -0.5);
   EXPECT_EQ(rig.device.asked_z_N, 0.75);
@@ -141,7 +141,7 @@ TEST_P(DhdModels, EachAxisUnitButtonAndTheGripperIsInItsPlace) {
   EXPECT_DOUBLE_EQ(rig.device.asked_y_Nm, 0.02);
   EXPECT_DOUBLE_EQ(rig.device.asked_z_Nm, -0.03);
   EXPECT_EQ(rig.device.asked_gripper_N, 1.5);
-  // the hand is led 5 mm further
+  // the hand moves by 5 mm
   rig.device.intended_x_mm = 15;
   EXPECT_TRUE(soon([&] { return servo.last()[0].tip.x() > 14; }));
   rig.clock.stop = true;
@@ -186,7 +186,7 @@ TEST(ForceDimension, AnArmThatMovesNeedsConsent) {
   const auto failed = stuck.driver->open(true);
   ASSERT_FALSE(failed.ok());
   EXPECT_THAT(failed.error().what, HasSubstr("could not be initialised"));
-  // the library's own control has let go
+  // the library's motion control has ended
   EXPECT_EQ(stuck.fake.violations, 0) << stuck.fake.first_violation.load();
 }
 
@@ -219,7 +219,7 @@ TEST(ForceDimension, HaltGivesZerosUntilResume) {
   EXPECT_TRUE(rig.presses());
 }
 
-// the device's own switch has the last word, whatever palpate was at when it was pressed
+// the device's own switch has precedence, whatever palpate was doing when it was pressed
 TEST(ForceDimension, AHandThatSwitchesForcesOffDuringAHaltIsObeyed) {
   for (const int cause : {1, 5, 6}) {
     DhdRig rig;
@@ -237,7 +237,7 @@ TEST(ForceDimension, AHandThatSwitchesForcesOffDuringAHaltIsObeyed) {
   }
 }
 
-// and one that switches them on gets none of palpate's halt's
+// forces enabled by the operator during a halt are disabled again
 TEST(ForceDimension, AHandThatSwitchesForcesOnDuringAHaltDoesNotEndIt) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
@@ -307,7 +307,7 @@ TEST(ForceDimension, SeveralDevicesAreOfOneDriver) {
   EXPECT_TRUE(soon([&] { return fake.device[0].force_N > 0.9 && fake.device[1].force_N > 0.9; }));
   EXPECT_NEAR(servo.last()[0].tip.x(), 1.2, 0.2);
   EXPECT_NEAR(servo.last()[1].tip.x(), -3, 0.2);
-  // one that is lost is a fault of its own
+  // a lost device is a fault of that device only
   fake.device[1].plugged = false;
   EXPECT_TRUE(soon([&] { return servo.last()[1].fault && driver.trouble(); }));
   EXPECT_EQ(driver.trouble()->where, "sigma.7 (left) no. 118");
@@ -321,7 +321,7 @@ TEST(ForceDimension, SeveralDevicesAreOfOneDriver) {
 }
 
 TEST(ForceDimension, InALoopNothingIsStrongerOrStifferThanItBears) {
-  // the ball's surface lies 12 mm to the right of the middle, which is the device's y
+  // the ball's surface is 12 mm to the right of the centre, along the device's y
   DhdRig rig(33, false);
   rig.device.intended_x_mm = 0;
   rig.device.intended_y_mm = testing::kBoneRadius_mm - 3;
@@ -375,7 +375,7 @@ TEST(ForceDimension, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
   settings.library.file = __FILE__;
   ForceDimensionDriver no_library(settings);
   EXPECT_THAT(refusal(no_library), HasSubstr("cannot be loaded"));
-  // named one by one
+  // missing functions are listed
   ForceDimensionDriver too_old(fake_dhd_settings(PALPATE_FAKE_OLD_DHD));
   EXPECT_THAT(refusal(too_old), HasSubstr("does not have dhdHasActiveGripper, dhdIsLeftHanded\n"));
 }

@@ -11,7 +11,8 @@
 #include "base/test_seed.h"
 #include "force_dimension/test_dhd_rig.h"
 
-/// The driver when something breaks: no force first, then words, then on with it.
+/// The driver under faults: the force is removed first, then the fault is reported, then the session
+/// continues.
 namespace palpate {
 namespace {
 
@@ -30,7 +31,7 @@ INSTANTIATE_TEST_SUITE_P(Each, DhdFaults, ::testing::ValuesIn(dhd_faults()), [](
 });
 
 TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
-  // one that turns
+  // a device with orientation
   DhdRig rig(35);
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.device);
@@ -39,7 +40,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   EXPECT_EQ(rig.device.force_N, 0);
-  // nor what the library pushes with by itself, the arm's weight. A device that is not reached lets go alone
+  // gravity compensation ends as well. A device that cannot be reached releases by its own watchdog
   const bool is_reached = rig.device.plugged && !rig.device.fails;
   EXPECT_TRUE(!is_reached || soon([&] { return !rig.device.forces_on; }));
   GetParam().end(rig.device);
@@ -50,7 +51,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-// what is not a fault: the state ages, and the output stage sees to it
+// not a fault: the state ages, and the output stage handles that
 TEST(DhdFaultsAlone, OldStatesAge) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
@@ -67,7 +68,7 @@ TEST(DhdFaultsAlone, OldStatesAge) {
   EXPECT_TRUE(rig.presses()) << "motors that give less are no fault";
 }
 
-// forces that the device has switched off by itself are not asked for while it moves, or may
+// forces that the device disabled by itself are not enabled while it moves, or may be moving
 TEST(DhdFaultsAlone, AfterAVelocityTripItHasToBeHeldStill) {
   const auto calm = std::chrono::duration<double>(ForceDimensionDriver::kCalm_s);
   for (const double velocity_m_s : {0.06, std::nan("")}) {
@@ -83,18 +84,18 @@ TEST(DhdFaultsAlone, AfterAVelocityTripItHasToBeHeldStill) {
     const auto still = std::chrono::steady_clock::now();
     rig.device.velocity_y_m_s = 0.04;
     ASSERT_TRUE(rig.presses());
-    // the device was asked 4 ms before, at most
+    // the last status query was at most 4 ms earlier
     EXPECT_GE(std::chrono::steady_clock::now() - still, calm - std::chrono::milliseconds(20));
   }
 }
 
-// motors hold what they were told last
+// motors keep the last commanded force
 TEST(DhdFaultsAlone, OneThatDoesNotHearForcesIsSwitchedOff) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.deaf = true;
   EXPECT_TRUE(soon([&] { return rig.device.force_N == 0 && !rig.device.forces_on; }));
-  // it is opened anew again and again, and never pushes
+  // it is reopened repeatedly, without ever exerting force
   std::atomic<double> max_N{0};
   const int opened = rig.device.opened;
   EXPECT_TRUE(soon([&] {
@@ -125,7 +126,7 @@ TEST(DhdFaultsAlone, AnotherDeviceInItsPlaceIsNamedAndNotFelt) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-// back, and not initialised: it is let go so that the maker's program can have it
+// a device that returns uninitialised is closed, so that the vendor's program can open it
 TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
   DhdRig rig(35, false);
   rig.device.initialised = false;
@@ -142,7 +143,7 @@ TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
   EXPECT_TRUE(rig.presses());
 }
 
-// and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
+// the force never exceeds the wall's. PALPATE_TEST_FAULTS=200 sets their number
 TEST(DhdFaultsAlone, AnySequenceOfThemIsOutlived) {
   DhdRig rig(35);
   testing::outlive_any(rig, rig.device, dhd_faults(), 6);
@@ -151,7 +152,7 @@ TEST(DhdFaultsAlone, AnySequenceOfThemIsOutlived) {
   EXPECT_LE(rig.device.largest_N, testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
 }
 
-// ended in the middle of whatever it does
+// destroyed at a random time
 TEST(DhdFaultsAlone, MayEndAtAnyMoment) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -163,7 +164,7 @@ TEST(DhdFaultsAlone, MayEndAtAnyMoment) {
     fault.begin(rig.device);
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 150));
     rig.end();
-    // before it is closed. One that is not reached lets go by itself
+    // before it is closed. A device that cannot be reached releases by its own watchdog
     const bool is_reached = rig.device.plugged && !rig.device.fails;
     EXPECT_TRUE(!is_reached || rig.device.force_N == 0) << fault.name;
     rig.driver.reset();

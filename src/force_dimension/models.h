@@ -4,18 +4,19 @@
 
 namespace palpate::dhd {
 
-/// What public documents say of a device. What is not said is empty.
+/// Published specifications of a device; empty: unknown.
 struct DeviceModel {
   const char* name;
   std::optional<double> peak_force_N, peak_gripper_N, peak_torque_Nmm, position_step_mm;
-  std::optional<double> reach_mm;  ///< radius of the ball that the tip reaches
-  bool turns = false;              ///< it has a wrist that tells how the tool is turned
+  std::optional<double> reach_mm;  ///< Radius of the tip's reachable ball
+  bool turns = false;              ///< Whether it has a wrist that measures orientation
   bool gripper = false;
   int buttons = 1;
-  bool by_hand = false;  ///< is initialised by moving it through its workspace, and never moves by itself
+  /// Whether it is initialised manually, by moving it through its workspace, and never moves by itself
+  bool by_hand = false;
 };
 
-/// By dhdGetSystemType. Of a type that is not known all is empty but the name.
+/// Specifications by dhdGetSystemType. For an unknown type everything but the name is empty.
 DeviceModel model_of(int type);
 
 }  // namespace palpate::dhd

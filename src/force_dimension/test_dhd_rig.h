@@ -12,7 +12,7 @@
 
 namespace palpate::testing {
 
-/// The stand-in in a file, as the driver will find it there; as at the beginning.
+/// Loads the fake library that the driver will find in this file, and resets it.
 inline FakeDhd& fake_dhd(const char* file = PALPATE_FAKE_DRD) {
   void* const library = ::dlopen(file, RTLD_NOW | RTLD_LOCAL);
   EXPECT_NE(library, nullptr) << ::dlerror();
@@ -32,7 +32,7 @@ struct DhdSide {
   FakeDhdDevice& device = fake.device[0];
 };
 
-/// A driver that runs with the stand-in.
+/// A driver connected to the fake library.
 class DhdRig : public DhdSide, public DriverRig<ForceDimensionDriver> {
  public:
   explicit DhdRig(int type = 33, bool begins = true)

@@ -10,15 +10,14 @@
 #include "palpate/base/clock.h"
 #include "palpate/device/simulated_device.h"
 
-/// A stand-in for Force Dimension's library. It counts as violations what the documentation forbids: calls to
-/// a device that is not open, two threads in calls about one device (but for the switch of its forces),
-/// forces while the library moves the arm, a force that is no number, an end with forces on or while the
-/// library moves the arm; and, of palpate's own rules, forces that are asked for after a hand has switched
-/// them off.
+/// Fake of Force Dimension's library. It counts violations of the documentation: calls for a device that is
+/// not open, concurrent calls of two threads for one device (except enabling and disabling forces), forces
+/// while the library moves the arm, a non-finite force, closing with forces enabled or while the library
+/// moves the arm; and violations of palpate's own rule that forces disabled by the operator are not enabled.
 namespace palpate::testing {
 namespace {
 
-// a device that hears nothing for so long lets go
+// timeout of the device's watchdog
 constexpr std::int64_t kWatchdog_ns = 300'000'000;
 
 FakeDhd& fake() {
@@ -40,12 +39,12 @@ SimulatedDevice hand_of(const FakeDhdDevice& device) {
   return hand;
 }
 
-/// What the library itself knows of a device.
+/// Internal state of the library for a device.
 struct Behind {
   bool open = false, moves = false;
-  std::atomic<bool> gone{false};  ///< was unplugged since it was opened
+  std::atomic<bool> gone{false};  ///< Disconnected since it was opened
   std::atomic<int> inside{0};
-  std::mutex mutex;  // of what follows
+  std::mutex mutex;  // protects the following members
   std::optional<SimulatedDevice> hand;
   DeviceCommand acting;
   std::int64_t advanced_ns = 0, spoken_ns = 0;
@@ -60,7 +59,7 @@ int failed(int error) {
   return -1;
 }
 
-/// A call about a device. Not ok(): it fails.
+/// A call for a device. Not ok(): it fails.
 class Call {
  public:
   explicit Call(char id, bool from_any_thread = false) : any_(from_any_thread) {
@@ -68,7 +67,7 @@ class Call {
     known_ = &behind[static_cast<std::size_t>(id)];
     device_ = &fake().device[static_cast<std::size_t>(id)];
     if (!any_ && known_->inside.fetch_add(1) > 0) violated("two threads in calls about one device");
-    // the switch may come too late
+    // the call that disables forces may come after closing
     if (!known_->open && !any_) violated("a call about a device that is not open");
     if (!device_->plugged) known_->gone = true;
   }
@@ -88,7 +87,7 @@ class Call {
   FakeDhdDevice* device_ = nullptr;
 };
 
-// with its mutex held: the hand goes on, and the device does what it does by itself
+// advances the hand and the device's own behaviour; requires the mutex
 void go_on(Behind& known, FakeDhdDevice& device) {
   const std::int64_t now_ns = monotonic_ns();
   if (const int trip = device.trip.exchange(0)) {
@@ -128,7 +127,7 @@ int open_one(char id) {
   known.open = true;
   known.gone = false;
   known.moves = known.on = false;
-  // the device's own switch is as it was
+  // the device's own switch is unaffected
   if (!by_hand(known.off_cause)) known.off_cause = 4;
   known.acting = {};
   known.hand.emplace(hand_of(device));
@@ -146,7 +145,7 @@ int close_one(char id) {
   if (call.ok() && call.known().on) violated("closed with forces on");
   if (call.ok() && call.known().moves) violated("closed while the library moves the arm");
   call.known().open = false;
-  // one that hears nobody lets go by itself
+  // a device that cannot be reached releases by itself
   if (!call.ok()) call.device().force_N = 0;
   return 0;
 }
@@ -205,7 +204,7 @@ bool drdIsInitialized(char id) {
 int drdAutoInit(char id) {
   Call call(id);
   if (!call.ok()) return failed(2);
-  // and does not stop by itself where it fails
+  // the motion does not end by itself on failure
   call.known().moves = true;
   if (fake().auto_init_fails) return failed(12);
   call.device().initialised = true;
@@ -277,7 +276,7 @@ int dhdEnableForce(unsigned char on, char id) {
   if (!call.ok()) return failed(2);
   const std::lock_guard lock(call.known().mutex);
   if (on && !call.known().on) call.known().spoken_ns = palpate::monotonic_ns();
-  // what was switched off at the device is switched on there
+  // forces disabled at the device have to be enabled there
   if (on && !call.known().on && palpate::testing::by_hand(call.known().off_cause)) {
     violated("forces asked for that a hand has switched off");
     return 0;
@@ -341,7 +340,7 @@ int dhdGetStatus(int* status, char id) {
   if (!call.ok()) return failed(2);
   const std::lock_guard lock(call.known().mutex);
   go_on(call.known(), call.device());
-  // more fields than 3.17 has
+  // more fields than version 3.17 has
   std::fill_n(status, 24, 0);
   status[0] = call.device().power;
   status[1] = call.device().plugged;

@@ -26,22 +26,22 @@ namespace beast = boost::beast;
 using tcp = asio::ip::tcp;
 using Clock = std::chrono::steady_clock;
 
-// where nobody listens that is known at once
+// a closed port is detected immediately
 constexpr auto kConnectPatience = std::chrono::seconds(2);
 constexpr auto kSendPatience = std::chrono::milliseconds(10);
-// more than the state of as many devices as there may be
+// larger than the state of the maximum number of devices
 constexpr std::size_t kMaxMessage_bytes = 64 << 10, kMaxAnswer_bytes = 8 << 10;
 
 Clock::time_point at(std::int64_t ns) {
   return Clock::time_point(std::chrono::nanoseconds(ns));
 }
 
-/// A socket for Beast's blocking calls, which end when their time is over. Every tick waits for an answer,
-/// and Asio's reactor would add a system call and its handlers to each.
+/// Socket with deadlines for Beast's blocking calls. Each tick waits for a reply, and Asio's reactor would
+/// add a system call and handler overhead to each.
 class TimedSocket {
  public:
-  /// Nothing came in time. Beast has changed nothing then and can be asked again, which it cannot after an
-  /// error.
+  /// Thrown when the deadline passes without data. Beast's state is unchanged then and the call can be
+  /// repeated, unlike after an error.
   struct NothingYet {};
   using executor_type = tcp::socket::executor_type;
 
@@ -49,8 +49,8 @@ class TimedSocket {
   executor_type get_executor() { return socket_.get_executor(); }
   void wait_until(Clock::time_point until) { until_ = until; }
 
-  /// @param until  also of what is read and written next
-  /// False: nobody listens there, or it is not connected by then.
+  /// Connects; the deadline also applies to subsequent reads and writes. Returns false if the port is closed
+  /// or the deadline passes.
   bool connect(const std::string& host, std::uint16_t port, Clock::time_point until) {
     until_ = until;
     boost::system::error_code error;
@@ -59,9 +59,9 @@ class TimedSocket {
     const tcp::endpoint endpoint(address, port);
     socket_.open(endpoint.protocol(), error);
     if (error) return false;
-    // what waits is wait_for()
+    // blocking is done by wait_for()
     socket_.non_blocking(true, error);
-    // without it a small message waits for the one before it to be acknowledged
+    // disables Nagle's algorithm, which would delay a small message until the previous one is acknowledged
     if (!error) socket_.set_option(tcp::no_delay(true), error);
     if (error) return false;
     if (::connect(socket_.native_handle(), endpoint.data(), static_cast<socklen_t>(endpoint.size())) == 0)
@@ -91,7 +91,7 @@ class TimedSocket {
   std::size_t write_some(const Buffers& buffers) {
     return checked([&](auto& error) { return write_some(buffers, error); });
   }
-  /// Beast closes a failed connection by this.
+  /// Called by Beast to close a failed connection.
   friend void teardown(beast::role_type /*role*/, TimedSocket& socket, boost::system::error_code& error) {
     socket.socket_.close(error);
   }
@@ -104,7 +104,7 @@ class TimedSocket {
     if (error) throw boost::system::system_error(error);
     return count;
   }
-  /// False: the time is over.
+  /// Waits for a poll event. Returns false if the deadline passes.
   bool wait_for(short event) {
     pollfd one{socket_.native_handle(), event, 0};
     for (;;) {
@@ -121,7 +121,7 @@ class TimedSocket {
   Clock::time_point until_;
 };
 
-/// The body of a 200, empty for everything else.
+/// Body of a response with status 200, otherwise empty.
 std::string http_get(const std::string& host, std::uint16_t port, const char* target) try {
   asio::io_context context(1);
   TimedSocket socket(context);
@@ -141,7 +141,7 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
 } catch (const TimedSocket::NothingYet&) {
   return "";
 } catch (const boost::system::system_error&) {
-  // no more handles
+  // out of file descriptors
   return "";
 }
 
@@ -155,7 +155,7 @@ Error not_there(const HaplySettings& settings) {
 }  // namespace
 
 Result<ServiceVersion> find_service(const HaplySettings& settings) {
-  // a newer service answers where its WebSocket is, the older ones at a port of their own
+  // newer services answer on the WebSocket port, older ones on a separate port
   struct Place {
     std::uint16_t port;
     const char* target;

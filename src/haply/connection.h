@@ -11,14 +11,14 @@
 
 namespace palpate::haply {
 
-/// Which service listens there, asked by HTTP; force_key() says whether its version is known. Error
-/// kUnavailable where none answers. Takes some seconds at most, and a moment where nobody listens.
+/// Finds the service and its version by HTTP; force_key() tells whether the version is supported. Error
+/// kUnavailable if none answers. Takes some seconds at most, and returns immediately if the port is closed.
 Result<ServiceVersion> find_service(const HaplySettings& settings);
 
-/// A WebSocket to the service, of one thread at a time. No call waits longer than it says.
+/// A WebSocket connection to the service, used by one thread at a time. Every call is bounded in time.
 class Connection {
  public:
-  /// @param port  of the settings
+  /// @param port  WebSocket port of the settings
   /// Error kUnavailable. Takes two seconds at most.
   static Result<std::unique_ptr<Connection>> open(const HaplySettings& settings, std::uint16_t port);
   ~Connection();
@@ -26,10 +26,11 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
 
   enum class Received { kMessage, kNothing, kLost };
-  /// The next message, or nothing until then; a call after a lost one is lost.
-  /// @param until_ns  of monotonic_ns()
+  /// Receives the next message, or kNothing if the time is over. Once the connection is lost every call
+  /// returns kLost.
+  /// @param until_ns  deadline, on the clock of monotonic_ns()
   Received receive(std::string& text, std::int64_t until_ns);
-  /// False: lost. Waits a hundredth of a second at most, where the service does not read.
+  /// Returns false if the connection is lost. Blocks at most 10 ms if the service does not read.
   bool send(std::string_view text);
 
  private:

@@ -21,7 +21,7 @@ using palpate::testing::service_frame;
 using palpate::testing::TestServiceSocket;
 using std::chrono::milliseconds;
 
-/// Accepts one connection and writes bytes onto it.
+/// Accepts one connection and writes raw bytes.
 class RawService {
  public:
   RawService() : listening_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
@@ -35,7 +35,7 @@ class RawService {
     settings_.port = ntohs(address.sin_port);
   }
   const HaplySettings& settings() const { return settings_; }
-  /// Pieces, each after a pause; then what `then` does with the socket.
+  /// Sends pieces with a pause after each, then calls `then` with the socket.
   template <class Then>
   void serve(std::vector<std::string> pieces, milliseconds pause, Then then) {
     thread_ = std::thread([this, pieces = std::move(pieces), pause, then] {
@@ -59,14 +59,14 @@ class RawService {
   std::thread thread_;
 };
 
-/// Reads one text, for two seconds at most.
+/// Reads one text message, for two seconds at most.
 void read_text(TestServiceSocket& socket) {
   std::string text;
   EXPECT_EQ(socket.read_for(milliseconds(2000), text), TestServiceSocket::Read::kMessage);
 }
 
-/// What comes within two seconds, asked for again and again as the driver does. @param nothings  times that
-/// there was none
+/// Next message within two seconds, polled as by the driver.
+/// @param nothings  number of calls without a message
 Connection::Received next(Connection& connection, std::string& text, int& nothings) {
   const std::int64_t end_ns = monotonic_ns() + 2'000'000'000;
   while (monotonic_ns() < end_ns) {
@@ -77,8 +77,8 @@ Connection::Received next(Connection& connection, std::string& text, int& nothin
   return Connection::Received::kNothing;
 }
 
-// a message in pieces, with pauses longer than anybody waits: within its header, its length, its text and
-// between its frames, and with the service's question in between
+// a message in fragments, with pauses longer than any timeout: within its header, its length, its payload and
+// between its frames, and with a ping in between
 TEST(HaplyConnection, AMessageInPiecesComesWhole) {
   const std::string long_text(300, 'a'), all = service_frame(long_text) + service_frame("one", 1, false) +
                                                service_frame("?", 9) + service_frame("two", 0);
@@ -110,7 +110,7 @@ TEST(HaplyConnection, AMessageInPiecesComesWhole) {
   EXPECT_TRUE(answered);
 }
 
-// what came together is told one after another, though nothing more can be heard
+// messages received together are returned one by one, even if the connection is lost afterwards
 TEST(HaplyConnection, TwoMessagesAtOnceAreTwo) {
   RawService service;
   service.serve({service_frame("first") + service_frame("second") + service_frame("third")}, milliseconds(0),
@@ -147,7 +147,7 @@ TEST(HaplyConnection, AClosedOneStaysLost) {
   }
 }
 
-// a service that reads nothing more holds nobody up
+// sending to a service that does not read is bounded in time
 TEST(HaplyConnection, SendingToWhoDoesNotReadEnds) {
   std::atomic<bool> ended{false};
   RawService service;

@@ -25,23 +25,23 @@ using haply::State;
 using haply::Status;
 
 constexpr auto kInventoryPatience_ns = std::int64_t{2'000'000'000};
-// a machine that begins a session has much else to do
+// longer at the start of a session, when the machine is busy
 constexpr double kOpenPatience_s = 5;
-// round trips by which the rate is known
+// number of round trips from which the rate is estimated
 constexpr int kMeasured = 40;
-// how often a lost service is looked for, and whether it is to be looked for
+// interval of the search for a lost service, and of polling whether a search is wanted
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
-// the servo's pace while there is nobody to exchange with
+// period of the servo while there is no connection
 constexpr auto kLostPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kLastZero_ns = 20'000'000;
-// answers that say nothing, one after the other, until another connection is looked for
+// number of consecutive invalid replies after which the connection is replaced
 constexpr int kMaxBroken = 20;
-// events that are listened to before anything else is looked at
+// maximum number of events processed before other work
 constexpr int kMaxEvents = 100;
-// states nobody asked for that are read before a request, and how long that may take
+// maximum number of unsolicited states read before a request, and maximum time for it
 constexpr int kMaxDrained = 256;
 constexpr std::int64_t kDraining_ns = 500'000;
-// half an edge of the largest cube in the ball of 100 mm that can be reached
+// half edge of the largest cube in the reachable ball of 100 mm radius
 constexpr double kHalfReach_mm = 57.7;
 
 std::int64_t in_ns(double seconds) {
@@ -52,23 +52,23 @@ std::int64_t in_ns(double seconds) {
 
 namespace haply {
 
-/// Why there is no force, the most serious first.
+/// Reasons for the absence of force, the most serious first.
 enum class Trouble : std::uint8_t {
   kNone,
-  kLost,          ///< the connection was closed
-  kNoService,     ///< and nobody answers since
-  kOtherVersion,  ///< who answers is of a version that is not known
-  kSilent,        ///< requests are not answered
-  kBroken,        ///< they are, by what nobody understands
-  kBehind,        ///< states may come from a queue (SenderPace), so that the age of the next one is unknown
-  kBrake,         ///< the service has told of a brake or a disconnection a moment ago
-  kGone,          ///< a device is not in the service's list any more
+  kLost,          ///< The connection was closed
+  kNoService,     ///< The connection was closed, and no service answers
+  kOtherVersion,  ///< The service that answers has an unsupported version
+  kSilent,        ///< Requests are not answered
+  kBroken,        ///< Replies are invalid
+  kBehind,        ///< States may come from a queue (SenderPace), so that their age is unknown
+  kBrake,         ///< A brake or a disconnection was reported recently
+  kGone,          ///< A device is no longer in the service's list
   kNoPower,
   kNotCalibrated,
   kNotReady,
 };
 
-/// A connection and what the service has told at its beginning.
+/// A connection, and the service's version and inventory.
 struct Found {
   ServiceVersion version;
   std::unique_ptr<Connection> connection;
@@ -82,7 +82,7 @@ namespace {
 using haply::Found;
 using haply::Trouble;
 
-// of what a device says about itself; what it does not say is fine
+// trouble reported by a device; anything not reported counts as fine
 Trouble trouble_of(const Status& status) {
   if (!status.power_supply.value_or(true)) return Trouble::kNoPower;
   if (!status.calibrated.value_or(true)) return Trouble::kNotCalibrated;
@@ -144,7 +144,7 @@ std::string state_in_words(const Status& status) {
   return trouble == Trouble::kNone ? "ready" : words_for(trouble).what;
 }
 
-/// Why there is none: kNoService, kOtherVersion, kSilent or kBroken.
+/// Reason of a failed search: kNoService, kOtherVersion, kSilent or kBroken.
 struct NotFound {
   Trouble why = Trouble::kNoService;
   Error error;
@@ -171,14 +171,14 @@ std::variant<Found, NotFound> find(const HaplySettings& settings) {
 
 }  // namespace
 
-/// Whether a sender's states may come from a queue, by how many come that nobody asked for. After a stall,
-/// and when more come than its pace explains, they may, until a window of time has no more than that. A pace
-/// that is kept up for long is the sender's own.
+/// Decides whether a sender's states may come from a queue, by the number of unsolicited states. They may
+/// after a stall, and when more arrive than the known pace explains, until a time window contains no more
+/// than that. A pace that is sustained becomes the known pace.
 class SenderPace {
  public:
   explicit SenderPace(std::int64_t now_ns = 0) : seen_ns_(now_ns), begun_ns_(now_ns) {}
 
-  /// @param count  of states that had come unasked since the last call
+  /// @param count  number of unsolicited states since the last call
   void see(int count, std::int64_t now_ns) {
     const bool stalled = now_ns - seen_ns_ > kStall_ns;
     seen_ns_ = now_ns;
@@ -200,7 +200,7 @@ class SenderPace {
     begun_ns_ = now_ns;
     count_ = 0;
   }
-  /// They may from now on.
+  /// States may be queued from now on.
   void doubt(std::int64_t now_ns) {
     if (!queued_) kept_up_ = 0;
     queued_ = true;
@@ -212,9 +212,11 @@ class SenderPace {
  private:
   static constexpr std::int64_t kStall_ns = 10'000'000;
   static constexpr double kWindow_s = 0.02;
-  // states more than the pace says in a window, and by which factor; how far two windows of a pace may differ
+  // tolerance in states per window, and factor relative to the known pace; maximum difference of successive
+  // windows of a steady pace
   static constexpr double kSurplus = 4, kAbove = 1.5, kSteady = 0.25;
-  // part of a new pace that is believed in each window; windows in a row until it is believed at once
+  // low-pass coefficient of the known pace per window; number of steady windows after which a new pace is
+  // adopted at once
   static constexpr double kFollowed = 0.1;
   static constexpr int kKeptUp = 25;
 
@@ -224,7 +226,7 @@ class SenderPace {
   double pace_hz_ = 0, before_hz_ = 0;
 };
 
-/// Members are grouped by whose they are. The servo's thread is whoever calls run().
+/// Members are grouped by the thread that uses them. The servo's thread is the caller of run().
 class HaplyDriver::Core {
  public:
   explicit Core(const HaplySettings& settings) : settings_(settings) {}
@@ -278,7 +280,8 @@ class HaplyDriver::Core {
     bool told = false;
     while (!clock.stopped()) {
       told = (connection_ ? exchange() : wait_for_service()) || told;
-      // where the tips are is known to begin with, and before long that it is not
+      // the initial tip positions come from open(); after kSilence_s without a sample the servo runs with
+      // stale ones
       if (told || monotonic_ns() - begun_ns > in_ns(kSilence_s))
         servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
@@ -294,9 +297,9 @@ class HaplyDriver::Core {
   }
 
  private:
-  // ---- the servo's thread; before it runs, whoever opens
+  // ---- the servo's thread, and before run() the thread that opens
 
-  // A whole exchange, or what of it there was time for. True: the samples are new.
+  // One exchange, or the part of it that fits into the timeouts. Returns true if the samples are new.
   bool exchange() {
     if (outstanding_ == 0) {
       std::this_thread::sleep_for(std::chrono::nanoseconds(
@@ -304,7 +307,7 @@ class HaplyDriver::Core {
       if (!drain()) return lose(Trouble::kLost);
       if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Trouble::kLost);
     } else if (!zero_asked_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
-      // who does not answer may still read
+      // a service that does not reply may still read
       zero_asked_ = true;
       note(Trouble::kSilent);
       if (!send(zeros_)) return lose(Trouble::kLost);
@@ -320,9 +323,9 @@ class HaplyDriver::Core {
     return lose(Trouble::kLost);
   }
 
-  // Reads what has come without being asked for, so that the next state is no older than that. A service that
-  // sends more states than requests would otherwise queue them, and the force would follow the first of the
-  // queue. False: the connection is lost.
+  // Reads unsolicited states, so that the next state was sampled afterwards. A service that sends more states
+  // than there are requests would otherwise fill a queue, and the force would follow its oldest entry.
+  // Returns false if the connection is lost.
   bool drain() {
     const std::int64_t begun_ns = monotonic_ns();
     for (int count = 0;; ++count) {
@@ -364,7 +367,7 @@ class HaplyDriver::Core {
       return true;
     }
     broken_ = 0;
-    // of several requests the last one's answer is what is true
+    // of several pending requests only the reply to the last one is current
     if (outstanding_ > 0) return false;
     zero_asked_ = false;
     const bool braked = heard_ns_ < braked_until_ns_.load();
@@ -379,17 +382,17 @@ class HaplyDriver::Core {
     return true;
   }
 
-  // a device's part of it
+  // state of one device
   Trouble take_state(const State& state, std::size_t d) {
     DeviceSample& sample = samples_[d];
     const auto device = std::ranges::find(state.devices, ids_[d], &Inverse3::id);
     sample.fault = true;
     if (device == state.devices.end()) return Trouble::kGone;
-    // without a place it is no news of now
+    // a state without a position is not an update
     if (!device->tip_mm) return Trouble::kBroken;
     sample.tip = *device->tip_mm;
     sample.velocity_mm_s = device->velocity_mm_s;
-    // an answer to the request, or sent unasked after all that had come before it
+    // the state is a reply to the request, or was sent unsolicited after the queue had been drained
     sample.taken_ns = drained_ns_;
     if (d < state.grips.size()) {
       sample.R_DeviceTool = state.grips[d].orientation;
@@ -400,7 +403,7 @@ class HaplyDriver::Core {
     return trouble;
   }
 
-  // false, for exchange()
+  // always returns false, for exchange()
   bool lose(Trouble why) {
     note(why);
     connection_.reset();
@@ -427,7 +430,7 @@ class HaplyDriver::Core {
     outstanding_ = broken_ = 0;
     heard_ns_ = drained_ns_ = monotonic_ns();
     pace_ = SenderPace(heard_ns_);
-    // what was asked for before is nothing that anybody feels now
+    // commands of the previous connection are obsolete
     commands_ = {};
   }
 
@@ -441,7 +444,7 @@ class HaplyDriver::Core {
     }
   }
 
-  // the median of some round trips without force; empty: there is none
+  // median of some round trips without force; empty: no reply
   std::optional<double> measure() {
     std::array<std::int64_t, kMeasured> took_ns{};
     for (std::int64_t& took : took_ns) {
@@ -467,7 +470,7 @@ class HaplyDriver::Core {
       info.degrees_of_freedom_in = grip ? 6 : 3;
       info.buttons = grip ? 3 : 0;
       info.R_WorldDevice = haply_axes();
-      // where the tip rests in the maker's example: before the base and above it
+      // rest position of the tip in the vendor's example: in front of the base and above it
       const Point<Device> middle(0, -120, 150);
       const Vector<Device> half(kHalfReach_mm, kHalfReach_mm, kHalfReach_mm);
       info.workspace = {middle - half, middle + half};
@@ -496,7 +499,7 @@ class HaplyDriver::Core {
     }
   }
 
-  // all that has come, and a connection where there is none; looked for as rarely as a service
+  // processes all pending events, and connects if necessary, at the same interval as the search for a service
   void listen_to_events() {
     const auto now = std::chrono::steady_clock::now();
     if (!events_) {
@@ -537,7 +540,7 @@ class HaplyDriver::Core {
   std::atomic<Found*> found_{nullptr};
   std::atomic<bool> has_events_{false};
   std::atomic<std::int64_t> braked_until_ns_{0};
-  // the finder's
+  // finder's thread
   std::unique_ptr<Connection> events_;
   std::chrono::steady_clock::time_point next_events_{};
   std::thread finder_;

@@ -9,7 +9,7 @@
 #include "palpate/device/bounds.h"
 #include "palpate/servo/servo_loop.h"
 
-/// The driver against a service in good order.
+/// The driver with a working service.
 namespace palpate {
 namespace {
 
@@ -17,7 +17,7 @@ using testing::FakeInverseService;
 using testing::HaplyRig;
 using testing::soon;
 
-// sends the same force again and again
+// sends a constant force
 class Constant final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -55,7 +55,7 @@ TEST(HaplyDriver, SaysWhatItIs) {
   EXPECT_GT(*info.rate_hz, 0);
   EXPECT_EQ(info.degrees_of_freedom_in, 6);
   ASSERT_TRUE(info.workspace);
-  // the largest cube in a ball of 100 mm
+  // the largest cube in a ball of 100 mm radius
   EXPECT_NEAR((info.workspace->high - info.workspace->low).norm(), 200, 0.2);
   EXPECT_EQ(info.R_WorldDevice * Vector<Device>(1, 2, 3), Vector<World>(1, 2, 3));
 }
@@ -68,7 +68,7 @@ INSTANTIATE_TEST_SUITE_P(Services, HaplyVersions, ::testing::Values("3.0.2", "3.
                            return "v" + name;
                          });
 
-// a force by the other key would have no effect
+// a force with the key of another version has no effect
 TEST_P(HaplyVersions, AreToldApartAndFelt) {
   HaplyRig rig(GetParam());
   EXPECT_TRUE(rig.presses()) << rig.wall.tip_x_mm << " " << rig.service.last_message();
@@ -88,7 +88,7 @@ TEST(HaplyDriver, EachAxisUnitAndButtonIsInItsPlace) {
   testing::UntilStopped clock;
   std::thread running([&] { driver.run(servo, clock); });
   EXPECT_TRUE(soon([&] { return servo.updates() > 3; }));
-  // the hand gives way by a quarter of a millimetre and a bit
+  // the hand yields by a little more than a quarter of a millimetre
   const DeviceSample sample = servo.last();
   EXPECT_NEAR(sample.tip.x(), 10, 0.5);
   EXPECT_NEAR(sample.tip.y(), -20, 0.5);
@@ -133,7 +133,8 @@ TEST(HaplyDriver, StopLeavesZeroAndRunGoesOn) {
   for (int round = 0; round < 2; ++round) {
     ASSERT_TRUE(rig.presses()) << round;
     rig.end();
-    // asked for, and not the device's own idling; a busy service takes it a moment after it was sent
+    // requested zero, as opposed to the device's idle state; a loaded service processes it some time after it
+    // was sent
     EXPECT_TRUE(soon([&] {
       auto given = rig.service.delivered();
       std::erase_if(given, [](const testing::Delivery& delivery) { return delivery.idle; });
@@ -145,7 +146,7 @@ TEST(HaplyDriver, StopLeavesZeroAndRunGoesOn) {
 }
 
 TEST(HaplyDriver, InALoopNothingIsStrongerOrStifferThanItBears) {
-  // the ball's surface lies 12 mm to the right of the middle of the device
+  // the ball's surface is 12 mm to the right of the centre of the workspace
   FakeInverseService service(testing::haply_hand(Point<Device>(testing::kBoneRadius_mm - 3, -120, 150)));
   HaplyDriver driver(service.settings());
   Parameters parameters;

@@ -15,7 +15,8 @@
 #include "base/test_seed.h"
 #include "haply/test_haply_rig.h"
 
-/// The driver when something breaks: no force first, then words, then on with it.
+/// The driver under faults: the force is removed first, then the fault is reported, then the session
+/// continues.
 namespace palpate {
 namespace {
 
@@ -35,7 +36,7 @@ TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
   GetParam().begin(rig.service);
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
   EXPECT_TRUE(rig.says(GetParam().words)) << rig.said();
-  // without force, and the servo is told all the while
+  // without force, but the servo keeps running
   const int updates = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > updates + 20; }));
   EXPECT_EQ(rig.service.force_N(), 0);
@@ -57,7 +58,7 @@ TEST(HaplyFaults, AClosedConnectionIsMadeAnewByItself) {
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
 }
 
-// silence is asked for zero before anybody has given it up
+// zero force is requested from a silent service before it is given up
 TEST(HaplyFaults, WhoIsSilentIsToldZero) {
   HaplyRig rig;
   ASSERT_TRUE(rig.presses());
@@ -70,10 +71,10 @@ TEST(HaplyFaults, WhoIsSilentIsToldZero) {
       return !each.idle && each.command.force_N == Vector<Device>();
     });
   };
-  // on a machine that stood still it may be another connection that begins with zero
+  // if the machine stalled, it may be a new connection that starts with zero
   EXPECT_TRUE(soon([&] { return zero_is_told(); }));
   if (rig.service.connections() == before) {
-    // after the one that was on its way there is none with force
+    // after a command in flight there is no further one with force
     const auto given = rig.service.delivered();
     for (std::size_t n = then + 2; n < given.size(); ++n)
       EXPECT_EQ(given[n].command.force_N, Vector<Device>());
@@ -82,7 +83,7 @@ TEST(HaplyFaults, WhoIsSilentIsToldZero) {
   EXPECT_TRUE(rig.presses());
 }
 
-// from 3.5 on the service tells of what the device has done by itself
+// from 3.5 on the service reports events of the device
 TEST(HaplyFaults, ABrakeIsAFaultForAMoment) {
   HaplyRig rig("3.5.0");
   ASSERT_TRUE(rig.presses());
@@ -110,7 +111,7 @@ TEST(HaplyFaults, AnotherVersionThatNobodyKnowsIsNamed) {
   EXPECT_TRUE(rig.presses());
 }
 
-// and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
+// the force never exceeds the wall's. PALPATE_TEST_FAULTS=200 sets their number
 TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
   HaplyRig rig;
   testing::outlive_any(rig, rig.service, haply_faults(), 20, [&](std::mt19937& random) {
@@ -121,7 +122,7 @@ TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
     ASSERT_LE(delivery.command.force_N.norm(), testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
 }
 
-/// How much older the states were than their samples said, of those that make force.
+/// Difference between the actual and the declared age of states, for those that generate force.
 class Ages final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -141,10 +142,10 @@ class Ages final : public ServoFunction {
   std::int64_t last_ns_ = 0;
 };
 
-// beside a state's own way through a socket of this machine
+// allowance for the transport of a state through a local socket
 constexpr double kTransport_ms = 1;
 
-/// Against a service whose pace is not the driver's.
+/// Against a service whose pace differs from the driver's.
 class HaplyPace : public ::testing::Test {
  protected:
   HaplyPace() : service_(testing::haply_hand()), driver_(service_.settings()) {
@@ -159,7 +160,7 @@ class HaplyPace : public ::testing::Test {
   void wait_ms(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
   bool becomes_fresh() {
     const auto fresh = [this, then = ages_.fresh.load()] { return ages_.fresh > then + 100; };
-    // a pace is believed once it has been kept up, which takes longer on a machine with much to do
+    // a pace is adopted once it has been sustained, which takes longer on a loaded machine
     return soon(fresh) || soon(fresh) || soon(fresh);
   }
 
@@ -212,7 +213,7 @@ TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
   expect_no_state_is_older_than_said();
 }
 
-// PALPATE_TEST_SCHEDULES=10000 takes that many
+// PALPATE_TEST_SCHEDULES=10000 sets their number
 TEST_F(HaplyPace, OfAnyScheduleNoStateIsOlderThanItsSampleSays) {
   const char* asked = std::getenv("PALPATE_TEST_SCHEDULES");
   const int schedules = asked != nullptr ? std::atoi(asked) : 60;
@@ -235,7 +236,7 @@ TEST_F(HaplyPace, OfAnyScheduleNoStateIsOlderThanItsSampleSays) {
   expect_no_state_is_older_than_said();
 }
 
-// sends a force for ever
+// sends a constant force indefinitely
 class Pushing final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> /*samples*/,
@@ -244,13 +245,12 @@ class Pushing final : public ServoFunction {
   }
 };
 
-// A program that is gone, of whatever, sends nothing more: its connection is closed, and the device goes
-// idle.
+// When the program dies for any reason, its connection is closed and the device goes idle.
 TEST(HaplyFaults, AProgramThatDiesLeavesNoForce) {
   for (const int signal : {SIGKILL, SIGTERM, SIGSEGV, SIGABRT}) {
     std::array<int, 2> pipe{};
     ASSERT_EQ(::pipe(pipe.data()), 0);
-    // before there is any thread here
+    // fork before any thread is started
     const pid_t child = ::fork();
     ASSERT_GE(child, 0);
     if (child == 0) {
@@ -283,7 +283,7 @@ TEST(HaplyFaults, AProgramThatDiesLeavesNoForce) {
   }
 }
 
-// ended in the middle of whatever it does
+// destroyed at a random time
 TEST(HaplyFaults, MayEndAtAnyMoment) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

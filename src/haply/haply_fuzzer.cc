@@ -6,7 +6,7 @@
 
 #include "haply/messages.h"
 
-/// What another program on this machine says in the place of the Inverse Service.
+/// Messages of an arbitrary local program in place of the Inverse Service.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   const auto must = [](bool holds) {

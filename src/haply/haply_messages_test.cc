@@ -31,7 +31,7 @@ TEST(HaplyMessages, AreReadInMillimetres) {
   EXPECT_EQ(device.status.in_use, false);
   ASSERT_EQ(state->grips.size(), 1u);
   EXPECT_EQ(state->grips[0].buttons, 1u);
-  // a quarter turn about up takes right to forward
+  // a quarter turn about up rotates right to forward
   EXPECT_NEAR((state->grips[0].orientation * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 0,
               1e-9);
 }
@@ -69,7 +69,7 @@ TEST(HaplyMessages, AreStrictJson) {
   EXPECT_EQ(named->devices[0].id, "\u00e4\U0001d11e\"\n");
 }
 
-// neither a stack that overflows nor one that the text outgrows
+// deeply nested and long messages neither overflow the stack nor a buffer
 TEST(HaplyMessages, AreReadHoweverDeepOrLong) {
   for (const int depth : {10, 1000, 1'000'000}) {
     const std::string nested = std::string(depth, '[') + std::string(depth, ']');
@@ -88,7 +88,7 @@ TEST(HaplyMessages, AreReadHoweverDeepOrLong) {
   EXPECT_EQ(state->devices[4999].tip_mm->eigen(), Eigen::Vector3d(125, 0, -1000));
 }
 
-/// As another library reads them: the same places but for a few units in the last place.
+/// Compares with an independent library: positions agree within a few units in the last place.
 void expect_places_of(const State& state, const nlohmann::json& message) {
   for (std::size_t n = 0; n < state.devices.size(); ++n) {
     const auto at = [&](const char* axis) -> std::optional<double> {
@@ -108,8 +108,8 @@ void expect_places_of(const State& state, const nlohmann::json& message) {
   }
 }
 
-// an inventory with some of its bytes changed or cut: what comes out can be used, and is what another library
-// reads
+// an inventory with random changes or truncation: the result is usable, and equal to that of an independent
+// library
 TEST(HaplyMessages, NoBytesOfThemDoHarm) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -120,7 +120,7 @@ TEST(HaplyMessages, NoBytesOfThemDoHarm) {
     for (unsigned changes = random() % 4; changes > 0; --changes)
       text[random() % text.size()] = static_cast<char>(random());
     if (random() % 4 == 0) text.resize(random() % text.size());
-    // RapidJSON refuses an exponent that no number can have, of zero, too
+    // RapidJSON rejects exponents out of range even if the mantissa is zero
     if (std::regex_search(text, std::regex("[eE][+]?[0-9]{3}"))) continue;
     const auto state = parse_state(text);
     const auto other = nlohmann::json::parse(text, nullptr, false);
@@ -147,7 +147,7 @@ TEST(HaplyMessages, VersionsAreToldApart) {
   EXPECT_EQ(key(R"({"version":"3.1.1"})"), "values");
   EXPECT_EQ(key("\"3.5\""), "vector");
   EXPECT_EQ(key("Inverse Service v3.10.4"), "vector");
-  // which key they take nobody knows
+  // unsupported versions
   for (const char* unknown : {"2.9.1", "3.2.0", "4.0.0", "3", "", "x", "999999999999.1"})
     EXPECT_EQ(key(unknown), "none") << unknown;
 }

@@ -14,18 +14,19 @@ namespace {
 using Json = rapidjson::Value;
 
 constexpr double kMmPerM = 1000;
-// as the service's own handle is wired: a, b, c are buttons 0, 1, 2
+// wiring of the vendor's handle: a, b, c are buttons 0, 1, 2
 constexpr std::array kNamedButtons{"a", "b", "c"};
 
-/// Text as a tree. A state of the service fits into what stands ready here, so that reading it, which every
-/// tick waits for, asks for no memory; a longer text takes what it needs.
+/// A parsed JSON text. A state of the service fits into preallocated memory, so that parsing, which is in the
+/// path of every tick, does not allocate; longer texts do.
 class Message {
  public:
-  /// @param text  of whatever bytes, nested to whatever depth
+  /// @param text  arbitrary bytes with arbitrary nesting
   explicit Message(std::string_view text) {
-    // the parser ends at a zero byte, whatever comes after it
+    // the parser stops at a NUL, ignoring what follows
     if (text.find('\0') != std::string_view::npos) return;
-    // numbers to 3 units in the last place; RapidJSON's exact ones count the leading zeros of 0 for "0e300"
+    // numbers are accurate to 3 units in the last place; RapidJSON's full-precision mode miscounts leading
+    // zeros in numbers such as "0e300"
     constexpr unsigned kStrict = rapidjson::kParseIterativeFlag | rapidjson::kParseValidateEncodingFlag;
     document_.Parse<kStrict>(text.data(), text.size());
     is_json_ = !document_.HasParseError();
@@ -33,7 +34,7 @@ class Message {
   Message(const Message&) = delete;
   Message& operator=(const Message&) = delete;
 
-  /// Only what is_json() has a root.
+  /// Valid only if is_json().
   bool is_json() const { return is_json_; }
   const Json& root() const { return document_; }
 
@@ -104,7 +105,7 @@ Grip grip_of(const Json& entry) {
   if (const Json* q = member(*state, "orientation")) {
     const Eigen::Quaterniond read(number(*q, "w").value_or(0), number(*q, "x").value_or(0),
                                   number(*q, "y").value_or(0), number(*q, "z").value_or(0));
-    // squares of what is no orientation may overflow
+    // the squared norm of an invalid orientation may overflow
     const double largest = read.coeffs().cwiseAbs().maxCoeff();
     if (largest > 1e-3 && largest < 1e3) grip.orientation = read.normalized();
   }
@@ -143,7 +144,7 @@ const char* force_key(const ServiceVersion& version) {
 }
 
 bool tells_of_brake(std::string_view text) {
-  // how an event is laid out is not told; its words are
+  // the layout of events is undocumented, so that keywords are searched
   if (!Message(text).is_json()) return false;
   return text.find("ebrake_triggered") != std::string_view::npos ||
          text.find("disconnect") != std::string_view::npos;

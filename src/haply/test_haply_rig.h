@@ -18,7 +18,7 @@ struct HaplySide {
   FakeInverseService service;
 };
 
-/// A driver that runs against a service.
+/// A driver connected to a fake service.
 class HaplyRig : public HaplySide, public DriverRig<HaplyDriver> {
  public:
   explicit HaplyRig(const std::string& version = "3.1.1", bool begins = true)

@@ -28,7 +28,7 @@ bool readable(int socket, int timeout_ms) {
   return ::poll(&wanted, 1, timeout_ms) == 1;
 }
 
-// at this port, or where it is 0 at any, which it becomes
+// listens on this port, or on any free port if 0, which is then stored
 int listening(std::uint16_t& port) {
   const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
@@ -80,7 +80,7 @@ void FakeInverseService::start(const std::string& version) {
   }
   ended_ = false;
   for (std::uint16_t* port : {&port_, &http_port_, &events_port_}) {
-    // also those that this version does not serve, so that they are the same again
+    // also listeners that this version does not serve, so that ports are unchanged after a restart
     auto listener = std::make_unique<Listener>();
     listener->socket = listening(*port);
     listeners_.push_back(std::move(listener));
@@ -130,7 +130,7 @@ void FakeInverseService::listen(Listener& listener) {
     if (!readable(listener.socket, kPoll_ms)) continue;
     const int socket = ::accept4(listener.socket, nullptr, nullptr, SOCK_CLOEXEC);
     if (socket < 0) continue;
-    // a number of its own, which stays taken until nobody can shut it any more
+    // duplicated descriptor, which remains valid until nobody can shut it down any more
     const int own = ::fcntl(socket, F_DUPFD_CLOEXEC, 0);
     const std::lock_guard lock(mutex_);
     sockets_.push_back(own);
@@ -144,7 +144,7 @@ void FakeInverseService::listen(Listener& listener) {
   }
 }
 
-/// What one client says by its WebSocket.
+/// WebSocket session of one client.
 class FakeInverseService::Session {
  public:
   Session(FakeInverseService& service, TestServiceSocket& socket) : service_(service), socket_(socket) {}
@@ -213,7 +213,7 @@ class FakeInverseService::Session {
     idle_ = idle;
   }
 
-  // all that was due since the last time, as of now
+  // sends all states due since the last call, sampled now
   bool push() {
     const double hz = service_.pushes_hz;
     const std::int64_t now_ns = monotonic_ns();

@@ -16,7 +16,7 @@ namespace palpate::testing {
 namespace {
 
 constexpr int kContinuation = 0, kCloseFrame = 8, kPingFrame = 9, kPongFrame = 10;
-// a client that sends nothing ends by the driver's own patience
+// longer than the driver's own timeouts, which therefore apply first
 constexpr std::chrono::seconds kRequestPatience{10};
 
 // RFC 6455, 4.2.2
@@ -29,7 +29,7 @@ std::string accept_key(const std::string& key) {
   return reinterpret_cast<const char*>(encoded.data());
 }
 
-// of a request's head; empty where the field is not there
+// field of a request's header; empty if absent
 std::string field(const std::string& head, const std::string& name) {
   const std::size_t at = head.find("\r\n" + name + ": ");
   if (at == std::string::npos) return "";
@@ -114,7 +114,7 @@ bool TestServiceSocket::take_frame(Frame& frame) {
   if (input_.size() < 2) return false;
   std::size_t length = byte(1) & 0x7fu, at = 2;
   const std::size_t length_bytes = length == 126 ? 2 : length == 127 ? 8 : 0;
-  // a client masks what it sends
+  // clients mask their frames
   PALPATE_CHECK((byte(1) & 0x80u) != 0);
   if (input_.size() < at + length_bytes) return false;
   if (length_bytes > 0) length = 0;

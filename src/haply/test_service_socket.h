@@ -7,35 +7,35 @@
 
 namespace palpate::testing {
 
-/// The service's end of one connection: an HTTP request, then an answer or a WebSocket. Written from RFC 6455
-/// alone and shares no code with the driver. Blocking, of one thread.
+/// The service's end of a connection: an HTTP request, followed by a response or a WebSocket. Implemented
+/// from RFC 6455, independently of the driver. Blocking, single-threaded.
 class TestServiceSocket {
  public:
-  /// Takes over an accepted socket.
+  /// Takes ownership of an accepted socket.
   explicit TestServiceSocket(int handle);
   ~TestServiceSocket();
   TestServiceSocket(const TestServiceSocket&) = delete;
   TestServiceSocket& operator=(const TestServiceSocket&) = delete;
 
   std::uint16_t local_port() const;
-  /// Waits for a request. False: none came before the client closed.
+  /// Waits for a request. Returns false if the client closed before sending one.
   bool read_request();
   const std::string& target() const { return target_; }
   bool is_upgrade() const { return !key_.empty(); }
   void answer(int status, const std::string& body);
-  /// Agrees to the upgrade. False: lost.
+  /// Accepts the upgrade. Returns false if the connection is lost.
   bool accept();
 
   enum class Read { kMessage, kNothing, kLost };
-  /// The next text, or nothing where none has come whole within that time. Answers pings.
+  /// Next text message, or kNothing if none is complete within that time. Answers pings.
   Read read_for(std::chrono::milliseconds time, std::string& text);
   /// Payload of the latest pong.
   const std::string& pong() const { return pong_; }
-  /// As one text. False: lost.
+  /// Sends one text message. Returns false if the connection is lost.
   bool write(std::string_view text);
-  /// Bytes as they stand. False: lost.
+  /// Sends raw bytes. Returns false if the connection is lost.
   bool write_raw(std::string_view bytes);
-  /// Without a close frame.
+  /// Closes without a close frame.
   void close();
 
  private:
@@ -44,9 +44,9 @@ class TestServiceSocket {
     int opcode = 0;
     std::string payload;
   };
-  /// False: nothing came within that time, or the connection is lost.
+  /// Returns false if nothing arrived within that time, or if the connection is lost.
   bool receive(std::chrono::milliseconds time);
-  /// Takes a whole frame off the input. False: there is none yet.
+  /// Extracts a complete frame from the input. Returns false if there is none.
   bool take_frame(Frame& frame);
 
   int handle_;
@@ -54,8 +54,8 @@ class TestServiceSocket {
   std::string input_, message_, target_, key_, pong_;
 };
 
-/// A frame as a server sends it (RFC 6455, 5.2).
-/// @param fin  false: another part of the message follows
+/// A server's frame (RFC 6455, 5.2).
+/// @param fin  false: more fragments of the message follow
 std::string service_frame(std::string_view payload, int opcode = 1, bool fin = true);
 
 }  // namespace palpate::testing

@@ -17,10 +17,10 @@
 namespace palpate {
 namespace {
 
-// ids of structures that exist only by threshold: above what any segmentation is likely to use
+// label ids of structures defined by threshold only: above those used by typical segmentations
 constexpr LabelId kFirstThresholdLabel = 60000;
 
-// how far before its structure the ramp of a threshold may begin
+// maximum distance outside its structure at which the ramp of a threshold may begin
 constexpr double kThresholdRamp_mm = 5;
 
 bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
@@ -35,14 +35,14 @@ bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
   return false;
 }
 
-// scan and labels on one grid, the finer of the two; what moves is said
+// resamples scan or labels onto the finer of their grids, with a warning that says which
 Result<void> onto_one_grid(SceneVolumes& volumes, const Progress& progress, const Warn& warn) {
   if (!volumes.labels || !volumes.scan || volumes.labels->geometry().same_grid(volumes.scan->geometry()))
     return {};
   const LabelMap& labels = *volumes.labels;
   const Volume<float>& scan = *volumes.scan;
   if (&field_grid(&labels.geometry(), &scan.geometry()) == &labels.geometry()) {
-    // what the scan does not reach counts as its darkest value: 0 HU would be tissue
+    // voxels outside the scan get its minimum value: 0 HU would be tissue
     const float darkest = *std::min_element(scan.voxels().begin(), scan.voxels().end());
     auto moved = kept_resampled(scan, labels.geometry(), darkest, progress);
     if (!moved) return moved.error();
@@ -93,7 +93,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   return tissue;
 }
 
-// -1: of no tissue
+// index of the label's tissue; -1: none
 int tissue_place(const ModelParts& parts, LabelId label) {
   return label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
 }
@@ -103,10 +103,11 @@ void set_label(ModelParts& parts, LabelId label, std::size_t tissue) {
   parts.tissue_of_label[label] = static_cast<std::int16_t>(tissue);
 }
 
-constexpr std::uint16_t kAdopted = 1;  // below every weight of a felt tissue, and above what is not felt
+// below every weight of a touchable tissue, above those of other tissues
+constexpr std::uint16_t kAdopted = 1;
 
-// What flatten prefers: the greatest weight. A segment that belongs to no tissue and is nested in felt ones
-// takes the tissue of the smallest of them, as a target volume does in an organ.
+// Preference of each label when layers are flattened; the greatest wins. A segment without a tissue that is
+// nested in touchable ones, e.g. a target volume in an organ, adopts the tissue of the smallest of them.
 std::vector<std::uint16_t> preferences(const LabelMap& labels, std::span<const SegmentOverlap> overlaps,
                                        const std::vector<std::uint8_t>& weight_of_label, ModelParts& parts) {
   std::vector<std::uint16_t> preference(weight_of_label.begin(), weight_of_label.end());
@@ -128,8 +129,7 @@ std::vector<std::uint16_t> preferences(const LabelMap& labels, std::span<const S
   return preference;
 }
 
-// One label for each voxel.
-// @param enclosing  receives enclosing_segments
+// Flattens the layers to one label per voxel.
 Volume<LabelId> flatten_by_weight(LabelMap labels, const std::vector<std::uint8_t>& weight_of_label,
                                   ModelParts& parts, std::vector<std::vector<LabelId>>& enclosing) {
   if (labels.layers.size() == 1) {
@@ -142,7 +142,7 @@ Volume<LabelId> flatten_by_weight(LabelMap labels, const std::vector<std::uint8_
   return flatten(labels, overlaps, preferences(labels, overlaps, weight_of_label, parts));
 }
 
-// by which labels are smoothed
+// smoothing weight of each label
 Volume<std::uint8_t> weights_of(const Volume<LabelId>& flat, const ModelParts& parts,
                                 double stiffest_N_per_mm) {
   std::vector<std::uint8_t> weight_of_label(65536, 0);
@@ -154,7 +154,7 @@ Volume<std::uint8_t> weights_of(const Volume<LabelId>& flat, const ModelParts& p
   return weigh_labels(flat, weight_of_label);
 }
 
-// the patient's side from what only one side can show: the fibula lies lateral to the tibia
+// Infers the patient's side from anatomy: the fibula is lateral to the tibia.
 Side side_from_anatomy(const Model& model) {
   const Segment* tibia = model.find("tibia");
   const Segment* fibula = model.find("fibula");
@@ -175,19 +175,19 @@ Side side_from_anatomy(const Model& model) {
   const auto X = grid.X_PatientVoxel();
   const double lateral_mm =
       (X * Point<Voxel>(sum[1] / count[1])).x() - (X * Point<Voxel>(sum[0] / count[0])).x();
-  // less than this and it is not a knee as we know it
+  // minimum lateral offset for a conclusion
   constexpr double kClear_mm = 5;
   return lateral_mm > kClear_mm ? Side::kLeft : lateral_mm < -kClear_mm ? Side::kRight : Side::kUnknown;
 }
 
-// where nothing is felt yet, a scene can still be shown
+// zero field, for scenes without touchable tissue, which can still be displayed
 std::shared_ptr<const Field> empty_field(const PreparationSettings& preparation, const GridGeometry& grid) {
   if (preparation.storage == FieldStorage::k8Bit)
     return std::make_shared<const Field>(Volume<std::uint8_t>(grid));
   return std::make_shared<const Field>(Volume<std::uint16_t>(grid));
 }
 
-// smoothing makes the ramp that the force climbs
+// Gaussian smoothing creates the ramp along which the force increases
 Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& preparation,
                                                     const Volume<std::uint8_t>& weights,
                                                     const Progress& progress) {
@@ -204,18 +204,18 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
                                                     : keep(kept_smooth_16(weights, options, progress));
 }
 
-// what is so thin that not even the limit's force can be given, the least first
+// warns of structures too thin to reach the force limit, weakest first
 void warn_of_thin(const MadeModel& made, const Warn& warn) {
   if (!warn) return;
   const Model& model = *made.model;
-  // without a limit of the scene's, the least that counts as held
+  // force that counts as sufficient if the scene has no limit
   constexpr double kHeld_N = 0.5;
   constexpr std::size_t kNamed = 4;
   const double wanted_N = std::min(
       {std::isfinite(model.scene_max_force_N) ? model.scene_max_force_N : kHeld_N, made.full_force_N});
   std::vector<RampFigures> thin;
   for (const RampFigures& figures : made.ramps) {
-    // what is soft would not give it at any depth
+    // a soft tissue does not reach it at any depth
     const double soft_N = model.tissue_of(figures.label)->stiffness_N_per_mm * kDeepestRamp_mm;
     if (figures.max_N < std::min(wanted_N, 0.99 * soft_N)) thin.push_back(figures);
   }
@@ -253,8 +253,8 @@ std::vector<Caveat> merged_layers(const Model& model) {
   return caveats;
 }
 
-// Regions of the scene, a structure each where they are of structures.
-// @param ids  of each [[no_go]] (resolve_no_go); empty: there is no label map
+// No-go regions of the scene; a [[no_go]] of structures gives one region per structure.
+// @param ids  structures of each [[no_go]] (resolve_no_go); empty: there is no label map
 Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
                                          const std::vector<Segment>& segments,
                                          const std::vector<std::size_t>& voxels) {
@@ -287,7 +287,8 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
   return regions;
 }
 
-// What the tool is kept away from is told in any case: how near it comes is to be known before it is pushed.
+// Structures with published distances. No-go structures are always included, because the user needs their
+// distance before the tool is pushed back.
 ReportedDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
                                     const std::vector<std::size_t>& voxels) {
   ReportedDistances told;
@@ -310,17 +311,17 @@ ReportedDistances told_distances_of(const DistanceSettings& settings, const Mode
   return told;
 }
 
-// what a model is made of, with its labels in bricks, and what its field is smoothed from
+// inputs of the model, with labels in bricks, and the weights from which its field is smoothed
 struct ReadyParts {
   ModelParts parts;
   std::shared_ptr<const Volume<float>> scan;
-  Volume<std::uint8_t> weights;                 // of ramps none
+  Volume<std::uint8_t> weights;                 // empty for ramps
   std::vector<std::vector<LabelId>> enclosing;  // Model::enclosing
 };
 
 Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const Progress& progress,
                                const Warn& warn) {
-  // on the finer grid: what is resampled, several layers as one, weights, and bricks where every one differs
+  // on the finer grid: the resampled volume, flattened layers, weights, and bricks in the worst case
   constexpr std::uint64_t kBytesPerVoxel = 9;
   const GridGeometry* finer = volumes.labels ? &volumes.labels->geometry() : &volumes.scan->geometry();
   if (volumes.labels && volumes.scan)
@@ -349,13 +350,13 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   for (const TissueSettings& settings : scene.tissues)
     parts.tissues.push_back(tissue_of(settings, scene.tissues));
 
-  // weights are parts of it; where nothing is felt none counts
+  // weights are relative to the stiffest tissue; 0 if none is touchable
   double stiffest = 0;
   for (const Tissue& tissue : parts.tissues)
     if (tissue.felt) stiffest = std::max(stiffest, tissue.stiffness_N_per_mm);
   if (stiffest == 0) stiffest = 1;
 
-  // labels: each takes its tissue's weight
+  // each label gets the weight of its tissue
   const GridGeometry grid = volumes.labels ? volumes.labels->geometry() : scan->geometry();
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   std::vector<std::uint8_t> weight_of_label(65536, 0);
@@ -376,15 +377,15 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
     parts.segments = volumes.labels->segments;
     flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label, parts, ready.enclosing);
     volumes.labels.reset();
-    // ramps read labels alone
+    // inward ramps only need labels
     if (!ramps) weights = weights_of(flat, parts, stiffest);
   } else {
     if (!ramps) weights = Volume<std::uint8_t>(grid);
     flat = Volume<LabelId>(grid);
   }
 
-  // thresholds on the raw scan: the same field, made by a ramp; the structure is what lies above its
-  // middle, and where tissues overlap the one that is felt most
+  // thresholds on the raw scan: the field is a ramp on its values; the structure is the region above the
+  // middle of the ramp, and where tissues overlap the one with the highest weight
   for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
     const TissueSettings& settings = scene.tissues[t];
     if (!settings.threshold) continue;
@@ -428,7 +429,8 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   return ready;
 }
 
-// of what is left to be made. What the proxy cannot be prepared for is said when it is
+// Memory forecast of the remaining steps. If the model is unsuitable for the proxy, that error is reported by
+// its preparation, not here.
 Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready, const Preparing& preparing,
                                    const Progress& progress) {
   auto forecast =
@@ -436,7 +438,7 @@ Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready, 
   if (!forecast && forecast.error().kind == ErrorKind::kBadInput)
     forecast = forecast_memory(ready.parts, false, preparing, progress);
   if (!forecast || scene.preparation.method == PreparationMethod::kInwardRamp) return forecast;
-  // smoothing: weights, two volumes of numbers, the field
+  // smoothing: weights, two float volumes, the field
   constexpr std::uint64_t kSmoothedBytesPerVoxel = 12;
   forecast->making_field = kSmoothedBytesPerVoxel * ready.parts.labels->geometry().voxel_count();
   forecast->peak = std::max(forecast->peak, forecast->making_field);
@@ -500,7 +502,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
     if (!field) return of_scene(field.error());
     parts.smoothed = *std::move(field);
     ready_made->weights = {};
-    // the kernel ends at 4 sigma; the ramp of a threshold begins before the structure does
+    // the kernel is truncated at 4 sigma; the ramp of a threshold begins outside the structure
     const bool by_threshold = std::any_of(scene.tissues.begin(), scene.tissues.end(),
                                           [](const TissueSettings& t) { return t.threshold.has_value(); });
     parts.smoothed_reach_mm =
@@ -525,11 +527,11 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
                                 std::string(anatomy == Side::kLeft ? "left" : "right") + " leg"});
   if (warn)
     for (const Caveat& caveat : model->caveats) warn(caveat.text);
-  // those have been told as the files were read
+  // these have been reported while reading the files
   model->caveats.insert(model->caveats.begin(), volumes.caveats.begin(), volumes.caveats.end());
   if (warn && !volumes.oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
-  // surfaces take seconds and memory: who feels by the proxy has them made
+  // surfaces take seconds and memory, and are only made for the proxy
   if (scene.force.method == ForceMethod::kProxy) return std::shared_ptr<const Model>(model);
   auto ready = prepared_for(model, {&scene.force.method, 1}, preparing, progress);
   if (!ready) return of_scene(ready.error());

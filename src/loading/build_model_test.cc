@@ -66,14 +66,14 @@ Scene scene_of(const std::string& text) {
   return *scene;
 }
 
-// what is said where something has to be felt and nothing is; such a model can be shown
+// error message if touchable tissue is required and there is none; such a model can still be displayed
 std::string why_not_felt(const Scene& scene, const Result<std::shared_ptr<const Model>>& model) {
   if (!model) return "no model: " + model.error().message();
   const auto felt = check_felt({scene, *model, ""});
   return felt ? "" : felt.error().what;
 }
 
-// a scene on its way: no tissue is felt, or none that has a voxel
+// an unfinished scene: no tissue is touchable, or none of them has a voxel
 TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
   const LabelMap labels = blocks(grid_of(1, 40));
   for (const char* preparation : {"", "[preparation]\nmethod = \"union-gaussian\"\nbits = 8\n"})
@@ -86,7 +86,7 @@ TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
       const Volume<float> field = (*model)->field->values();
       EXPECT_TRUE(std::all_of(field.voxels().begin(), field.voxels().end(), [](float v) { return v == 0; }));
       EXPECT_EQ((*model)->force_field(ForceMethod::kTrilinear).sample(Point<Patient>(20, 20, 20)).value, 0);
-      // every method is there or says why not; none of them stops the program
+      // every method either becomes ready or returns an error; none of them crashes
       for (const ForceMethodInfo& info : kForceMethods) (void)ready_for(*model, {&info.method, 1}).ok();
 
       const LoadedScene loaded{scene, *model, ""};
@@ -112,7 +112,7 @@ TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
   EXPECT_NEAR(m.level_of_label[3], 0.5 / 1.5, 1.0 / 255);
   EXPECT_EQ(m.level_of_label[4], 0.f);
   EXPECT_NEAR(m.force_field(ForceMethod::kTrilinear).full_force_N(), 1.5 * std::sqrt(2 * M_PI), 1e-9);
-  // the field holds the levels deep inside, and nothing where nothing is felt
+  // the field reaches the weights deep inside, and 0 for tissues that are not touchable
   EXPECT_NEAR(sample_value(*m.field, Point<Patient>(10, 20, 20)), 1, 1e-3);
   EXPECT_NEAR(sample_value(*m.field, Point<Patient>(25, 20, 20)), 0.5 / 1.5, 4e-3);
   EXPECT_NEAR(sample_value(*m.field, Point<Patient>(36, 20, 20)), 0, 1e-3);
@@ -155,7 +155,7 @@ TEST(BuildModel, HashFollowsEveryTool) {
     hashes.push_back(hash_with(tools));
   std::ranges::sort(hashes);
   EXPECT_EQ(std::ranges::adjacent_find(hashes), hashes.end());
-  // what a burr meets counts in whichever hand it is
+  // cutting energies are part of the hash whichever device holds the burr
   const auto with_energy = [&](const std::string& table) {
     return hash_with("cutting_energy = 50\n[" + table + "]\nkind = 'burr'\n");
   };
@@ -163,7 +163,7 @@ TEST(BuildModel, HashFollowsEveryTool) {
   EXPECT_EQ(hash_with("cutting_energy = 50\n[second_tool]\n"), hash_with("[second_tool]\n"));
 }
 
-// by layers the moduli do nothing, so the hash is what it is without them
+// under the law kLayers the moduli have no effect, so the hash is the one without them
 TEST(BuildModel, HashFollowsModuliUnderTheElasticLawAlone) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto model_with = [&](const std::string& rest) {
@@ -274,7 +274,7 @@ TEST(BuildModel, ABurrTakesTwoVoxels) {
   EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
   EXPECT_NE(model.error().message().find("2 mm is too small for voxels of 1.1 mm"), std::string::npos)
       << model.error().message();
-  // of a cone the thin end does
+  // for a cone the thin end decides
   for (const bool tip : {true, false}) {
     const auto cone =
         build_model(scene_of(scene + "shape = 'cone'\nlength = 8\ntip_diameter = " + (tip ? "1.8\n" : "3\n")),
@@ -369,7 +369,7 @@ TEST(BuildModel, ARawScanIsFeltByThresholdWithTheSameCode) {
 }
 
 TEST(BuildModel, NestedSegmentsKeepTheirVoxelsAndWithoutATissueTakeTheOuterOnes) {
-  // a block of bone, one half of it a region that no tissue takes, the other cartilage
+  // a block of bone; half of it is a region without a tissue, the other half cartilage
   const GridGeometry grid = grid_of(1, 30);
   LabelMap labels;
   labels.layers.assign(2, Volume<LabelId>(grid));
@@ -432,7 +432,7 @@ TEST(BuildModel, ThresholdTissuesThatOverlapDoNotDependOnTheirOrder) {
 }
 
 TEST(BuildModel, WhatTheScanDoesNotReachIsNotFelt) {
-  // 0 would lie in the threshold's ramp
+  // a fill value of 0 would be on the threshold's ramp
   const LabelMap labels = blocks(grid_of(1, 40));
   const Volume<float> scan(grid_of(2, 8), -900.f);
   std::vector<std::string> warnings;
@@ -470,7 +470,7 @@ TEST(BuildModel, ASideThatContradictsTheAnatomyIsSaid) {
   EXPECT_EQ((*build_model(scene_of("side = \"right\"\n" + tissue), &map, nullptr, {}, warn))->side,
             Side::kRight);
   EXPECT_EQ(warnings.size(), 1u);
-  // without a geometry there is no side to tell
+  // without orientation the side is unknown
   const auto lost = *build_model(scene_of(tissue), &map, nullptr, {}, warn, false);
   EXPECT_EQ(lost->side, Side::kUnknown);
   EXPECT_FALSE(lost->oriented);
@@ -495,7 +495,7 @@ TEST(BuildModel, TheFibulaTellsTheSide) {
 
 // ---- inward ramps
 
-// kScene with ramps, and what is said of them
+// kScene with inward ramps and further settings
 std::string with_ramps(const std::string& settings = "") {
   std::string text = kScene;
   const std::string founding = "method = \"union-gaussian\"\nsigma = 1.0\n";
@@ -514,7 +514,7 @@ TEST(BuildModel, RampsAreTheUsualPreparationAndTellTheForce) {
   EXPECT_NEAR((*make_force_field(m, ForceMethod::kSmoothSphere))->full_force_N(), 1.5 * std::sqrt(2 * M_PI),
               0.2)
       << "spheres read the labels, as wide as sigma";
-  // bone, the valley between two bones, cartilage, and what is not felt
+  // bone, the gap between two bones, cartilage, and a tissue that is not touchable
   const auto force_N = [&](double x_mm) { return 6 * sample_value(*m.field, Point<Patient>(x_mm, 20, 20)); };
   EXPECT_EQ(force_N(5), 6);
   EXPECT_LT(force_N(9), 2);
@@ -543,7 +543,7 @@ TEST(BuildModel, ARampTakesTwoVoxels) {
   EXPECT_THAT(narrow.error().message(), ::testing::HasSubstr("6 mm"));
   EXPECT_EQ((*build_model(scene_of(with_ramps()), &labels, nullptr))->ramp_width_mm, 6);
   const LabelMap coarse = blocks(grid_of(7, 30));
-  // the proxy reads none
+  // the proxy does not use ramps
   EXPECT_EQ((*build_model(scene_of(with_ramps()), &coarse, nullptr))->ramp_width_mm, 12);
   EXPECT_FALSE(build_model(scene_of(with_ramps("ramp_width = 12\n")), &coarse, nullptr).ok());
 }
@@ -637,7 +637,7 @@ TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
   EXPECT_LT(max_beyond_N, 0.05);
 }
 
-// the founding fault: between close bones the smoothed field does not reach 0
+// motivating defect: between close bones the smoothed field does not reach 0
 TEST(BuildModel, TheGapsOfAKneeAreFree) {
   PALPATE_SHARED_FILE(file, "knee_spl/seg.nrrd");
   const auto knee = read_labels(file);
@@ -680,7 +680,7 @@ TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
             std::string::npos);
 }
 
-// by its own scene, whose nodules are as many times as stiff as the phantom's name says
+// with its own scene; the nodules' modulus is the given multiple
 TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
   const auto elastic_of = [](const std::string& name, const std::string& structure) {
     const auto loaded = load_scene_or_data_set(name);
@@ -701,7 +701,7 @@ TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
   EXPECT_EQ(elastic_of("abdominal-wall:spacing=1.1,edge=0", "liver"), (ElasticConstants{6.3, 0.45}));
 }
 
-// bones are rigid, and all that is soft in a knee can yield
+// bones are rigid, and every soft tissue of a knee has a modulus
 TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
   const auto loaded = load_scene_or_data_set("knee-phantom:spacing=2,lesion=6");
   ASSERT_TRUE(loaded.ok()) << loaded.error().message();
@@ -719,9 +719,9 @@ TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
   EXPECT_EQ(soft, 12);
 }
 
-// what suggests a preset comes through where a file's name gives a structure its name
+// words that suggest a preset are recognised in names derived from file names
 TEST(BuildModel, EveryWordOfAPresetIsKnownToBeAnatomy) {
-  // people are called so, and a file may be as well
+  // also names of people, which may occur in file names
   const std::set<std::string> names_of_people{"costa", "hoffa", "lien"};
   for (const TissuePreset& preset : tissue_presets())
     for (const auto* words : {&preset.kind_words, &preset.structure_names})

@@ -28,7 +28,7 @@ void put_grid(const GridGeometry& grid, auto& out) {
   }
 }
 
-// Nothing where the numbers make no grid, or one too large for the memory: this file is not ours.
+// Reads a grid. Empty if it is invalid or too large for the memory: the entry is corrupt.
 std::optional<GridGeometry> get_grid(FieldReader& in, std::size_t bytes_per_voxel) {
   GridGeometry grid;
   for (int& dim : grid.dims) in.get(dim);
@@ -57,7 +57,7 @@ void get_voxels(FieldReader& in, Volume<T>& volume) {
   in.get_values(std::span<T>(volume.voxels()));
 }
 
-// the same of bricks, slice after slice
+// writes bricks slice by slice
 template <class T>
 void put_bricks(const Bricks<T>& bricks, FieldWriter& out) {
   const std::array<int, 3>& dims = bricks.geometry().dims;
@@ -68,7 +68,7 @@ void put_bricks(const Bricks<T>& bricks, FieldWriter& out) {
     out.put_values(std::span<const T>(slice));
   }
 }
-// nothing where the reader is not ok() after it
+// the result is only valid if the reader is ok() afterwards
 template <class T>
 Bricks<T> get_bricks(FieldReader& in, const GridGeometry& grid, T outside) {
   BricksBySlices<T> bricks(grid, outside);
@@ -81,8 +81,8 @@ Bricks<T> get_bricks(FieldReader& in, const GridGeometry& grid, T outside) {
   return bricks.take();
 }
 
-// What is not there, not whole or not what it should be counts as not prepared.
-// @param read  makes a result of the payload; nothing where it is none
+// Looks up a cached result. A missing, truncated or invalid entry counts as a cache miss.
+// @param read  deserialises the payload; empty if it is invalid
 template <class Kept, class Read>
 std::optional<Kept> find_kept(const std::optional<cache::Digest>& key, const Read& read) try {
   if (!key) return std::nullopt;
@@ -95,7 +95,8 @@ std::optional<Kept> find_kept(const std::optional<cache::Digest>& key, const Rea
   return std::nullopt;
 }
 
-// @param write  puts the result into a FieldWriter
+// Stores a result in the cache.
+// @param write  serialises the result into a FieldWriter
 template <class Write>
 void keep_for_next(const std::optional<cache::Digest>& key, const Write& write) try {
   if (!key) return;
@@ -103,7 +104,7 @@ void keep_for_next(const std::optional<cache::Digest>& key, const Write& write) 
   write(out);
   cache::keep(*key, out.bytes());
 } catch (const std::bad_alloc&) {
-  // it is prepared again, where there is more room
+  // not cached; the next run prepares it again
 }
 
 cache::Key key_of_labels(std::string_view kind, const cache::Digest& of_labels) {
@@ -249,9 +250,9 @@ std::optional<std::shared_ptr<const Surface>> get_surface(FieldReader& in) {
   return std::shared_ptr<const Surface>(std::move(surface));
 }
 
-// ---- another grid --------------------------------------------------------------------------------
+// ---- resampling ----------------------------------------------------------------------------------
 
-// nothing where a digest cannot be had
+// empty if a digest cannot be computed
 template <class T>
 std::optional<cache::Key> key_of_resampled(std::string_view kind, std::span<const Volume<T>* const> volumes,
                                            const GridGeometry& grid) {
@@ -267,7 +268,8 @@ std::optional<cache::Key> key_of_resampled(std::string_view kind, std::span<cons
   return key;
 }
 
-// Of all voxels, some slices at a time on several threads. False where a digest cannot be had.
+// Adds digests of all voxels, computed in parallel for a group of slices at a time. False if a digest cannot
+// be computed.
 bool put_digests_of_voxels(const Bricks<LabelId>& labels, cache::Key& key) {
   constexpr std::size_t kAtOnce = std::size_t{1} << 21;
   const std::array<int, 3>& dims = labels.geometry().dims;
@@ -293,7 +295,7 @@ bool put_digests_of_voxels(const Bricks<LabelId>& labels, cache::Key& key) {
 
 // ---- phantoms ------------------------------------------------------------------------------------
 
-// its parameters are numbers and the names of its own structures, of which the key is only a digest
+// the parameters are numbers and names of generated structures; the key contains only their digest
 std::optional<cache::Digest> key_of_phantom(const PhantomParameters& parameters) {
   if (!cache::is_kept()) return std::nullopt;
   cache::Key key("phantom", kPreparationVersion);
@@ -408,7 +410,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surface
     places.push_back(g);
   }
   if (missing.size() < groups.size()) report_found(progress);
-  // what is ready is kept, also where somebody stops it later
+  // completed groups are cached even if the preparation is interrupted afterwards
   for (const std::vector<std::size_t>& go : disjoint_batches(missing)) {
     std::vector<std::vector<LabelId>> together;
     for (const std::size_t n : go) together.push_back(missing[n]);

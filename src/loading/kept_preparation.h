@@ -10,17 +10,17 @@
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/preparation/preparation.h"
 
-/// What takes seconds to prepare, taken from the cache where it was prepared before (docs/guide/cache.md).
-/// Each is the function of palpate/preparation/preparation.h, ramps.h, surfaces.h, phantoms.h or volume.h
-/// with the same parameters, bit for bit, and has its errors. Results are found by everything that the
-/// function reads, names never: it reads none.
+/// Cached versions of the slow preparation steps (docs/guide/cache.md). Each is the function of
+/// palpate/preparation/preparation.h, ramps.h, surfaces.h, phantoms.h or volume.h with the same parameters,
+/// results and errors, bit for bit. Cache keys are digests of everything the function reads; names are not
+/// part of them.
 namespace palpate {
 
-/// Raised by whoever changes what any of these functions gives for the same parameters: what was prepared
-/// before is then no longer found. A test says when it was forgotten (KeptPreparation.GoldenHash).
+/// Version of the cached results. Increment it whenever a function's result for the same parameters changes,
+/// which invalidates earlier entries. The test KeptPreparation.GoldenHash detects an omission.
 inline constexpr std::uint32_t kPreparationVersion = 7;
 
-/// The slow parts of a model. For one model: labels are told apart by where they stand.
+/// Cached slow steps of one model; labels are identified by their address.
 class KeptPreparing final : public Preparing {
  public:
   Result<Ramps> ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
@@ -33,7 +33,8 @@ class KeptPreparing final : public Preparing {
       const SurfaceOptions& options, const Progress& progress) const override;
 
  private:
-  // by which kept results of labels are found: of their voxels and grid; nothing where nothing is kept
+  // digest of the labels' voxels and grid, the cache key of results derived from them; empty if the cache is
+  // disabled
   const std::optional<cache::Digest>& digest_of(const Bricks<LabelId>& labels) const;
 
   mutable const Bricks<LabelId>* labels_ = nullptr;
@@ -45,7 +46,7 @@ Result<Volume<std::uint8_t>> kept_smooth(const Volume<std::uint8_t>& weights, co
 Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights,
                                              const GaussianOptions& options, const Progress& progress);
 
-/// resample_linear and resample_nearest.
+/// Cached resample_linear and resample_nearest.
 Result<Volume<float>> kept_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
                                      const Progress& progress);
 Result<LabelMap> kept_resampled(const LabelMap& labels, const GridGeometry& grid, const Progress& progress);

@@ -34,7 +34,7 @@ using ::testing::Not;
 
 constexpr const char* kCanary = "CANARY";
 
-// two halves of a ball that touch, one of them through a shell
+// two touching halves of a ball, one of them enclosed by a shell
 LabelMap kept_ball(int n = 32) {
   GridGeometry grid;
   grid.dims = {n, n, n};
@@ -90,7 +90,7 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 
 struct Started {
   LoadedScene loaded;
-  std::set<std::string> stages;  // of the work that was told
+  std::set<std::string> stages;  // progress stages reported
   std::vector<std::string> warnings;
 };
 
@@ -115,7 +115,7 @@ class KeptPreparation : public ::testing::Test {
   }
   static void use_none() { set_cache({}); }
 
-  // ready for the proxy and a direct method
+  // loads, ready for the proxy and a direct method
   Started start(const std::string& what) const {
     Started started;
     const Progress progress([&](std::string_view stage, double) { started.stages.emplace(stage); }, nullptr);
@@ -184,7 +184,7 @@ TEST_F(KeptPreparation, ASecondStartPreparesNothingAndIsTheSame) {
   EXPECT_THAT(first.stages, Contains(kRamps));
   EXPECT_THAT(first.stages, Contains(kSurfaces));
   const std::size_t kept = entries();
-  // two volumes, a field, what touches, and a surface for each part
+  // two volumes, a field, touching pairs, and a surface per structure
   EXPECT_GT(kept, 5u);
 
   const Started second = start_scene();
@@ -217,7 +217,7 @@ TEST_F(KeptPreparation, APhantomIsMadeOnce) {
   expect_same_model(*second.loaded.model, *without.loaded.model);
   EXPECT_EQ(second.loaded.data_set, without.loaded.data_set);
   use();
-  // another one is another
+  // other parameters miss the cache
   EXPECT_THAT(start("shell-phantom:spacing=2,thickness=4,radius=25").stages, Contains("phantom"));
 }
 
@@ -246,7 +246,7 @@ TEST_F(KeptPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
   scene = replaced(scene, "CANARY bone", "os");
   scene = replaced(scene, "CANARY bone", "os");
   scene += "friction = 0.05\nviscosity = 0.002\ncolour = \"#010203\"\n";
-  // the file, its header and its structures are called otherwise; the voxels are what they were
+  // the file, its header and its structures are renamed; the voxels are unchanged
   LabelMap labels = kept_ball();
   for (Segment& segment : labels.segments) segment.name = "renamed-" + std::to_string(segment.id);
   ASSERT_TRUE(write_labels(data_ / "other.seg.nrrd", labels).ok());
@@ -279,7 +279,7 @@ TEST_F(KeptPreparation, WhateverMattersIsPreparedAnew) {
            Change{kKeptScene + gaussian, kSmoothing},
            Change{kKeptScene + gaussian + "bits = 8\n", kSmoothing},
        }) {
-    // in a cache of its own, so that no change finds what another one left
+    // in a separate cache, so that a change does not find entries of another one
     const std::string copy = "copy" + std::to_string(folder_.count());
     std::filesystem::copy(folder_ / "cache", folder_ / copy);
     use(copy);
@@ -289,7 +289,7 @@ TEST_F(KeptPreparation, WhateverMattersIsPreparedAnew) {
     use_none();
     expect_same_model(*changed.loaded.model, *start_scene(change.scene).loaded.model);
     use(copy);
-    // and once
+    // the second run hits the cache
     EXPECT_THAT(start_scene(change.scene).stages, Not(Contains(change.stage))) << change.scene;
   }
 }
@@ -302,7 +302,7 @@ TEST_F(KeptPreparation, AnotherStiffnessLeavesTheSurfaces) {
   EXPECT_THAT(other.stages, Not(Contains(kSurfaces)));
 }
 
-// a tenth on a scene of some size (docs/decisions/0020); here, where fixed costs count, and beside other work
+// a tenth for a large scene (docs/decisions/0020); less here, where fixed costs and a loaded machine count
 TEST_F(KeptPreparation, ASecondStartIsAFractionOfTheWork) {
   const auto work = [&] {
     const std::clock_t begun = std::clock();
@@ -321,7 +321,7 @@ TEST_F(KeptPreparation, OtherVoxelsAreReadAndPreparedAnew) {
   const auto file = data_ / "CANARY.seg.nrrd";
   const auto before = std::filesystem::last_write_time(file);
   ASSERT_TRUE(write_labels(file, labels).ok());
-  // times are not looked at
+  // modification times are ignored
   std::filesystem::last_write_time(file, before);
   const Started second = start_scene();
   for (const char* stage : {kReading, kRamps, kTouching, kSurfaces})
@@ -364,7 +364,7 @@ TEST_F(KeptPreparation, NoNameStandsInWhatIsKept) {
   EXPECT_GT(files, 5);
 }
 
-// the parts of an entry's file (cache/kept.h)
+// header fields of an entry's file (cache/kept.h)
 struct Entry {
   cache::Digest key;
   std::vector<std::byte> payload;
@@ -380,7 +380,7 @@ Entry entry_in(const std::filesystem::path& file) {
   return entry;
 }
 
-// Gives back what stands in the only entry, with another last byte.
+// Changes the last byte of the payload of the only entry, with a valid checksum.
 void forge_the_entry(const std::filesystem::path& folder) {
   ASSERT_EQ(cache_contents().entries, 1u);
   Entry entry = entry_in(std::filesystem::directory_iterator(folder)->path());
@@ -398,14 +398,14 @@ TEST_F(KeptPreparation, AScanOnAnotherGridIsResampledOnce) {
   ASSERT_TRUE(plain.ok() && first.ok() && second.ok());
   EXPECT_EQ(first->voxels(), plain->voxels());
   EXPECT_EQ(second->voxels(), plain->voxels());
-  // and it does come from there
+  // the result is taken from the cache
   forge_the_entry(folder_ / "cache");
   EXPECT_NE(kept_resampled(scan, grid, -5, {})->voxels(), plain->voxels());
-  // whatever is another is made anew
+  // any changed parameter misses the cache
   EXPECT_EQ(kept_resampled(scan, grid, -4, {})->voxels(), resample_linear(scan, grid, -4)->voxels());
   grid.origin[0] += 0.1;
   EXPECT_EQ(kept_resampled(scan, grid, -5, {})->voxels(), resample_linear(scan, grid, -5)->voxels());
-  // an error is none that is kept
+  // errors are not cached
   grid.origin[0] += 1000;
   EXPECT_FALSE(kept_resampled(scan, grid, -5, {}).ok());
   EXPECT_EQ(entries(), 3u);
@@ -431,8 +431,8 @@ TEST_F(KeptPreparation, LabelsOnAnotherGridAreResampledOnce) {
   EXPECT_NE(kept_resampled(labels, grid, {})->layers[1].voxels(), plain->layers[1].voxels());
 }
 
-// Bytes that somebody made, with a right checksum: whatever comes of them is a result of the right shape or
-// is prepared anew, and nothing is read or written beside it (which the sanitizers see).
+// Random payloads with a valid checksum either give a result of the right shape or are treated as a miss; no
+// access is out of bounds (checked by the sanitizers).
 TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
@@ -466,13 +466,13 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
     const Entry& entry = kept[random() % kept.size()];
     std::vector<std::byte> forged = entry.payload;
     for (auto flips = 1 + random() % 2; flips > 0; --flips) {
-      // where most of what is not voxels stands
+      // concentrated on the start, where the fields other than voxels are
       const std::size_t among = random() % 2 == 0 ? std::min<std::size_t>(forged.size(), 160) : forged.size();
       forged[random() % among] ^= static_cast<std::byte>(1u << random() % 8);
     }
     if (random() % 4 == 0) forged.resize(random() % forged.size());
     cache::keep(entry.key, forged);
-    // a surface knows its own hash: it is right or made anew
+    // a surface stores its own hash: it is either identical or rebuilt
     EXPECT_EQ(all(), whole);
     cache::keep(entry.key, entry.payload);
   }
@@ -514,8 +514,8 @@ TEST_F(KeptPreparation, WhatIsInterruptedKeepsNothingHalf) {
   EXPECT_THAT(next.stages, Not(Contains(kRamps)));
 }
 
-// What is prepared is a golden hash. Where it changes on purpose, raise kPreparationVersion as well
-// (loading/kept_preparation.h), so that nobody goes on with what was prepared before, and put both here.
+// Golden hash of all prepared results. If it changes on purpose, increment kPreparationVersion
+// (loading/kept_preparation.h) to invalidate cached results, and update both here.
 TEST_F(KeptPreparation, GoldenHash) {
   use_none();
   const Started started = start("knee-phantom:spacing=3");

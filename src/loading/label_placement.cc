@@ -6,7 +6,8 @@
 namespace palpate {
 namespace {
 
-// shares of the labelled voxels below which the files are refused, and below which that is told as a doubt
+// shares of labelled voxels inside the scan below which the files are refused, and below which a warning is
+// given
 constexpr double kRefusedBelow = 0.5, kDoubtedBelow = 0.95;
 
 }  // namespace
@@ -17,7 +18,7 @@ LabelPlacement placement_of(const LabelMap& labels, const GridGeometry& scan) {
   const bool same = grid.same_grid(scan);
   const auto X_ScanLabels = scan.X_PatientVoxel().inverse() * grid.X_PatientVoxel();
   const Eigen::Matrix3d linear = X_ScanLabels.linear();
-  // a voxel reaches half a voxel around its centre
+  // voxel centres are at integers; each voxel extends half a voxel around its centre
   const Eigen::Array3d end(scan.dims[0] - 0.5, scan.dims[1] - 0.5, scan.dims[2] - 0.5);
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j) {
@@ -38,7 +39,7 @@ LabelPlacement placement_of(const LabelMap& labels, const GridGeometry& scan) {
 
 std::string in_words(const LabelPlacement& placement) {
   char text[80];
-  // rounded down, so that a hundred is all of them
+  // rounded down, so that 100 % means all of them
   std::snprintf(text, sizeof text, "%.1f %% of the labelled voxels lie inside the scan",
                 std::floor(1000 * placement.share()) / 10);
   return text;

@@ -21,7 +21,7 @@ Result<Scene> scene_of_data_set(const std::string& data_set) {
   return parse_embedded(data_set, std::string(*text));
 }
 
-// the modulus of the tissue called "nodule" is so many times that of "soft tissue"
+// sets the modulus of the tissue "nodule" to a multiple of that of "soft tissue"
 void set_stiffness_of_nodules(double times, Scene& scene) {
   const auto named = [&](const char* name) -> ElasticConstants& {
     const auto found = std::ranges::find(scene.tissues, name, &TissueSettings::name);
@@ -31,7 +31,8 @@ void set_stiffness_of_nodules(double times, Scene& scene) {
   named("nodule").youngs_modulus_kPa = times * named("soft tissue").youngs_modulus_kPa;
 }
 
-// the scene of a phantom's kind, with the tissues that its parameters add; what they leave out is no fault
+// scene for a kind of phantom, extended by the tissues that its parameters add; tissues that they omit are
+// optional
 Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters& parameters) {
   std::string text(embedded_scene(name.substr(0, name.find(':'))).value());
   const auto* knee = std::get_if<KneeParameters>(&parameters);
@@ -55,7 +56,7 @@ struct ReadScene {
   std::string data_set = {}, proposed = {}, origin_of_names = {}, names_from = {};  // as in LoadedScene
 };
 
-// by what the file is, because a path may name a patient and a report is passed on
+// identifies a file by its role, because a path may contain a patient's name and reports are shared
 std::string doubt_of_file(const char* what, const VolumeHeader& header) {
   return header.placement_doubt.empty() ? "" : what + (" " + header.placement_doubt);
 }
@@ -66,10 +67,10 @@ void put_doubt(std::string doubt, const Warn& warn, SceneVolumes& volumes) {
   volumes.caveats.push_back({CaveatKind::kPlacement, std::move(doubt)});
 }
 
-// what is read of a scene's files
+// volumes read from a scene's files
 struct FileVolumes {
   SceneVolumes volumes;
-  std::optional<std::filesystem::path> names_table = {};  // that was found beside the labels
+  std::optional<std::filesystem::path> names_table = {};  // found next to the labels
   std::string origin_of_names = {}, names_from = {};      // as in LoadedScene
 };
 
@@ -82,7 +83,7 @@ void take_labels(LabelFile labels, FileVolumes& files) {
   files.volumes.labels = std::move(labels.labels);
 }
 
-// reads what a scene names
+// reads the files that a scene names
 Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
                                      const std::optional<std::filesystem::path>& names_file,
                                      const std::optional<std::filesystem::path>& scan_file,
@@ -158,7 +159,7 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
                    std::move(files->names_from)};
 }
 
-// a scan, a label map or a study of both, with the scene that is proposed for it
+// reads a scan, a label map or a study of both, and proposes a scene for it
 Result<ReadScene> read_with_proposal(const Study& study, const Progress& progress, const Warn& warn,
                                      std::optional<PreparationMethod> preparation) {
   FileVolumes files;

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// what a model has in bricks
+// actual memory of a model's bricks
 MemoryForecast measured_memory(const Model& model) {
   MemoryForecast memory;
   memory.labels = model.labels->bytes();
@@ -25,7 +25,7 @@ double over(std::uint64_t forecast, std::uint64_t measured) {
 }
 
 TEST(MemoryOf, StandsAsForetold) {
-  // at 0.36 mm the field is foretold as it is and the surfaces 1.26 times as large
+  // at 0.36 mm the forecast of the field is exact and that of the surfaces 1.26 times too large
   for (const char* const knee : {"knee-phantom:spacing=1", "knee-phantom:spacing=0.7"}) {
     SCOPED_TRACE(knee);
     SceneMemory foretold;

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// what is felt of a label map: how many of its structures, by which presets
+// summary of the touchable structures of a label map: their number and presets
 std::string felt_of_labels(const Scene& scene, const LabelMap& labels) {
   std::size_t felt = 0;
   std::string presets;

@@ -8,10 +8,10 @@ namespace palpate {
 
 struct ProposedScene {
   Scene scene;
-  std::string note;  ///< what it is, and how to have it as a file, in one line
+  std::string note;  ///< Description in one line, including how to save it to a file
 };
 
-/// The scene that `scene new` writes for a scan, a label map, or both. Errors: those of new_scene_text.
+/// Scene that `scene new` writes for a scan, a label map or both. Errors: those of new_scene_text.
 Result<ProposedScene> propose_scene(const NewSceneInput& input);
 
 }  // namespace palpate

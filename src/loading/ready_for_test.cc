@@ -46,7 +46,7 @@ TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOw
   EXPECT_EQ(bone.from_N_per_mm, shell.stiffness_N_per_mm);
   EXPECT_EQ(bone.beneath, -1);
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm), 0, 0.45);
-  // zero lies on the shell's outside, within half a voxel of 0.9 mm
+  // the zero level is on the outside of the shell, within half a voxel of 0.9 mm
   EXPECT_NEAR(distance_mm(**ready, 2, kBoneRadius_mm + kShell_mm), 0, 0.45);
   EXPECT_NEAR(distance_mm(**ready, 2, kBoneRadius_mm + kShell_mm + 2), 2, 0.7);
   ASSERT_NE((*ready)->surfaces[2].owners, nullptr);
@@ -68,7 +68,7 @@ TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
   EXPECT_NEAR(distance_mm(**ready, 1, kBoneRadius_mm + kShell_mm), 0, 0.45);
   EXPECT_EQ((*ready)->surfaces[1].beneath, 2);
   EXPECT_EQ((*ready)->surfaces[2].opened_by, (std::vector<std::int16_t>{1}));
-  // the bone's part in the first layer, and what is its own
+  // contribution of bone to the first layer, and its own layer
   const ContactSurface& first = (*ready)->surfaces[3];
   EXPECT_EQ(first.structure, 0);
   EXPECT_EQ(first.layer, 0);
@@ -78,7 +78,7 @@ TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm + 2), 2, 0.7);
 }
 
-// soft, hard and soft again, and so many steps between them that some are one layer
+// soft, hard and soft again, with so many stiffness levels that some share a layer
 TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
   for (const double factor : {1.05, 1.2, 2.0}) {
     Model model = *loaded_ball(kShell_mm).model;
@@ -109,7 +109,7 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
     }
     EXPECT_LT(deepest, kMaxLayers);
     EXPECT_GE(deepest, std::min(kStructures, kMaxLayers) / 2);
-    // each gives all of its stiffness, over the layers together
+    // the layers' contributions of each structure add up to its stiffness
     for (int n = 0; n < kStructures; ++n) {
       const ContactSurface& structure = (*ready)->surfaces[static_cast<std::size_t>(n)];
       double sum = 0;

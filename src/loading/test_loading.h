@@ -10,7 +10,7 @@
 
 namespace palpate::testing {
 
-/// The ball of haptics/test_model.h, as if a scene had been loaded.
+/// The ball of haptics/test_model.h as a loaded scene.
 inline LoadedScene loaded_ball(double cartilage_mm = 0) {
   Model model = ball_model({0.6, 0.6, 0.9}, 1.0, cartilage_mm);
   model.title = "ball";
@@ -18,7 +18,7 @@ inline LoadedScene loaded_ball(double cartilage_mm = 0) {
   return {Scene{}, std::make_shared<const Model>(std::move(model)), ""};
 }
 
-/// The ball, with a burr of 4 mm for the tool.
+/// The ball with a burr of 4 mm diameter as the tool.
 inline LoadedScene loaded_burr() {
   LoadedScene loaded = loaded_ball();
   loaded.scene.force.method = ForceMethod::kProxy;

@@ -10,10 +10,10 @@
 namespace palpate {
 namespace {
 
-// Names of TotalSegmentator's classes by tissue. "hollow": holds air or fluid; "unknown": no preset has the
-// values of such a material, or several tissues lie in it.
+// Class names of TotalSegmentator by tissue. "hollow": holds air or fluid; "unknown": no preset has a source
+// for the material, or it contains several tissues.
 struct Row {
-  const char *tissue, *names, *paired;  // the latter end in _left and _right
+  const char *tissue, *names, *paired;  // names in `paired` are suffixed with _left and _right
 };
 constexpr Row kRows[]{
     {"bone",
@@ -37,7 +37,7 @@ constexpr Row kRows[]{
      "medial_rectus_muscle superior_rectus_muscle inferior_rectus_muscle superior_oblique_muscle "
      "inferior_oblique_muscle levator_palpebrae_superioris"},
     {"fat", "subcutaneous_fat torso_fat intermuscular_fat", ""},
-    // with the parts of the aortic and the pulmonary root; a dissected aorta is its two lumina
+    // includes parts of the aortic and the pulmonary root; a dissected aorta is represented by its two lumina
     {"vessel",
      "aorta aorta_true_lumen aorta_false_lumen brain_aneurysm brachiocephalic_trunk celiac_trunk "
      "superior_mesenteric_artery renal_arteries coronary_arteries pulmonary_artery pulmonary_vein "
@@ -47,7 +47,7 @@ constexpr Row kRows[]{
      "non_coronary_cusp pul_sinotubular_junction pul_bifurcation pul_left_start pul_right_start",
      "iliac_artery iliac_vena subclavian_artery common_carotid_artery brachiocephalic_vein "
      "internal_carotid_artery internal_jugular_vein"},
-    // the canals of the jaws hold a nerve with its vessels
+    // canals of the jaws contain a nerve with its vessels
     {"nerve",
      "left_inferior_alveolar_canal right_inferior_alveolar_canal left_mandibular_incisive_canal_fdi103 "
      "right_mandibular_incisive_canal_fdi104 lingual_canal",
@@ -71,7 +71,7 @@ constexpr Row kRows[]{
      "pericardial_effusion subarachnoid_space third_ventricle fourth_ventricle",
      "kidney_cyst nasal_cavity auditory_canal ventricle_frontal_horn ventricle_occipital_horn "
      "ventricle_temporal_horn ventricle_body ventricle_trigone"},
-    // "ventricle" alone may be one of the heart or of the brain, an annulus one of a valve or of a disc
+    // "ventricle" alone is ambiguous between heart and brain, "annulus" between valve and disc
     {"unknown",
      "stomach esophagus duodenum small_bowel colon gallbladder urinary_bladder lung_airways_wall spinal_cord "
      "pericardium mediastinum thoracic_cavity abdominal_cavity body_trunc body_extremities head face "

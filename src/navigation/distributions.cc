@@ -7,8 +7,8 @@
 namespace palpate {
 namespace {
 
-// The regularised incomplete gamma function P(a, x) by its series (Abramowitz and Stegun 6.5.29), whose terms
-// all add up.
+// Regularised lower incomplete gamma function P(a, x) by its series (Abramowitz and Stegun 6.5.29), whose
+// terms are all positive.
 double gamma_share(double a, double x) {
   if (x <= 0) return 0;
   double term = 1 / a, sum = term;

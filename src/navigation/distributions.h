@@ -2,9 +2,9 @@
 
 namespace palpate {
 
-/// The value below which a share of a chi-squared distribution lies, within 1e-9 of the share.
-/// @param degrees  > 0, of freedom; a whole number or not
-/// @param share    0 ... 1, both excluded
+/// Quantile of the chi-squared distribution, accurate to 1e-9 in probability.
+/// @param degrees  degrees of freedom, > 0; need not be an integer
+/// @param share    probability, in the open interval 0 ... 1
 double chi_squared_quantile(double degrees, double share);
 
 }  // namespace palpate

@@ -13,15 +13,15 @@ namespace palpate {
 namespace {
 
 using Pose = Transform<Tracker, TrackedTool>;
-using Unknowns = Vector6d;  // tip, pivot
+using Unknowns = Vector6d;  // coordinates of tip and pivot
 
 struct Solution {
   Unknowns at;
-  Matrix6d inverse;  // of the normal equations
-  double least = 0;  // singular value by root of the number of poses
+  Matrix6d inverse;  // inverse of the normal matrix
+  double least = 0;  // smallest singular value divided by the square root of the number of poses
 };
 
-// R_i tip - pivot = -p_i, about a middle of the poses, so that lengths and angles are of one size
+// solves R_i tip - pivot = -p_i in coordinates about the mean of the poses, for good conditioning
 std::optional<Solution> solve(std::span<const Pose> poses, std::span<const std::size_t> which) {
   Matrix6d normal = Matrix6d::Zero();
   Unknowns right = Unknowns::Zero();
@@ -60,9 +60,9 @@ std::string degrees(double value) {
   return text;
 }
 
-// The least singular value belongs to a direction of the tool, half of its square to what moves of that: the
-// angle by which the poses turned it, root mean square. 0 where the tool turned about one axis alone, which
-// is that direction.
+// Rotation of the tool. The smallest singular value belongs to a direction of the tool, with half of its
+// square per unit of that direction: it gives the RMS angle by which the poses turned that direction. 0 if
+// the tool turned about a single axis, which is that direction.
 double turn_of(const Solution& solution) {
   return solution.least * std::numbers::sqrt2 * 180 / std::numbers::pi;
 }
@@ -106,7 +106,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
                       " where it turned least, " + degrees(options.min_turn_deg) + " are needed",
                   turn_more);
 
-  // what most poses agree upon: the sample by which half of all are nearest
+  // least median of squares: the minimal sample with the smallest median residual
   std::mt19937_64 random(options.seed);
   Unknowns best = everything->at;
   double min_median = 0;
@@ -126,16 +126,16 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
       best = solved->at;
     }
   }
-  // A residual is a length of three normal numbers, whose median is 1.54 of their deviations; a few poses too
-  // many make it small (Rousseeuw and Leroy, "Robust regression and outlier detection", 1987, eq. 1.3 of
-  // chapter 5). Lengths below three deviations by direction are 97 of 100, below the root of three times as
-  // much all.
+  // The residual is the length of three normal variables, whose median is 1.54 standard deviations, with the
+  // finite-sample correction of Rousseeuw and Leroy, "Robust regression and outlier detection", 1987, eq. 1.3
+  // of chapter 5. 97 % of the lengths are below three standard deviations of one direction, and all below
+  // sqrt(3) times that.
   const double free = std::max<double>(1, static_cast<double>(poses.size()) - 6);
   double deviation = min_median / 1.538 * (1 + 5 / free);
 
   PivotCalibration out;
   std::vector<std::size_t> kept;
-  // what belongs to the others is judged anew by them, until it stays so
+  // reweighting: inliers are determined again from the solution of the inliers until they no longer change
   for (int turn = 0; turn < 20; ++turn) {
     std::vector<std::size_t> now;
     for (std::size_t n = 0; n < poses.size(); ++n)

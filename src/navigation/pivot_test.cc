@@ -19,7 +19,7 @@ using Pose = Transform<Tracker, TrackedTool>;
 const Point<TrackedTool> kTip(-17.8, 1.1, -156.9);
 const Point<Tracker> kPivot(146.9, -63, -1042.1);
 
-// the tool swings by angles of this deviation about its axes, one after the other
+// the tool is rotated by angles of these standard deviations about its axes, one after the other
 std::vector<Pose> swing(std::mt19937& random, int count, const Eigen::Vector3d& deviations_deg,
                         double noise_mm) {
   std::vector<Pose> poses;
@@ -46,7 +46,7 @@ TEST(Pivot, FindsTipAndPivot) {
   EXPECT_EQ(found->used, 40);
 }
 
-// what is said of the tip is what happens to it
+// the predicted error of the tip is the actual one
 TEST(Pivot, ItsErrorIsAsForetold) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
@@ -61,7 +61,7 @@ TEST(Pivot, ItsErrorIsAsForetold) {
   EXPECT_NEAR(std::sqrt(squares / foretold), 1, 0.1);
 }
 
-// a tenth of the poses of somewhere else, as where markers are half hidden, or the tip slipped
+// a tenth of the poses are wrong, as with partly occluded markers or a tip that slipped
 TEST(Pivot, OutliersDoNotMoveIt) {
   std::mt19937 random(test::test_seed());
   for (int run = 0; run < 20; ++run) {
@@ -71,7 +71,7 @@ TEST(Pivot, OutliersDoNotMoveIt) {
     ASSERT_TRUE(without);
     for (int n = 0; n < 20; ++n) {
       Pose& pose = poses[static_cast<std::size_t>(10 * n)];
-      // from a little off to far away, some all to one side
+      // from slightly off to far away, some all to one side
       pose = {pose.linear(),
               pose.translation() + (n % 2 ? Eigen::Vector3d(3, 0, 0) : (1.5 + n) * test::normal(random))};
     }
@@ -94,10 +94,10 @@ TEST(Pivot, RefusesWhatSaysNothing) {
     return found ? std::string("accepted") : found.error().message();
   };
   EXPECT_THAT(refused(swing(random, 5, {20, 20, 20}, 0)), HasSubstr("6 poses at least, and there are 5"));
-  // a tool that lies still, whose noise a solution would take for motion
+  // a stationary tool, whose noise must not be taken for motion
   EXPECT_THAT(refused(swing(random, 100, {0, 0, 0}, 0.3)), HasSubstr("hardly turned"));
   EXPECT_THAT(refused(swing(random, 100, {1, 1, 1}, 0.3)), HasSubstr("hardly turned"));
-  // about one axis alone: the tip may be anywhere along it
+  // rotation about a single axis: the tip's position along it is undetermined
   EXPECT_THAT(refused(swing(random, 100, {0, 30, 0}, 0.3)), HasSubstr("hardly turned"));
   EXPECT_EQ(refused(swing(random, 100, {20, 20, 0}, 0.3)), "accepted");
   auto sheared = swing(random, 10, {20, 20, 20}, 0);

@@ -30,7 +30,7 @@ std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
-// by the first of these that is there; by blanks any number of them
+// splits a line by the first of these separators that occurs in it; consecutive blanks count as one
 std::vector<std::string_view> cells_of(std::string_view line) {
   std::vector<std::string_view> cells;
   for (const char part : {',', ';', '\t'}) {
@@ -40,7 +40,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
       cells.push_back(trimmed_text(line.substr(from, to - from)));
       from = to + 1;
     }
-    if (cells.back().empty()) cells.pop_back();  // a separator that ends the line
+    if (cells.back().empty()) cells.pop_back();  // trailing separator
     if (part != '\t' || cells.size() > 2) return cells;
     cells.clear();
   }
@@ -89,7 +89,8 @@ Eigen::Vector3d to_lps(const Eigen::Vector3d& ras) {
 constexpr const char* kMarkupsRemedy =
     "save the points again as Slicer's markups (.mrk.json), or as lines of name, x, y, z";
 
-/// A control point that is placed; nothing where it is not. @param number  of its file's, from 1
+/// A control point with a defined position; empty otherwise.
+/// @param number  index within its file, from 1
 Result<std::optional<NamedPoint>> control_point(const Json& control, std::size_t number, bool is_ras,
                                                 const std::string& where) {
   if (!control.is_object()) return bad("a control point is no object", where, kMarkupsRemedy);
@@ -111,7 +112,7 @@ Result<std::optional<NamedPoint>> control_point(const Json& control, std::size_t
       NamedPoint{name.empty() ? std::to_string(number) : name, is_ras ? to_lps(at) : at, {}});
 }
 
-// a word, or one with its code: ["mm", "UCUM", "millimeter"]
+// the unit is a word, or a word with its code: ["mm", "UCUM", "millimeter"]
 Result<void> check_millimetres(const Json& markup, const std::string& where) {
   const Json* unit = markup.find("coordinateUnits");
   if (unit == nullptr) return {};
@@ -171,7 +172,7 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
     return points;
   }
   const char* kRemedy = "a line for each point: name, x, y, z in millimetres";
-  // of Slicer's .fcsv: id, x, y, z, four of an orientation, three switches, the label
+  // columns of Slicer's .fcsv: id, x, y, z, four of an orientation, three flags, the label
   constexpr std::size_t kFcsvLabel = 11;
   bool is_fcsv = false, is_ras = false, may_be_heading = true;
   std::vector<NamedPoint> points;
@@ -188,7 +189,7 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
       continue;
     }
     const std::vector<std::string_view> cells = cells_of(line.text);
-    // a name may be a number: three cells are a place, and of more the first is its name
+    // a name may be a number: three cells are coordinates, and with more the first one is the name
     const bool is_named = is_fcsv || cells.size() > 3;
     const std::size_t first = is_named ? 1 : 0;
     std::vector<double> numbers;
@@ -228,7 +229,7 @@ namespace {
 
 using Pose = Transform<Tracker, TrackedTool>;
 
-// a rotation that is none is for calibrate_pivot to refuse by its number
+// invalid rotations are reported by calibrate_pivot with their number
 std::optional<Pose> pose_of(std::span<const double> n, bool scalar_first) {
   if (n.size() == 7) {
     const Eigen::Quaterniond q = scalar_first ? Eigen::Quaterniond(n[3], n[4], n[5], n[6])
@@ -253,7 +254,7 @@ std::optional<std::vector<double>> numbers_of(const std::vector<std::string_view
   return numbers;
 }
 
-// "Seq_Frame0012_StylusToTrackerTransform = 1 0 0 ..." and "...TransformStatus = OK"
+// header lines such as "Seq_Frame0012_StylusToTrackerTransform = 1 0 0 ..." and "...TransformStatus = OK"
 Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string& where,
                                         const PoseFormat& format) {
   std::set<std::string, std::less<>> names;
@@ -264,7 +265,7 @@ Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string
     if (is == std::string_view::npos) continue;
     const std::string_view key = trimmed_text(line.text.substr(0, is)),
                            value = trimmed_text(line.text.substr(is + 1));
-    // what follows are an image's voxels
+    // image data follow
     if (key == "ElementDataFile") break;
     if (!key.starts_with("Seq_Frame")) continue;
     const std::size_t part = key.find('_', 9);

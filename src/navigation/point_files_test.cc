@@ -31,7 +31,7 @@ TEST(ParsePoints, LinesOfAnyKind) {
   ASSERT_TRUE(unnamed) << unnamed.error().message();
   EXPECT_EQ((*unnamed)[0].name, "1");
   EXPECT_EQ((*unnamed)[1].fle_mm, 0.5);
-  // a number may be a name
+  // a name may be a number
   EXPECT_EQ((*unnamed)[2].name, "7");
   EXPECT_EQ((*unnamed)[2].at_mm, Eigen::Vector3d(7, 8, 9));
   EXPECT_EQ((*unnamed)[3].name, "8");

@@ -21,7 +21,7 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
   return m;
 }
 
-// d (place at r from the centroid) / d (shift, turn)
+// Jacobian of a point at r from the centroid with respect to (translation, rotation)
 Eigen::Matrix<double, 3, 6> moved_by(const Eigen::Vector3d& r) {
   Eigen::Matrix<double, 3, 6> moved;
   moved << Eigen::Matrix3d::Identity(), -cross_matrix(r);
@@ -63,7 +63,7 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
     shape += weight * scan * scan.transpose();
     tracked_shape += weight * seen * seen.transpose();
   }
-  // ascending: the last is along the longest axis
+  // eigenvalues are ascending: the last one belongs to the longest axis
   const SymmetricEigen<3> axes = symmetric_eigen(shape), tracked_axes = symmetric_eigen(tracked_shape);
   const auto variances = [](const SymmetricEigen<3>& of) { return of.values.cwiseMax(0).eval(); };
   for (const Eigen::Vector3d& along : {variances(axes), variances(tracked_axes)}) {
@@ -75,7 +75,7 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
                     "touch points that surround what matters");
   }
 
-  // Umeyama's equations 39 to 43
+  // Umeyama, equations 39 to 43
   const SingularVectors svd = singular_vectors(across);
   const bool mirrors = svd.u.determinant() * svd.v.determinant() < 0;
   const Eigen::Vector3d signs(1, 1, mirrors ? -1 : 1);
@@ -95,15 +95,15 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
                      .squaredNorm();
   }
   out.fre_mm = std::sqrt(squares);
-  // points of a plane fit either way
+  // coplanar points fit their mirror image equally well
   if (mirrors && pairs.size() > 3 && squares > 9 * mirrored_squares && squares > 0.01 * shape.trace())
     return refuse(
         "the points are mirror images of each other: as they are " + millimetres(out.fre_mm) +
             " are left over, mirrored " + millimetres(std::sqrt(mirrored_squares)),
         "look whether left and right are mixed up, or the order of the axes, or that of the points");
 
-  // sum of squared residuals, each by its own error: chi squared of 3 N - 6, in units of a third of the
-  // scale's square
+  // the sum of squared normalised residuals, relative to a third of the squared scale, is chi-squared
+  // distributed with 3 N - 6 degrees of freedom
   const double free = 3.0 * static_cast<double>(pairs.size()) - 6;
   const double by_error = squares * total;
   out.fle_scale = std::sqrt(3 * by_error / free);
@@ -136,7 +136,7 @@ ErrorSpread spread_of(const Eigen::Matrix3d& covariance_mm2) {
   const double mean = covariance_mm2.trace(), variance = 2 * covariance_mm2.squaredNorm();
   out.rms_mm = std::sqrt(mean);
   if (mean > 0) {
-    // a gamma distribution is a chi squared one of another scale
+    // a gamma distribution is a scaled chi-squared distribution
     const double degrees = 2 * mean * mean / variance;
     out.max_mm = std::sqrt(mean / degrees * chi_squared_quantile(degrees, 0.95));
   }

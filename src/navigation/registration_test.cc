@@ -62,7 +62,7 @@ TEST(RegisterPoints, FindsWhatMovedThem) {
   }
 }
 
-// no other rigid motion leaves less: it is a minimum, with weights, too
+// no rigid perturbation reduces the residual: the solution is a minimum, also with weights
 TEST(RegisterPoints, NothingNearbyLeavesLess) {
   std::mt19937 random(test::test_seed());
   for (int turn = 0; turn < 50; ++turn) {
@@ -90,7 +90,7 @@ TEST(RegisterPoints, NothingNearbyLeavesLess) {
   }
 }
 
-// FLE^2 = 1, eight corners of a cube: the formula's own figures
+// FLE^2 = 1, eight corners of a cube: values of the formula
 TEST(TargetError, OfTheCube) {
   const auto found = register_points(pairs_of(cube_corners(), {}));
   ASSERT_TRUE(found);
@@ -98,7 +98,7 @@ TEST(TargetError, OfTheCube) {
   EXPECT_NEAR(std::pow(error_at(rigid_error(*found, 1), {100, 0, 0}).rms_mm, 2), 0.2917, 5e-5);
 }
 
-// of any points: Fitzpatrick's equation, written out
+// for arbitrary points: Fitzpatrick's equation, written out
 TEST(TargetError, IsFitzpatricksEquation) {
   std::mt19937 random(test::test_seed());
   for (int turn = 0; turn < 100; ++turn) {
@@ -124,8 +124,8 @@ TEST(TargetError, IsFitzpatricksEquation) {
   }
 }
 
-// what is predicted is what happens: of the plane of scikit-surgerycore's test too, where the formula
-// gives 1.350
+// predicted and simulated errors agree, also for the coplanar points of scikit-surgerycore's test, for which
+// the formula gives 1.350
 TEST(TargetError, IsWhatComesOut) {
   const std::vector<Eigen::Vector3d> uneven = {
       {0, 0, 0}, {80, 5, 0}, {10, 60, 8}, {-20, 30, 40}, {15, -30, 25}};
@@ -161,7 +161,7 @@ TEST(TargetError, IsWhatComesOut) {
     EXPECT_NEAR(below / kRuns, 0.95, 0.01);
     EXPECT_NEAR(scales / kRuns, 0.25, 0.01);
     EXPECT_NEAR(within / kRuns, 0.95, 0.01);
-    // what is left over at the points tells nothing of what is wrong at the target
+    // the FRE does not predict the TRE
     const double correlation =
         (both / kRuns - fre / kRuns * tre / kRuns) / std::sqrt((fre_fre / kRuns - std::pow(fre / kRuns, 2)) *
                                                                (tre_tre / kRuns - std::pow(tre / kRuns, 2)));
@@ -189,7 +189,7 @@ TEST(RegisterPoints, RefusesWhatSaysNothing) {
   broken = pairs_of(cube_corners(), {});
   broken[1].fle_mm = 0;
   EXPECT_THAT(refused(broken), HasSubstr("error of P2"));
-  // a plane is no line, and has no mirror image
+  // coplanar points are not collinear, and have no distinct mirror image
   EXPECT_EQ(refused(pairs_of({{0, 0, 0}, {50, 0, 0}, {50, 40, 0}, {0, 40, 0}}, {})), "accepted");
 }
 

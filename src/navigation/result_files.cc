@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-// what no instrument and no room is as large as
+// upper bound of plausible lengths
 constexpr double kFarthest_mm = 1e5;
 constexpr const char* kTipRemedy = "give what palpate pivot -o has written";
 constexpr const char* kRegistrationRemedy = "give what palpate register -o has written";
@@ -37,14 +37,14 @@ std::string written(const Json& json) {
   return json.dump(2) + "\n";
 }
 
-// a number that is one, from `low` to kFarthest_mm
+// a valid number from `low` to kFarthest_mm
 std::optional<double> number_in(const Json& json, const char* key, double low) {
   const Json* found = json.find(key);
   if (found == nullptr || !found->is_number()) return {};
   const double value = found->get<double>();
   return value >= low && value <= kFarthest_mm ? std::optional(value) : std::nullopt;
 }
-// columns of numbers are a matrix of one column
+// an array of numbers is a matrix of one column
 template <int Rows, int Columns>
 std::optional<Eigen::Matrix<double, Rows, Columns>> numbers_in(const Json& json, const char* key) {
   const Json* found = json.find(key);
@@ -104,7 +104,7 @@ Result<ToolTip> parse_tip(std::string_view text, const std::string& where) {
 
 std::string registration_text(const RegistrationOutcome& outcome) {
   const PointRegistration& points = outcome.by_points;
-  // of the points alone, whatever a surface then does
+  // figures of the point registration, whether or not a surface registration follows
   Json of_points{{"patient_from_tracker", rows_of(matrix_of(points.patient_from_tracker))},
                  {"fre_mm", points.fre_mm},
                  {"fle_known", outcome.is_fle_known}};

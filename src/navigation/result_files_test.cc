@@ -62,7 +62,7 @@ TEST(ResultFiles, AreReadAsTheyWereWritten) {
   ASSERT_TRUE(patient->error);
   EXPECT_EQ(patient->error->covariance, rigid_error(outcome.by_points, *outcome.fle_scale).covariance);
 
-  // of points that were computed from one another nothing is known
+  // if the points fit exactly, the error is unknown
   RegistrationOutcome exact = some_outcome(random);
   exact.fle_scale.reset();
   const auto unknown = parse_registration(registration_text(exact), "registration.json");
@@ -71,7 +71,7 @@ TEST(ResultFiles, AreReadAsTheyWereWritten) {
   EXPECT_FALSE(error_of_tip({*tip, *unknown}, {}));
 }
 
-// the three parts add up as squares, and only the registration's says what is far
+// the three variances add up, and is_far depends on the registration's only
 TEST(ErrorOfTip, IsTheSumOfItsParts) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
@@ -88,7 +88,7 @@ TEST(ErrorOfTip, IsTheSumOfItsParts) {
   }
   EXPECT_FALSE(error_of_tip(navigation, error.about)->is_far);
   EXPECT_TRUE(error_of_tip(navigation, {400, 0, 0})->is_far);
-  // of a tool without error what the registration's file tells of a target
+  // for an error-free tool the error equals the TRE in the registration file
   const auto exact = error_of_tip({{}, {{}, 0, error, ""}}, {10, 20, 30});
   EXPECT_EQ(exact->max_mm, error_at(error, {10, 20, 30}).max_mm);
 }
@@ -121,7 +121,7 @@ TEST(ResultFiles, WhatIsNoneIsToldApart) {
   EXPECT_THAT(registration(rigid + R"("by_points": {"fre_mm": 1}, "reference": 1})"), HasSubstr("no name"));
   EXPECT_EQ(registration(rigid + R"("by_points": {"fre_mm": 1}})"), "taken")
       << "of before errors were written";
-  // one that is below 0 in some direction
+  // a covariance with a negative eigenvalue
   std::string rows;
   for (int r = 0; r < 6; ++r) {
     rows += r ? ", [" : "[";

@@ -18,7 +18,7 @@ constexpr std::size_t kFewestPoints = 12;
 constexpr int kMaxTurns = 60;
 constexpr double kDamping = 1e-5;
 
-// places on the surface and which way is out, one for each voxel that it goes through
+// points on the surface with outward normals, one per voxel that the surface intersects
 struct Cloud {
   std::vector<Eigen::Vector3d> places, outward;
 
@@ -35,15 +35,15 @@ using Tree =
     nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, 3, std::size_t>;
 
 struct Foot {
-  double distance_mm = 0;   // to the nearest place, outside positive
-  double height_mm = 0;     // above the plane there
-  Eigen::Vector3d outward;  // of the plane
+  double distance_mm = 0;   // to the nearest point; positive outside
+  double height_mm = 0;     // above the tangent plane there
+  Eigen::Vector3d outward;  // normal of the tangent plane
 };
 
 std::optional<Foot> foot_by_field(const Surface& surface, const Eigen::Vector3d& x) {
   const FieldSample here = sample_central_differences(surface.position(), Point<Patient>(x));
   const double slope = here.gradient.norm();
-  // beyond its reach the distance stays as it is
+  // beyond its reach the distance field is constant
   if (slope < 0.5) return {};
   return Foot{here.value / slope, here.value / slope, here.gradient.eigen() / slope};
 }
@@ -72,9 +72,9 @@ struct Fit {
   std::vector<Foot> feet;
   std::vector<bool> counts;
   double rms_mm = 0;
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // of the points that count
-  double radius_mm = 1;                              // their root mean square distance from it
-  Matrix6d information = Matrix6d::Zero();           // a turn by radius_mm, by point
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // centroid of the untrimmed points
+  double radius_mm = 1;                              // RMS distance from the centroid
+  Matrix6d information = Matrix6d::Zero();           // rotations scaled by radius_mm; per point
   Vector6d pull = Vector6d::Zero();
 };
 
@@ -87,11 +87,11 @@ class Fitter {
   }
   bool is_empty() const { return cloud_.places.empty(); }
 
-  // to where nothing moves any more
+  // iterates to convergence
   Fit settle(const Transform<Patient, Tracker>& start, bool by_field) const {
     Fit fit = look(start, by_field);
     for (int turn = 0; turn < kMaxTurns; ++turn) {
-      // what nothing holds stays where it is
+      // damping keeps unconstrained directions unchanged
       const Matrix6d damped = fit.information + kDamping * Matrix6d::Identity();
       const Vector6d step = -solve_symmetric(damped, fit.pull);
       const Eigen::Vector3d turned = step.tail<3>() / fit.radius_mm;
@@ -131,7 +131,7 @@ class Fitter {
       fit.feet.back().distance_mm -= options_.tip_radius_mm;
       fit.feet.back().height_mm -= options_.tip_radius_mm;
     }
-    // the best of them, in their order where two are alike
+    // ascending by residual; stable for ties
     std::vector<std::size_t> order(at.size());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -195,7 +195,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   const Fitter fitter(surface, touched, options);
   if (fitter.is_empty()) return refuse("the structure has no surface", "choose another");
 
-  // from around the start, for what is nearest is not always what belongs together
+  // started from perturbations as well, because the nearest points need not correspond
   constexpr double kShift_mm = 10, kTurn = 10 * std::numbers::pi / 180;
   std::optional<Fit> best;
   for (int n = 0; n < 13; ++n) {

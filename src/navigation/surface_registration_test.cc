@@ -25,13 +25,13 @@ double capsule(const Eigen::Vector3d& x, const Eigen::Vector3d& from, const Eige
   const double t = std::clamp((x - from).dot(way) / way.squaredNorm(), 0.0, 1.0);
   return (x - from - t * way).norm() - radius;
 }
-// rods of different sizes that meet: no two sides alike, and no mirror image of itself
+// intersecting rods of different sizes: without any symmetry, including mirror symmetry
 double rods(const Eigen::Vector3d& x) {
   return std::min({capsule(x, {-20, 0, 0}, {20, 4, 0}, 7), capsule(x, {20, 2, 0}, {24, 26, 4}, 6),
                    capsule(x, {-20, 0, 0}, {-24, -4, 26}, 6), capsule(x, {-24, -4, 26}, {-26, 20, 28}, 5)});
 }
 
-// as surfaces are prepared: exact up to 4 mm
+// as prepared surfaces: exact up to 4 mm
 Surface surface_of(const Distance& distance) {
   GridGeometry grid;
   grid.dims = {90, 80, 80};
@@ -71,7 +71,7 @@ struct Case {
   Transform<Patient, Tracker> truth, start;
   std::vector<Point<Tracker>> touched;
 };
-// 10 degrees and 10 mm away
+// displaced by 10 degrees and 10 mm
 Case away_from(const std::vector<Point<Patient>>& places, double noise_mm, std::mt19937& random) {
   Case out;
   out.truth = {Rotation<Patient, Tracker>(test::any_rotation(random)),
@@ -108,7 +108,7 @@ TEST(RegisterToSurface, HandsThatShakeAndSlipAndABallThatTouches) {
   const Surface surface = surface_of(rods);
   for (int turn = 0; turn < 6; ++turn) {
     SCOPED_TRACE("seed " + std::to_string(test::test_seed()) + ", turn " + std::to_string(turn));
-    // the middle of a ball of 1.5 mm
+    // centre of a ball of 1.5 mm
     auto places = places_on([](const Eigen::Vector3d& x) { return rods(x) - 1.5; }, 120, random);
     Case of = away_from(places, 0.15, random);
     std::vector<std::size_t> slipped;

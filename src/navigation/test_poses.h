@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <random>
 
-/// Random numbers of the room's tests.
+/// Random numbers for the tests of navigation.
 namespace palpate::test {
 
 inline Eigen::Vector3d normal(std::mt19937& random) {
@@ -11,7 +11,7 @@ inline Eigen::Vector3d normal(std::mt19937& random) {
   const double x = one(random), y = one(random), z = one(random);
   return {x, y, z};
 }
-/// All alike.
+/// Uniformly distributed rotation.
 inline Eigen::Quaterniond any_rotation(std::mt19937& random) {
   std::normal_distribution<double> one;
   const double w = one(random);

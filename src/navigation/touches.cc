@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// a tool that was hidden for so long may have been anywhere
+// maximum gap in tracking for which the tip still counts as held
 constexpr double kMaxGap_s = 0.25;
 
 }  // namespace
@@ -14,7 +14,7 @@ constexpr double kMaxGap_s = 0.25;
 TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
   if (!seen_.empty() && time_s - seen_.back().time_s > kMaxGap_s) seen_.clear();
   seen_.push_back({tip, time_s});
-  // the last one that is older than the hold stays: from there on it was held
+  // keep the last sample older than hold_s: the tip has been held since then
   while (seen_.size() > 1 && time_s - seen_[1].time_s >= settings_.hold_s) seen_.pop_front();
 
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -27,7 +27,7 @@ TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
     squares += away * away / static_cast<double>(seen_.size());
   }
   place.held_mm = std::sqrt(squares);
-  // what has moved begins anew: a touch is never a part of the way to it
+  // after a movement the hold restarts, so that a touch excludes the approach
   if (most > settings_.still_mm) {
     seen_.erase(seen_.begin(), seen_.end() - 1);
     return State::kMoving;

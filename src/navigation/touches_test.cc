@@ -12,10 +12,10 @@ namespace {
 
 using State = TouchTaker::State;
 
-/// A tip that is seen 50 times a second.
+/// A tip tracked at 50 Hz.
 class Touches : public ::testing::Test {
  protected:
-  // the last state, from a tip that shakes by that much
+  // holds the tip with a given tremor; returns the last state
   State hold(const Point<Tracker>& at, double seconds, double shake_mm = 0) {
     State last = State::kMoving;
     for (int n = 0; n < static_cast<int>(std::lround(50 * seconds)); ++n) {
@@ -34,11 +34,11 @@ TEST_F(Touches, AreTakenWhereTheTipIsHeldForASecond) {
   EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);
   EXPECT_EQ(hold({0, 0, 0}, 0.3), State::kTaken);
   ASSERT_EQ(taker_.taken().size(), 1u);
-  // as soon as it has left, and not before
+  // only after the tip has left
   EXPECT_EQ(hold({0, 0, 0}, 3), State::kTooNear);
   EXPECT_EQ(hold({4, 0, 0}, 3), State::kTooNear);
   EXPECT_EQ(hold({6, 0, 0}, 1.3), State::kTaken);
-  // and the way to a place is no part of it
+  // the approach to a point is excluded
   for (double x = 6; x < 100; x += 0.4) EXPECT_NE(hold({x, 0, 0}, 0.02), State::kTaken) << x;
   EXPECT_EQ(hold({100, 0, 0}, 1.3), State::kTaken);
   EXPECT_NEAR(taker_.taken().back().at.x(), 100, 0.2);
@@ -51,11 +51,11 @@ TEST_F(Touches, AreTheMeanOfTheirPosesAndSayHowFarThoseLieApart) {
   EXPECT_LT((place.at - Point<Tracker>(10, 20, 30)).norm(), 0.1);
   EXPECT_NEAR(place.held_mm, 0.1 * std::sqrt(3), 0.05);
   EXPECT_NEAR(static_cast<double>(place.poses), 51, 1);
-  // a hand that shakes too much holds nothing still
+  // excessive tremor never counts as held
   EXPECT_EQ(hold({50, 0, 0}, 5, 1), State::kMoving);
 }
 
-// markers that were hidden for a while may have been anywhere meanwhile
+// the tip may have moved while its markers were hidden
 TEST_F(Touches, ABreakBeginsAnew) {
   EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);
   time_s_ += 0.5;

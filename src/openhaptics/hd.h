@@ -4,8 +4,8 @@
 
 #include "palpate/base/result.h"
 
-/// The functions of HDAPI (libHD) that palpate calls, and the numbers that they speak in. Written from public
-/// documentation; nothing of the maker's is needed to build this.
+/// The functions of HDAPI (libHD) that palpate uses, with their constants. Written from public documentation;
+/// no vendor files are needed for the build.
 namespace palpate::hd {
 
 using Handle = unsigned;

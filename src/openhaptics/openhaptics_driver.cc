@@ -23,15 +23,15 @@
 namespace palpate {
 namespace hd {
 
-/// Why there is no force, the most serious first.
+/// Reasons for the absence of force, the most serious first.
 enum class Trouble : std::uint8_t {
   kNone,
-  kLost,     ///< the library does not reach the device any more
-  kStalled,  ///< its scheduler calls nobody
-  kOther,    ///< another device answers by that name
-  kBroken,   ///< a pose that is none
-  kReset,    ///< the arm has to lie where its encoders are reset
-  kInkwell,  ///< the stylus has to be put into its inkwell
+  kLost,     ///< The library cannot reach the device
+  kStalled,  ///< The scheduler makes no calls
+  kOther,    ///< Another device has that name
+  kBroken,   ///< Its pose is invalid
+  kReset,    ///< The arm has to be placed in the position where its encoders are reset
+  kInkwell,  ///< The stylus has to be placed in its inkwell
   kWarm,
   kForce,
   kVelocityTrip,
@@ -39,17 +39,18 @@ enum class Trouble : std::uint8_t {
 
 /// A device of the driver.
 struct Unit {
-  std::string config;  ///< by which the maker's setup knows it; empty: the default one
+  std::string config;  ///< Name in the vendor's configuration; empty: the default device
   DeviceInfo info;
   std::string identity;
   std::atomic<Handle> handle{kNobody};
-  int style = 0;                ///< of calibration, the one that is used; 0: none is known
-  std::optional<double> max_N;  ///< peak of the device, of which what is held takes its part
-  // ---- whoever is in its frame
+  int style = 0;  ///< Calibration style in use; 0: unknown
+  /// Peak force of the device, including the part that compensates the attached mass
+  std::optional<double> max_N;
+  // ---- the thread that runs the frame
   DeviceSample sample;
   Trouble trouble = Trouble::kNone, calibration = Trouble::kNone, tripped = Trouble::kNone;
   bool update_calibration = false;
-  double carried = 0;  ///< part of the weight of what is held that is carried
+  double carried = 0;  ///< Fraction of the attached weight that is compensated at present
   std::int64_t tripped_until_ns = 0, calibration_ns = 0;
 };
 
@@ -64,7 +65,7 @@ constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chr
 constexpr auto kOwnPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000,
                        kLastCall_ns = 1'000'000'000;
-// errors are told one by one: of a stack that never ends no more
+// errors are returned one by one; bounds a stack that never empties
 constexpr int kMaxErrors = 64;
 constexpr double kGravity_m_s2 = 9.81, kCarriedIn_s = 0.5;
 constexpr const char* kHdGet =
@@ -126,17 +127,17 @@ std::string text_of(const hd::Library& library, hd::Parameter parameter) {
 std::optional<double> number_of(const hd::Library& library, hd::Parameter parameter, double most) {
   double value = 0;
   library.hdGetDoublev(parameter, &value);
-  // what it does not know it leaves as it was
+  // an unsupported parameter leaves the value unchanged
   return std::isfinite(value) && value > 0 && value <= most ? std::optional(value) : std::nullopt;
 }
 
-// what the device does not answer itself
+// specifications that the device does not report
 void add_known(std::string_view model, DeviceInfo& info) {
   struct Known {
     const char* part;
     double peak_N, continuous_N, step_mm;
   };
-  // the longer name first
+  // longer names first, because they contain the shorter ones
   constexpr Known kKnown[] = {{"Touch X", 7.9, 1.75, 0.023},
                               {"Desktop", 7.9, 1.75, 0.023},
                               {"Touch", 3.3, 0.88, 0.055},
@@ -155,7 +156,7 @@ bool is_warning(unsigned code) {
   return code >= hd::kWarmMotors && code <= hd::kForceError;
 }
 
-/// Takes all errors; the last one that is more than a warning, or the last one.
+/// Takes all errors off the stack; returns the last one that is more than a warning, otherwise the last one.
 unsigned drain(const hd::Library& library) {
   unsigned worst = hd::kNoError;
   for (int n = 0; n < kMaxErrors; ++n) {
@@ -178,14 +179,14 @@ Error refused(const hd::Library& library, unsigned code, const std::string& wher
           where, cure};
 }
 
-/// Of a device's styles of calibration the one that asks least of whoever holds it.
+/// Of a device's calibration styles, the one that needs the least manual action.
 int style_of(int styles) {
   for (const int style : {hd::kAuto, hd::kInkwell, hd::kEncoderReset})
     if (styles & style) return style;
   return 0;
 }
 
-/// The device as the library has it under this name; by the default one's names where it is empty.
+/// Initialises the device of this name, or of the usual default names if it is empty.
 hd::Handle init(const hd::Library& library, const std::string& config, unsigned& error) {
   const char* const kDefault[] = {nullptr, "Default Device", "Default PHANToM"};
   const char* const named[] = {config.c_str()};
@@ -206,8 +207,8 @@ hd::Handle init(const hd::Library& library, const std::string& config, unsigned&
 class OpenHapticsDriver::Core {
  public:
   explicit Core(const OpenHapticsSettings& settings) : settings_(settings) {}
-  /// Lets the library go, which is waited for no longer than a second.
-  /// @return false: threads have been left alone in it, and may come back to this object at any time
+  /// Ends the use of the library, waiting for a second at most.
+  /// @return false: threads had to be abandoned in the library, and may access this object at any time
   bool end() {
     if (!finder_.joinable()) return true;
     end_.store(true);
@@ -278,7 +279,7 @@ class OpenHapticsDriver::Core {
       }
       if (lost_.load() == Lost::kAwaited) await_frame();
       if (lost_.load() == Lost::kNo) continue;
-      // nobody else ticks meanwhile, and other devices may hang on these ticks
+      // without frames nobody else ticks, and other devices may depend on these ticks
       for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
       servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
@@ -300,14 +301,15 @@ class OpenHapticsDriver::Core {
   }
 
  private:
-  /// Who calls the servo: the vendor's thread, which is in no frame, reads in one or is past that, or run().
-  /// Only a change from kVendor or kReading lets another in.
+  /// Thread that calls the servo: the vendor's thread, outside a frame (kVendor), reading in a frame
+  /// (kReading) or past that (kInFrame), or run() (kOwn). Ownership is only transferred from kVendor or
+  /// kReading.
   enum class Owner : std::uint8_t { kVendor, kReading, kInFrame, kOwn };
-  /// Whose the library is: kNo the vendor's thread and run(), kYes the finder, kBack run(). kAwaited: as kNo,
-  /// but run() ticks, and the vendor's frames are zeros, until one of them has ended.
+  /// Thread that uses the library: kNo the vendor's thread and run(), kYes the finder, kBack run(). kAwaited:
+  /// as kNo, but run() ticks, and the vendor's frames carry zeros, until one of them has ended.
   enum class Lost : std::uint8_t { kNo, kYes, kBack, kAwaited };
 
-  // ---- whoever opens, and the finder
+  // ---- the thread that opens, and the finder
   void describe(HdUnit& unit) {
     const hd::Library& library = *library_;
     library.hdMakeCurrentDevice(unit.handle);
@@ -339,7 +341,7 @@ class OpenHapticsDriver::Core {
     unit.identity = identity_of(unit);
     drain(library);
   }
-  /// What carries something has that much less for the rest.
+  /// Reduces the force limits by the weight of the attached mass.
   Result<void> take_what_is_held(HdUnit& unit) const {
     DeviceInfo& info = unit.info;
     unit.max_N = info.peak_force_N;
@@ -363,7 +365,7 @@ class OpenHapticsDriver::Core {
     return text_of(*library_, hd::kModelType) + "\n" + text_of(*library_, hd::kSerialNumber);
   }
 
-  /// After init, before the scheduler.
+  /// Called after initialisation and before the scheduler starts.
   Result<void> prepare(HdUnit& unit) {
     library_->hdMakeCurrentDevice(unit.handle);
     drain(*library_);
@@ -398,7 +400,7 @@ class OpenHapticsDriver::Core {
   // ---- run()'s thread
   void start(Owner ticks) {
     for (HdUnit& unit : units_) unit.carried = 0;
-    // a halt or a stop may have left it off: the first frame switches it on
+    // a halt or a stop may have disabled forces: the first frame enables them
     force_on_.store(false);
     last_frame_ns_.store(monotonic_ns());
     has_framed_.store(false);
@@ -420,19 +422,20 @@ class OpenHapticsDriver::Core {
   void watch_scheduler() {
     const std::int64_t since_ns = monotonic_ns() - last_frame_ns_.load();
     if (!failed_.load() && since_ns < hd_ns(kLate_s)) return;
-    // it holds what it was told last
+    // the device keeps the last commanded force
     if (force_on_.load()) switch_off();
     has_framed_.store(false);
     Owner was = Owner::kVendor;
-    // who is in the servo has to come out of it first; who is on the way to it will find it taken
+    // a thread within the servo has to return first; one that has not entered it will find the ownership
+    // taken
     if (!owner_.compare_exchange_strong(was, Owner::kOwn) &&
         (was != Owner::kReading || !owner_.compare_exchange_strong(was, Owner::kOwn)) && was != Owner::kOwn)
       return;
-    // a frame may have failed since
+    // a frame may have failed in the meantime
     lost_.store(failed_.exchange(false) ? Lost::kYes : Lost::kAwaited);
   }
 
-  // the vendor's thread has the ticks again as soon as it shows that it frames
+  // ticks return to the vendor's thread as soon as it completes a frame
   void await_frame() {
     if (failed_.exchange(false)) {
       note(HdTrouble::kLost, 0);
@@ -446,7 +449,7 @@ class OpenHapticsDriver::Core {
     }
   }
 
-  // a zero in a frame, and then the library comes to rest
+  // sends zero in a frame, then stops the library
   void stop() {
     stopping_.store(true);
     if (lost_.load() == Lost::kNo || lost_.load() == Lost::kAwaited) {
@@ -456,11 +459,11 @@ class OpenHapticsDriver::Core {
       stop_.store(true);
       came_in_time([&] { return !running_.load(); });
     }
-    // a frame that comes to the servo after this passes it by; one that is in it is waited for without an end
+    // later frames bypass the servo; one that is in it is waited for without a timeout
     while (in_servo_.load()) std::this_thread::sleep_for(kOwnPeriod);
   }
 
-  /// Waits for what needs the library to come back, and leaves the threads in it alone where it does not.
+  /// Waits for a condition that depends on the library. After a timeout its threads are abandoned.
   template <class Condition>
   bool came_in_time(Condition&& condition) {
     const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
@@ -474,11 +477,11 @@ class OpenHapticsDriver::Core {
   // ---- any thread
   void switch_off() {
     for (std::size_t d = 0; d < count_; ++d) {
-      // one device is always the current one
+      // a single device is always current
       if (count_ > 1) library_->hdMakeCurrentDevice(units_[d].handle);
       library_->hdDisable(hd::kForceOutput);
     }
-    // last: a frame that switches on meanwhile is then followed by one that does so again
+    // last, so that a frame that enables forces concurrently is followed by one that does so again
     force_on_.store(false);
   }
   void note(HdTrouble trouble, std::size_t device) {
@@ -502,7 +505,7 @@ class OpenHapticsDriver::Core {
     }
     for (std::size_t d = 0; d < count_; ++d) {
       samples_[d] = units_[d].sample;
-      // what comes back comes by the ramp
+      // marked as a fault so that the returning force is ramped
       samples_[d].fault = samples_[d].fault || was_off;
     }
     in_servo_.store(true);
@@ -533,7 +536,7 @@ class OpenHapticsDriver::Core {
     owner_.store(units_[worst].trouble == HdTrouble::kLost ? Owner::kOwn : Owner::kVendor);
   }
 
-  // somebody else ticks, or nobody does
+  // a frame while another thread ticks, or none
   void zero_frame() {
     if (owner_.load() != Owner::kOwn) return;
     for (std::size_t d = 0; d < count_; ++d) {
@@ -555,7 +558,7 @@ class OpenHapticsDriver::Core {
     const hd::Library& library = *library_;
     library.hdMakeCurrentDevice(unit.handle);
     library.hdBeginFrame(unit.handle);
-    // a call that fails leaves what was there
+    // a failed call leaves the values unchanged
     Eigen::Vector3d tip_mm = Eigen::Vector3d::Constant(kNotKnown), velocity_mm_s = tip_mm,
                     turning_rad_s = tip_mm;
     Eigen::Matrix4d transform = Eigen::Matrix4d::Constant(kNotKnown);
@@ -563,7 +566,7 @@ class OpenHapticsDriver::Core {
     library.hdGetDoublev(hd::kPosition, tip_mm.data());
     library.hdGetDoublev(hd::kVelocity, velocity_mm_s.data());
     library.hdGetDoublev(hd::kAngularVelocity, turning_rad_s.data());
-    // by columns, as Eigen has it
+    // column-major, as in Eigen
     library.hdGetDoublev(hd::kTransform, transform.data());
     library.hdGetIntegerv(hd::kButtons, &buttons);
     if (now_ns - unit.calibration_ns > kCalibrationEvery_ns) {
@@ -593,7 +596,7 @@ class OpenHapticsDriver::Core {
     unit.calibration = HdTrouble::kNone;
     if (state == hd::kCalibrated) return;
     unit.calibration = unit.style == hd::kInkwell ? HdTrouble::kInkwell : HdTrouble::kReset;
-    // an encoder's reset is for an arm that nobody holds
+    // resetting the encoders requires an arm that nobody holds
     unit.update_calibration =
         state == hd::kNeedsUpdate && (unit.style == hd::kAuto || unit.style == hd::kInkwell);
   }
@@ -616,7 +619,7 @@ class OpenHapticsDriver::Core {
   void end_frame(HdUnit& unit, const DeviceCommand* command) {
     const bool gives = command && !halted_.load();
     Eigen::Vector3d force_N = gives ? command->force_N.eigen() : Eigen::Vector3d::Zero();
-    // the weight of what is held, y being up; it comes in as a force does
+    // compensates the weight of the attached mass (y is up), ramped like a force
     const double step = unit.info.rate_hz ? 1 / (*unit.info.rate_hz * kCarriedIn_s) : 1e-3;
     unit.carried = gives ? std::min(1.0, unit.carried + step) : 0;
     if (settings_.held_mass_kg) force_N.y() += unit.carried * *settings_.held_mass_kg * kGravity_m_s2;
@@ -633,7 +636,7 @@ class OpenHapticsDriver::Core {
       library_->hdMakeCurrentDevice(units_[d].handle);
       library_->hdEnable(hd::kForceOutput);
     }
-    // a halt that came meanwhile
+    // a halt arrived meanwhile
     if (halted_.load()) switch_off();
   }
 
@@ -667,16 +670,16 @@ class OpenHapticsDriver::Core {
       }
       if (all) lost_.store(Lost::kBack);
     }
-    // one that came back after it was left alone is let be: whoever left may have ended the program
+    // an abandoned scheduler that returns is left alone, because the program may be exiting
     if (!abandoned_.load() && stop_scheduler()) disable_all();
   }
 
-  /// @return false: it was left alone meanwhile
+  /// @return false: it was abandoned meanwhile
   bool stop_scheduler() {
     if (running_.load()) {
       library_->hdStopScheduler();
       library_->hdUnschedule(scheduled_);
-      // what it had still begun
+      // calls that had already started
       while (inside_.load() && !abandoned_.load()) std::this_thread::sleep_for(kOwnPeriod);
       running_.store(false);
     }
@@ -690,7 +693,7 @@ class OpenHapticsDriver::Core {
   std::vector<DeviceInfo> infos_;
   ServoFunction* servo_ = nullptr;
   unsigned long scheduled_ = 0;
-  // of who is in the frame
+  // thread that runs the frame
   std::array<DeviceSample, kMaxDevices> samples_{};
   std::array<DeviceCommand, kMaxDevices> commands_{};
 
@@ -710,8 +713,8 @@ OpenHapticsDriver::OpenHapticsDriver(const OpenHapticsSettings& settings)
     : core_(std::make_unique<Core>(settings)) {}
 OpenHapticsDriver::~OpenHapticsDriver() {
   if (core_->end()) return;
-  // whoever is left in the library may come back to it at any time, and so it stays: until the process ends,
-  // and past the end of main()
+  // Threads abandoned in the library may return to it at any time, so that these objects live until the
+  // process ends, beyond the end of main()
   static std::mutex mutex;
   static auto* const left = new std::vector<std::unique_ptr<Core>>;
   const std::lock_guard lock(mutex);
@@ -744,7 +747,7 @@ std::optional<Error> OpenHapticsDriver::trouble() const {
 
 namespace {
 
-// what the library reads besides: it finds its devices by files in a folder
+// the library also finds its devices by files in a folder
 DeviceCheck setup_check() {
   const char* home = std::getenv("GTDD_HOME");
   const std::filesystem::path folder = home && *home ? home : "/usr/share/3DSystems";
@@ -760,7 +763,7 @@ DeviceCheck setup_check() {
                 "its configuration to"};
 }
 
-// the Touch comes as a serial port by USB
+// a Touch is connected as a USB serial port
 std::vector<DeviceCheck> port_checks() {
   std::vector<DeviceCheck> checks;
   for (int n = 0; n < 4; ++n) {

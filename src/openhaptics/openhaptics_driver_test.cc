@@ -12,7 +12,7 @@
 #include "palpate/device/bounds.h"
 #include "palpate/servo/servo_loop.h"
 
-/// The driver with a device in good order.
+/// The driver with working devices.
 namespace palpate {
 namespace {
 
@@ -23,7 +23,7 @@ using ::testing::HasSubstr;
 using testing::HdRig;
 using testing::soon;
 
-// the same force again and again, and the last samples
+// sends a constant force and records the last samples
 class HdConstant final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -49,11 +49,11 @@ class HdConstant final : public ServoFunction {
 
 struct HdModelCase {
   const char* model;
-  double answers_N, answers_continuous_N;  ///< 0: does not answer
-  double peak_N, continuous_N, step_mm;    ///< 0: is not known
+  double answers_N, answers_continuous_N;  ///< 0: not reported
+  double peak_N, continuous_N, step_mm;    ///< 0: unknown
 };
 class HdModels : public ::testing::TestWithParam<HdModelCase> {};
-// what the device answers, and the reference's table of limits for the rest
+// values reported by the device, otherwise from the reference's table of limits
 INSTANTIATE_TEST_SUITE_P(Each, HdModels,
                          ::testing::Values(HdModelCase{"Touch", 3.1, 0.9, 3.1, 0.9, 0.055},
                                            HdModelCase{"PHANToM Omni", 0, 0, 3.3, 0.88, 0.055},
@@ -91,7 +91,7 @@ TEST_P(HdModels, SayWhatTheyAre) {
   ASSERT_TRUE(info.workspace);
   EXPECT_EQ(info.workspace->low, Point<Device>(-80, -60, -35));
   EXPECT_EQ(info.workspace->high, Point<Device>(80, 60, 35));
-  // right, up, to the user
+  // device axes: right, up, towards the user
   EXPECT_NEAR((info.R_WorldDevice * Vector<Device>(1, 2, 3) - Vector<World>(1, -3, 2)).norm(), 0, 1e-12);
   EXPECT_TRUE(rig.device.ramping && rig.device.clamping && rig.device.force_on);
 }
@@ -117,17 +117,17 @@ TEST(OpenHaptics, EachAxisUnitAndButtonIsInItsPlace) {
   HdConstant servo;
   std::thread running([&] { rig.driver->run(servo, rig.clock); });
   EXPECT_TRUE(soon([&] { return rig.device.force_N > 0.9; }));
-  // the hand gives way by half a millimetre at most
+  // the hand yields by at most half a millimetre
   const DeviceSample sample = servo.last()[0];
   EXPECT_NEAR(sample.tip.x(), 10, 0.6);
   EXPECT_NEAR(sample.tip.y(), -20, 0.6);
   EXPECT_NEAR(sample.tip.z(), 30, 0.6);
-  // beside the hand's own, which comes to rest
+  // in addition to the hand's velocity, which vanishes
   EXPECT_NEAR((sample.velocity_mm_s - Vector<Device>(10'000, -20'000, 30'000)).norm(), 0, 500);
   EXPECT_EQ(sample.angular_velocity_rad_s, Vector<Device>(0.1, 0.2, 0.3));
   EXPECT_EQ(sample.buttons, 2u);
   EXPECT_TRUE(std::isnan(sample.gripper_rad));
-  // by columns, and made a turn again
+  // column-major, and orthonormalised
   EXPECT_NEAR(sample.R_DeviceTool.norm(), 1, 1e-12);
   const Eigen::AngleAxisd turn(sample.R_DeviceTool);
   EXPECT_NEAR(turn.angle() * turn.axis().y(), 0.5, 1e-3);
@@ -152,22 +152,22 @@ TEST(OpenHaptics, WhatIsHeldIsCarriedAndNeverAboveThePeak) {
     rig.device.continuous_N = 1.5;
     rig.device.intended_x_mm = -5;
     ASSERT_TRUE(rig.driver->open(false).ok());
-    // what is left for the tissue
+    // remaining force for contact
     EXPECT_NEAR(*rig.driver->devices()[0].peak_force_N, 3.3 - 0.981, 1e-12);
     EXPECT_NEAR(*rig.driver->devices()[0].continuous_force_N, 1.5 - 0.981, 1e-12);
     rig.begin();
-    // away from the wall there is only that
+    // away from the wall there is only the compensation
     EXPECT_TRUE(soon([&] { return std::abs(rig.device.asked_y_N - 0.981) < 1e-9; }));
     EXPECT_EQ(rig.device.asked_x_N, 0);
     rig.driver->halt();
     EXPECT_TRUE(soon([&] { return rig.device.asked_y_N == 0 && rig.device.force_N == 0; }));
     rig.driver->resume(0);
-    // it comes in evenly
+    // it is ramped
     EXPECT_TRUE(soon([&] { return rig.device.asked_y_N > 0.01 && rig.device.asked_y_N < 0.9; }));
     rig.end();
     EXPECT_LE(rig.device.largest_N, 0.981 + 1e-9);
   }
-  // a servo that asks for more than is left
+  // a servo that commands more than the remaining force
   class Upward final : public ServoFunction {
    public:
     void update(std::span<const DeviceSample>, std::span<DeviceCommand> commands) noexcept override {
@@ -189,7 +189,7 @@ TEST(OpenHaptics, WhatIsTooHeavyIsNotCarried) {
   for (const double mass_kg : {0.1, 0.4}) {
     settings.held_mass_kg = mass_kg;
     HdRig rig(false, settings);
-    // above what it bears for long, and then above what it bears at all
+    // above the continuous rating, then above the peak force
     if (mass_kg > 0.3) rig.device.continuous_N = 5;
     const auto refused = rig.driver->open(false);
     ASSERT_FALSE(refused.ok());
@@ -211,7 +211,7 @@ TEST(OpenHaptics, WithoutItsOwnGuardsItIsNotBegun) {
 class HdCalibrations : public ::testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Styles, HdCalibrations, ::testing::Values(1, 2, 4, 5, 6, 7));
 
-// the stand-in counts what comes too early or too late
+// the fake counts steps out of order
 TEST_P(HdCalibrations, AreDoneInTheirOrder) {
   HdRig rig(false);
   rig.device.style = GetParam();
@@ -263,7 +263,7 @@ TEST(OpenHaptics, StopLeavesZeroAndRunGoesOn) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-// what the halt has switched off the next run switches on
+// forces disabled by a halt are enabled by the next run
 TEST(OpenHaptics, ARunAfterOneThatEndedHaltedIsFelt) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
@@ -304,7 +304,7 @@ TEST(OpenHaptics, SeveralDevicesAreOneSchedulers) {
 
 TEST(OpenHaptics, InALoopNothingIsStrongerOrStifferThanItBears) {
   HdRig rig(false);
-  // the ball's surface lies to the right of the middle of the device's workspace
+  // the ball's surface is to the right of the centre of the device's workspace
   rig.device.intended_x_mm = testing::kBoneRadius_mm - 3;
   Parameters parameters;
   parameters.max_force_N = 30;
@@ -340,7 +340,7 @@ TEST(OpenHaptics, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
   fake.licence = false;
   EXPECT_THAT(refusal(driver), HasSubstr("licence"));
   fake.licence = true;
-  // NULL is no name everywhere
+  // versions without NULL as a name
   fake.null_name = false;
   EXPECT_TRUE(driver.open(false).ok());
   EXPECT_TRUE(driver.open(false).ok()) << "again";

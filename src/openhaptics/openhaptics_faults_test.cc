@@ -9,7 +9,8 @@
 #include "base/test_seed.h"
 #include "openhaptics/test_hd_rig.h"
 
-/// The driver when something breaks: no force first, then words, then on with it.
+/// The driver under faults: the force is removed first, then the fault is reported, then the session
+/// continues.
 namespace palpate {
 namespace {
 
@@ -30,7 +31,7 @@ INSTANTIATE_TEST_SUITE_P(Each, HdFaults, ::testing::ValuesIn(hd_faults_and_hang(
 TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
-  // said and over within a moment, some of them
+  // some faults are reported and over within a moment
   std::atomic<bool> said{false}, done{false};
   std::thread listening([&] {
     while (!done && !said) {
@@ -54,7 +55,7 @@ TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   EXPECT_FALSE(rig.wall.twice_at_once);
 }
 
-// also where the frame that brings the error is late, and somebody else ticks already
+// also if the frame with the error is late, and run() already ticks
 TEST(HdFaultsAlone, WhatFailsIsBegunAnew) {
   for (const int late_ms : {0, 5, 9, 12, 30}) {
     SCOPED_TRACE(late_ms);
@@ -85,7 +86,7 @@ TEST(HdFaultsAlone, AnotherDeviceByTheNameIsNotFelt) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-// its thread is left alone in there, and finds nothing to do when it comes back
+// its thread is abandoned, and finds nothing to do when it returns
 TEST(HdFaultsAlone, ALibraryThatHangsDoesNotKeepTheEnd) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
@@ -113,7 +114,7 @@ TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
   rig.fake.stop_hangs = true;
   const std::int64_t since_ns = monotonic_ns();
   rig.end();
-  // frames go on meanwhile, with zeros
+  // frames continue meanwhile, with zeros
   EXPECT_EQ(rig.device.force_N, 0);
   const int then = rig.wall.updates;
   rig.driver->run(rig.wall, rig.clock);
@@ -121,7 +122,7 @@ TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
   EXPECT_LT(monotonic_ns() - since_ns, std::int64_t{20'000'000'000}) << "a second, on a machine with time";
   EXPECT_TRUE(rig.fake.running);
   rig.fake.stop_hangs = false;
-  // the next session finds the library as it was
+  // the library is available to the next session
   EXPECT_TRUE(soon([&] { return !rig.fake.running && !rig.fake.scheduled; }));
   EXPECT_EQ(rig.wall.updates, then);
   EXPECT_EQ(rig.device.force_N, 0);
@@ -129,7 +130,7 @@ TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
   rig.fake.reset();
 }
 
-// and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
+// the force never exceeds the wall's. PALPATE_TEST_FAULTS=200 sets their number
 TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {
   HdRig rig;
   testing::outlive_any(rig, rig.fake, hd_faults_and_hang(), 6);
@@ -138,7 +139,7 @@ TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {
   EXPECT_LE(rig.device.largest_N, testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
 }
 
-// ended in the middle of whatever it does
+// destroyed at a random time
 TEST(HdFaultsAlone, MayEndAtAnyMoment) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -150,7 +151,7 @@ TEST(HdFaultsAlone, MayEndAtAnyMoment) {
     fault.begin(rig.fake);
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 150));
     rig.end();
-    // before it is disabled, which takes the force as well
+    // before the device is disabled, which removes the force as well
     EXPECT_TRUE(rig.device.force_N == 0) << fault.name;
     rig.driver.reset();
     EXPECT_FALSE(rig.fake.running);

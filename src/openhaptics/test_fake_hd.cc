@@ -14,10 +14,10 @@
 #include "palpate/base/clock.h"
 #include "palpate/device/simulated_device.h"
 
-/// A stand-in for libHD. It counts as violations what the documentation forbids: states read and forces set
-/// outside of a frame, by another thread than the scheduler's or of a device that is not the current one; a
-/// frame that is not ended; an order other than init, enable, schedule, start and stop, unschedule, disable;
-/// an encoder reset while the scheduler runs, any calibration within a frame; a force that is no number.
+/// Fake of libHD. It counts violations of the documentation: states read and forces set outside a frame, by
+/// another thread than the scheduler's or for a device that is not current; a frame that is not ended; an
+/// order other than init, enable, schedule, start and stop, unschedule, disable; an encoder reset while the
+/// scheduler runs, any calibration within a frame; a non-finite force.
 namespace palpate::testing {
 namespace {
 
@@ -41,7 +41,7 @@ struct Behind {
   std::int64_t advanced_ns = 0;
 };
 
-// one lock for all: the library's own state
+// a single lock for the library's state
 std::recursive_mutex mutex;
 std::array<Behind, 2> behind;
 unsigned current = kNobody;
@@ -82,7 +82,7 @@ void schedule_for_ever() {
   scheduler_id = std::this_thread::get_id();
   while (!stop_scheduler) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    // motors go on with what they were told
+    // motors keep the last commanded force
     {
       const std::lock_guard lock(mutex);
       for (Behind& known : behind)
@@ -98,7 +98,7 @@ void schedule_for_ever() {
   }
 }
 
-// of states and forces
+// whether states and forces may be accessed
 bool may_touch() {
   Behind* known = behind_of(current);
   if (!known) {
@@ -254,7 +254,7 @@ void hdGetDoublev(unsigned what, double* values) {
       default:
         break;
     }
-    // by columns; not quite orthonormal
+    // column-major; only approximately orthonormal
     const double transform[16] = {1.0001 * c, 0, -n, 0, 0, 1, 0, 0, n, 0, c, 0, x, s.tip.y(), s.tip.z(), 1};
     for (int i = 0; i < 16; ++i) values[i] = device.crooked ? 1 : transform[i];
     return;
@@ -391,7 +391,7 @@ void hdStartScheduler() {
   if (fake().running) return violated("started twice");
   if (!callback) violated("started before anything is scheduled");
   if (current == kNobody) violated("started without a device");
-  // one that hung when it was stopped has come back
+  // joins a scheduler that hung when it was stopped and has returned since
   if (scheduler.joinable()) scheduler.join();
   fake().running = true;
   stop_scheduler = false;

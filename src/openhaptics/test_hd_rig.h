@@ -12,7 +12,7 @@
 
 namespace palpate::testing {
 
-/// The stand-in in a file, as the driver will find it there; as at the beginning.
+/// Loads the fake library that the driver will find in this file, and resets it.
 inline FakeHd& fake_hd(const char* file = PALPATE_FAKE_HD) {
   void* const library = ::dlopen(file, RTLD_NOW | RTLD_LOCAL);
   EXPECT_NE(library, nullptr) << ::dlerror();
@@ -32,7 +32,7 @@ struct HdSide {
   FakeHdDevice& device = fake.device[0];
 };
 
-/// A driver that runs with the stand-in.
+/// A driver connected to the fake library.
 class HdRig : public HdSide, public DriverRig<OpenHapticsDriver> {
  public:
   explicit HdRig(bool begins = true, const OpenHapticsSettings& settings = fake_hd_settings())
@@ -80,7 +80,7 @@ inline const std::vector<HdFault>& hd_faults() {
   return faults;
 }
 
-/// And a frame that does not come back from the library: whoever ends a session then leaves it there.
+/// Also a frame that hangs in the library, where the end of a session leaves it.
 inline const std::vector<HdFault>& hd_faults_and_hang() {
   static const std::vector<HdFault> faults = [] {
     std::vector<HdFault> all = hd_faults();

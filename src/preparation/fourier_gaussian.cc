@@ -8,14 +8,14 @@
 #include <new>
 #include <numbers>
 
-// A real volume of nx x ny x nz voxels, padded to px x py x pz (products of 2, 3 and 5):
+// A real volume of nx x ny x nz voxels is padded to px x py x pz (products of 2, 3 and 5):
 //
 //   1  slice by slice: transform along i (real to px/2+1 complex numbers) and along j
-//   2  row by row of frequencies: transform along k, multiply by the response, transform back
-//   3  slice by slice: back along j and i, round
+//   2  for each row of frequencies: transform along k, multiply by the response, inverse transform
+//   3  slice by slice: inverse transform along j and i, round
 //
-// Zeros are never stored where they need not be: along k the padding exists only inside step 2, so that
-// what is kept between the steps is (px/2+1) * py * nz complex numbers.
+// Padding is not stored where it is not needed: along k it exists only within step 2, so that the
+// intermediate spectrum has (px/2+1) * py * nz complex numbers.
 namespace palpate::internal {
 
 namespace {
@@ -39,8 +39,8 @@ RealPlan real_plan(int n, bool inverse) {
   return plan;
 }
 
-/// Complex transforms along a strided axis. Neighbouring columns are transformed together, because one
-/// cache line holds eight of their numbers.
+/// Complex transforms along a strided axis. Adjacent columns are transformed together, because a cache line
+/// holds eight complex numbers.
 class Columns {
  public:
   static constexpr int kTogether = 8;
@@ -52,15 +52,15 @@ class Columns {
         gathered_(static_cast<std::size_t>(kTogether) * length),
         transformed_(gathered_.size()) {}
 
-  /// Takes the first `rows` numbers of every column, the rest being 0, and leaves the first `rows_out` of
-  /// its transform in their place.
+  /// Transforms every column, of which only the first `rows` numbers are non-zero, in place; the first
+  /// `rows_out` numbers of the result are stored.
   void forward(kiss_fft_cpx* data, std::size_t stride, int columns, int rows, int rows_out) {
     transform_columns(forward_.get(), data, stride, columns, rows, rows_out);
   }
   void inverse(kiss_fft_cpx* data, std::size_t stride, int columns, int rows, int rows_out) {
     transform_columns(inverse_.get(), data, stride, columns, rows, rows_out);
   }
-  /// Forward; column c times column_factor[c] * factor * response; inverse.
+  /// Forward transform; column c times column_factor[c] * factor * response; inverse transform.
   void filter(kiss_fft_cpx* data, std::size_t stride, int columns, int rows,
               const std::vector<float>& response, const std::vector<float>& column_factor, float factor) {
     for_blocks(columns, [&](int first, int count) {
@@ -119,7 +119,7 @@ class Columns {
   std::vector<kiss_fft_cpx> gathered_, transformed_;
 };
 
-/// What one worker needs; KissFFT's real plans hold scratch memory, so that they cannot be shared.
+/// Buffers and plans of one worker. KissFFT's real plans contain scratch memory and cannot be shared.
 struct Worker {
   Worker(int px, int py, int pz)
       : along_i(real_plan(px, false)),
@@ -142,7 +142,7 @@ void put(float value, std::uint16_t& out) {
   out = static_cast<std::uint16_t>(std::lrint(std::clamp(257 * value, 0.0f, 65535.0f)));
 }
 
-/// The steps above, each for one slice or row, on the padded half spectrum.
+/// The three steps, each for one slice or row of the padded half spectrum.
 template <class In, class Out>
 class FourierSmoother {
  public:
@@ -190,7 +190,7 @@ class FourierSmoother {
   }
 
   void filter_row(Worker& worker, int j) {
-    // KissFFT's inverse is not scaled
+    // KissFFT's inverse transform is unscaled
     const double voxels = static_cast<double>(px_) * py_ * pz_;
     worker.along_k.filter(spectrum_.data() + static_cast<std::size_t>(j) * frequencies_i(), slice_size(),
                           frequencies_i(), dims_[2], response_k_, response_i_,

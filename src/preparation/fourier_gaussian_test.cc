@@ -14,7 +14,7 @@ using internal::binary_sphere;
 using internal::random_binary;
 using internal::test_grid;
 
-constexpr double kAgreement = 0.05;  // of 255, before rounding, where sigma is 1.5 voxels or more
+constexpr double kAgreement = 0.05;  // in units of 1/255, before rounding, if sigma is at least 1.5 voxels
 
 double difference(const Volume<std::uint8_t>& volume, double sigma_mm) {
   const auto result = compare_gaussian_engines(volume, sigma_mm);
@@ -32,14 +32,14 @@ TEST(FourierGaussian, AgreesWithTheDirectEngineFromOneAndAHalfVoxels) {
     EXPECT_LT(difference(binary_sphere(grid, 15), sigma_voxels), kAgreement) << sigma_voxels;
     EXPECT_LT(difference(Volume<std::uint8_t>(grid, 255), sigma_voxels), kAgreement) << sigma_voxels;
   }
-  // the founding work's voxels
+  // voxel size of the original publication
   const GridGeometry grid = test_grid({60, 50, 40}, {0.625, 0.625, 0.9});
   EXPECT_LT(difference(random_binary(grid, random), 1.5), kAgreement);
   EXPECT_LT(difference(binary_sphere(grid, 12), 1.5), kAgreement);
 }
 
 TEST(FourierGaussian, AgreesOnTheWorstBinaryVolumeForTheTwoKernels) {
-  // the volume that is full exactly where one engine's impulse response exceeds the other's
+  // worst case: full exactly where the impulse response of one engine exceeds the other's
   for (const double sigma : {1.5, 1.75, 2.0, 2.5}) {
     const int reach = static_cast<int>(std::ceil(6 * sigma)), n = 2 * reach + 1;
     Volume<float> impulse(test_grid({n, n, n}, {1, 1, 1}));

@@ -25,7 +25,7 @@ Error out_of_memory(std::size_t voxels) {
           "close other programs, crop the volume, or use the direct engine, which needs the least"};
 }
 
-/// Checks what can be wrong, then smooths with the engine asked for.
+/// Validates the parameters, then smooths with the selected engine.
 template <class In, class Out>
 Result<Volume<Out>> smooth(const Volume<In>& volume, const GaussianOptions& options, const Progress& progress,
                            const ProgressSpan& span) {
@@ -39,7 +39,7 @@ Result<Volume<Out>> smooth(const Volume<In>& volume, const GaussianOptions& opti
     return Error{ErrorKind::kBadInput, "the volume holds values that are not finite numbers", "",
                  "replace them (NaN, infinity) before smoothing"};
   }
-  // without smoothing there is nothing to transform
+  // with sigma 0 there is nothing to transform
   const bool fourier = options.engine == GaussianEngine::kFourier && options.sigma_mm > 0;
   const auto engine = fourier ? internal::smooth_fourier<In, Out> : internal::smooth_direct<In, Out>;
   try {

@@ -8,7 +8,7 @@ namespace palpate::internal {
 
 namespace {
 
-// not 0 where the voxel is not; the sign of a zero does not count
+// non-zero for a non-zero voxel; -0.0 counts as zero
 std::uint8_t occupancy(std::uint8_t voxel) {
   return voxel;
 }
@@ -16,14 +16,14 @@ std::uint32_t occupancy(float voxel) {
   return std::bit_cast<std::uint32_t>(voxel) << 1;
 }
 
-/// Whether each row (k * ny + j) of the volume holds anything but 0.
+/// Whether each row (k * ny + j) of the volume has a non-zero voxel.
 template <class In>
 std::vector<std::uint8_t> occupied_rows(const Volume<In>& volume) {
   const auto length = static_cast<std::size_t>(volume.geometry().dims[0]);
   std::vector<std::uint8_t> occupied(volume.voxels().size() / length);
   const In* voxel = volume.voxels().data();
   for (std::uint8_t& row : occupied) {
-    // bits are gathered rather than compared: compilers make vectors of this
+    // combined by bitwise or, which compilers vectorise
     decltype(occupancy(In{})) any = 0;
     for (std::size_t i = 0; i < length; ++i) any |= occupancy(voxel[i]);
     row = any != 0 ? 1 : 0;

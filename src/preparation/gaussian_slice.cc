@@ -6,8 +6,8 @@ namespace palpate::internal {
 
 namespace {
 
-/// A cache line between the rows of the ring: at the usual lengths, powers of two, they would otherwise
-/// all claim the same few places of the cache.
+/// Padding of a cache line between the rows of the ring: with power-of-two lengths the rows would otherwise
+/// map to the same cache sets.
 constexpr std::size_t kRingPadding = 16;
 
 }  // namespace
@@ -45,12 +45,12 @@ const In* SliceSmoother<In>::input_row(int j, int k) const {
   return input_->volume->voxels().data() + input_->volume->geometry().offset(0, j, k);
 }
 
-/// Row j of slice k, smoothed along k and i, into its place in the ring.
+/// Smooths row j of slice k along k and i into its position in the ring.
 template <class In>
 void SliceSmoother<In>::fill_ring_row(int j, int k) {
   const auto& [ki, kj, kk] = input_->kernels;
 
-  // along k: rows of the neighbouring slices, outside and empty ones left out
+  // along k: rows of adjacent slices; rows outside the grid and empty rows are skipped
   pairs_k_.clear();
   for (int t = 1; t <= kk.radius(); ++t) {
     if (!occupied(j, k - t) && !occupied(j, k + t)) continue;
@@ -64,13 +64,13 @@ void SliceSmoother<In>::fill_ring_row(int j, int k) {
   sum_rows(WeightedRows<In>{input_row(j, k), kk.weights[0], pairs_k_.data(), pairs_k_.size()}, nx_,
            line_start_);
 
-  // along i: the row against itself
+  // along i
   float* place = ring_.data() + static_cast<std::size_t>(j % (2 * kj.radius() + 1)) * ring_stride_;
   sum_rows(WeightedRows<float>{line_start_, ki.weights[0], pairs_i_.data(), pairs_i_.size()}, nx_, place);
   smoothed = place;
 }
 
-/// Along j: output row j from the rows around it in the ring.
+/// Along j: output row j from the adjacent rows in the ring.
 template <class In>
 template <class Out>
 void SliceSmoother<In>::write_row(int j, Out* out) {

@@ -8,29 +8,27 @@
 
 namespace palpate::internal {
 
-/// What smoothing a slice reads. In is std::uint8_t or float.
+/// Input of slice smoothing. In is std::uint8_t or float.
 template <class In>
 struct SmoothingInput {
   const Volume<In>* volume;
-  std::vector<std::uint8_t> occupied;  ///< by row (k * ny + j): 1 when any voxel of it is not 0
-  std::array<AxisKernel, 3> kernels;   ///< along i, j, k; none reaches beyond the grid's far side
+  std::vector<std::uint8_t> occupied;  ///< By row (k * ny + j): 1 if any voxel of it is not 0
+  std::array<AxisKernel, 3> kernels;   ///< Along i, j, k; none extends beyond the far side of the grid
 };
 
-/// Smooths one slice after the other, in memory of its own: a worker has one.
+/// Smooths one slice at a time in its own buffers; each worker has an instance.
 ///
-/// The convolution is separable and taken in the order k, i, j:
+/// The convolution is separable and evaluated in the order k, i, j:
 ///
-///   k   row j of the slice is the sum of the rows j of the input slices around it. In bytes these are
-///       small enough to stay in the cache, and no smoothed slice is kept for the next one.
-///   i   that row, between zeros, summed with itself shifted.
-///   j   the last 2 r + 1 such rows, kept in a ring, give output row j - r.
+///   k   Row j of the slice is the weighted sum of the rows j of the adjacent input slices. As bytes these
+///       fit into the cache, and no smoothed slice has to be stored for the next one.
+///   i   The resulting row, zero padded on both sides, is convolved with the kernel along i.
+///   j   The last 2 r + 1 such rows, stored in a ring, give output row j - r.
 ///
-/// So all that is written besides the output is a few rows, which stay in the first-level cache, and no
-/// slice depends on another. Rows that hold nothing are left out: they would add 0, and most of a label
-/// map is empty.
+/// Apart from the output only a few rows are written, which stay in the first-level cache, and slices are
+/// independent of each other. Empty rows are skipped: they would add 0, and most of a label map is empty.
 ///
-/// Aligned, so that the workers' bookkeeping does not share cache lines: that cost a third of the speed
-/// of two threads.
+/// Aligned to prevent false sharing between workers, which cost a third of the speed of two threads.
 template <class In>
 class alignas(64) SliceSmoother {
  public:
@@ -39,7 +37,7 @@ class alignas(64) SliceSmoother {
   SliceSmoother& operator=(const SliceSmoother&) = delete;
   SliceSmoother(SliceSmoother&&) = default;
 
-  /// Slice k into out, dims[0] * dims[1] voxels; integers as sum_rows stores them.
+  /// Smooths slice k into `out`, dims[0] * dims[1] voxels; integers are rounded as by sum_rows.
   template <class Out>
   void smooth(int k, Out* out);
 
@@ -53,15 +51,15 @@ class alignas(64) SliceSmoother {
 
   const SmoothingInput<In>* input_;
   int nx_, ny_, nz_;
-  // a row with the reach of the kernel in zeros on both sides
+  // row with zero padding of the kernel's reach on both sides
   std::vector<float> line_;
   float* line_start_;
-  // rows smoothed along k and i, as many as the kernel along j spans; ring_rows_ tells where
-  // each row stands, beginning with row -reach
+  // ring of rows smoothed along k and i, one per weight of the kernel along j; ring_rows_ points to each row,
+  // starting with row -reach
   std::size_t ring_stride_;
   std::vector<float> ring_;
   std::vector<const float*> ring_rows_;
-  // stand for rows outside the grid and rows that hold nothing
+  // zero rows used for rows outside the grid and empty rows
   std::vector<In> no_input_;
   std::vector<float> no_ring_;
   std::vector<RowPair<In>> pairs_k_;

@@ -16,7 +16,7 @@ using internal::random_bytes;
 using internal::random_floats;
 using internal::test_grid;
 
-// ---- the oracle: one sum over the whole box of the kernel, in double -----------------------------
+// ---- reference: one sum over the whole box of the kernel, in double ------------------------------
 
 std::vector<double> oracle_weights(double sigma_mm, double spacing_mm) {
   const int radius = static_cast<int>(std::ceil(4 * sigma_mm / spacing_mm));
@@ -67,7 +67,7 @@ double max_difference(const Volume<float>& a, const Volume<double>& b) {
   return worst;
 }
 
-// rows shorter and longer than every vector, single voxels along any axis, kernels wider than the grid
+// rows shorter and longer than any vector, single voxels along any axis, kernels wider than the grid
 const std::array<std::array<int, 3>, 12> kSizes{{{1, 1, 1},
                                                  {2, 3, 1},
                                                  {1, 9, 1},
@@ -156,7 +156,7 @@ TEST(GaussianSmooth, TurnsAnImpulseIntoTheGaussianInMillimetres) {
       for (int i = 0; i < 41; ++i) {
         const Eigen::Vector3d d = grid.spacing_mm.cwiseProduct(Eigen::Vector3d(i - 20, j - 15, k - 12));
         const double expected = peak * std::exp(-d.squaredNorm() / (2 * sigma_mm * sigma_mm));
-        // the cut at 4 sigma takes 3.4e-4 of the peak away where it cuts, and raises the rest by 2e-4
+        // truncation at 4 sigma removes 3.4e-4 of the peak and raises the rest by 2e-4
         ASSERT_NEAR(smooth->at(i, j, k), expected, 4e-4 * peak);
       }
     }
@@ -236,7 +236,7 @@ TEST(GaussianSmooth, OfAMirroredVolumeIsMirroredBitForBit) {
 }
 
 TEST(GaussianSmooth, TurnsAHalfSpaceIntoTheErrorFunctionWithTheKnownSlope) {
-  // full for i < 30: the surface lies between two voxel centres
+  // full for i < 30: the surface is between two voxel centres
   const double sigma_mm = 1.5;
   for (const double spacing : {0.5, 0.75, 1.0}) {
     Volume<std::uint8_t> volume(test_grid({60, 30, 30}, {spacing, spacing, spacing}));
@@ -247,14 +247,14 @@ TEST(GaussianSmooth, TurnsAHalfSpaceIntoTheErrorFunctionWithTheKnownSlope) {
     }
     const auto smooth = gaussian_smooth_16(volume, {.sigma_mm = sigma_mm});
     const auto value = [&](int i) { return smooth->at(i, 15, 15) / 65535.0; };
-    // a sum of samples is the integral to within h^2 / 24 |g'| + 7 h^4 / 5760 |g'''|, both at their largest
+    // a sum of samples equals the integral up to h^2 / 24 |g'| + 7 h^4 / 5760 |g'''|, both at their maxima
     const double h = spacing / sigma_mm;
     const double tolerance = h * h / 24 * 0.242 + 7 * h * h * h * h / 5760 * 0.551 + 1e-4;
     for (int i = 14; i < 46; ++i) {
       const double depth_mm = (29.5 - i) * spacing;
       EXPECT_NEAR(value(i), 0.5 * std::erfc(-depth_mm / (sigma_mm * std::numbers::sqrt2)), tolerance) << i;
     }
-    // the cut at 4 sigma raises the weights by 6e-5; 16 bits round by 1.5e-5 at most
+    // truncation at 4 sigma raises the weights by 6e-5; rounding to 16 bits adds at most 1.5e-5
     const double slope = 1 / (sigma_mm * std::sqrt(2 * std::numbers::pi));
     EXPECT_NEAR((value(29) - value(30)) / spacing, slope, 1e-4 * slope + 2e-5 / spacing);
   }

@@ -13,7 +13,7 @@ Volume<std::uint8_t> ramp_scan(const Volume<float>& scan, double low, double hig
   const auto from = static_cast<float>(low), per_unit = static_cast<float>(1 / (high - low));
   std::transform(scan.voxels().begin(), scan.voxels().end(), ramp.voxels().begin(), [=](float value) {
     const float part = (value - from) * per_unit;
-    // written so that what is not a number is free space
+    // the comparison is false for NaN, which therefore counts as free space
     const float clamped = part > 0 ? std::min(part, 1.0f) : 0.0f;
     return static_cast<std::uint8_t>(clamped * full + 0.5f);
   });

@@ -14,7 +14,7 @@ inline GridGeometry test_grid(std::array<int, 3> dims, const Eigen::Vector3d& sp
   return grid;
 }
 
-/// Random bytes in which whole rows and slices are 0, as in a label map.
+/// Random bytes with entire rows and slices of 0, as in a label map.
 inline Volume<std::uint8_t> random_bytes(const GridGeometry& grid, std::mt19937& random) {
   Volume<std::uint8_t> volume(grid);
   std::uniform_int_distribution<int> level(0, 255), one_of_three(0, 2), one_of_four(0, 3);
@@ -28,7 +28,7 @@ inline Volume<std::uint8_t> random_bytes(const GridGeometry& grid, std::mt19937&
   return volume;
 }
 
-/// 0 or 255, each voxel by itself: the hardest input for a comparison of two filters.
+/// 0 or 255 independently for each voxel: the worst case for comparing two filters.
 inline Volume<std::uint8_t> random_binary(const GridGeometry& grid, std::mt19937& random) {
   Volume<std::uint8_t> volume(grid);
   for (auto& voxel : volume.voxels()) voxel = (random() & 1) != 0 ? 255 : 0;
@@ -42,7 +42,7 @@ inline Volume<float> random_floats(const GridGeometry& grid, std::mt19937& rando
   return volume;
 }
 
-/// 0 or 255 by a sphere around the middle of the grid.
+/// 255 inside a sphere around the centre of the grid, otherwise 0.
 inline Volume<std::uint8_t> binary_sphere(const GridGeometry& grid, double radius_mm) {
   Volume<std::uint8_t> volume(grid);
   for (int k = 0; k < grid.dims[2]; ++k) {

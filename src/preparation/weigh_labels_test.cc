@@ -22,7 +22,7 @@ TEST(WeighLabels, LooksEveryVoxelUpInTheTable) {
   const auto weighed = weigh_labels(labels, weights);
   for (std::size_t n = 0; n < weighed.voxels().size(); ++n) {
     const LabelId id = labels.voxels()[n];
-    // ids beyond the table weigh nothing
+    // ids beyond the table have weight 0
     EXPECT_EQ(weighed.voxels()[n], id < weights.size() ? weights[id] : 0);
   }
 }

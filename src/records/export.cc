@@ -26,7 +26,7 @@ std::string uuid_of(const RunRecord& run) {
     }
     halves[n] = hash_finish(hash);
   }
-  // version 8, of RFC 9562: made by its writer's own rule
+  // UUID version 8 (RFC 9562): custom
   halves[0] = (halves[0] & ~0xf000ull) | 0x8000ull;
   halves[1] = (halves[1] & ~(3ull << 62)) | (2ull << 62);
   char text[40];
@@ -37,7 +37,7 @@ std::string uuid_of(const RunRecord& run) {
   return text;
 }
 
-// what an IRI takes as it is
+// percent-encodes characters that an IRI does not allow
 std::string iri_part(const std::string& text) {
   std::string part;
   for (const char c : text) {
@@ -77,7 +77,7 @@ std::string csv_rows(const RunRecord& run) {
 
 std::string iso_duration(double seconds) {
   char text[40];
-  // hundredths are what xAPI compares
+  // xAPI compares durations with a precision of 0.01 s
   std::snprintf(text, sizeof text, "PT%.2fS",
                 std::isfinite(seconds) && seconds > 0 ? std::min(seconds, 1e9) : 0.0);
   return text;
@@ -96,7 +96,7 @@ std::string xapi_statement(const RunRecord& run, const std::string& home_page) {
     metrics[metric.name] = entry;
   }
   Json result{{"success", run.in_band}, {"duration", iso_duration(run.duration_s)}};
-  // a part of what counts, where anything does
+  // fraction of the graded metrics, if any
   if (counted > 0) result["score"] = {{"scaled", static_cast<double>(in_band) / counted}};
   result["extensions"] = {{std::string(kOurs) + "metrics", metrics},
                           {std::string(kOurs) + "task_hash", run.task_hash},

@@ -34,7 +34,7 @@ TEST(Csv, HasALineForEachMetric) {
   EXPECT_THAT(rows, ::testing::StartsWith("7,\"'=L1,\"\"2\"\"\",Find the nodule / 2,0f,"));
   EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 3);
   EXPECT_THAT(rows, HasSubstr(",answer_error,mm,,,5,1,0\r\n"));
-  // what was a number is the same number again
+  // numbers survive the round trip exactly
   EXPECT_THAT(rows, HasSubstr("0.10000000000000001"));
   const std::string heading = csv_heading();
   RunRecord plain = exported_run();

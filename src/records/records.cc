@@ -17,10 +17,10 @@
 namespace palpate {
 namespace {
 
-// "PaRc" in the file's header, by which its kind is known
+// application id in the file's header: "PaRc"
 constexpr std::int64_t kApplication = 0x50615263, kFormat = 1;
 
-// docs/guide/records.md shows it
+// described in docs/guide/records.md
 constexpr const char* kSchema = R"(
 CREATE TABLE learners(id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE);
 CREATE TABLE runs(id INTEGER PRIMARY KEY, learner INTEGER NOT NULL REFERENCES learners(id), task TEXT NOT NULL,
@@ -55,11 +55,11 @@ RunRecord run_of(const Statement& row) {
   return run;
 }
 
-/// Undoes what was begun unless it was committed.
+/// Rolls back in the destructor unless committed.
 class Transaction {
  public:
   static Result<Transaction> begin(sqlite3* database, const std::filesystem::path& file) {
-    // the lock at once, so that two writers wait for each other instead of failing half-way
+    // locks immediately, so that two writers wait for each other instead of failing half-way
     if (auto begun = execute(database, "BEGIN IMMEDIATE", file); !begun) return begun.error();
     return Transaction(database, file);
   }
@@ -112,7 +112,7 @@ Result<std::int64_t> SqliteRecords::number_of(const char* sql) {
   return *row ? asked->whole(0) : 0;
 }
 
-// a file may come from anywhere: what stands in it is rows, and nothing that SQLite would do
+// the file is untrusted: only its rows may be read, and no trigger, view or function of it may run
 Result<void> SqliteRecords::prepare(bool write) {
   sqlite3* const database = database_.get();
   constexpr int kWait_ms = 5000;
@@ -130,7 +130,7 @@ Result<void> SqliteRecords::prepare(bool write) {
   const auto tables = number_of("SELECT count(*) FROM sqlite_schema");
   if (!tables) return tables.error();
   if (*tables == 0 && write) {
-    // what is freed is overwritten, and what is committed is on the disk
+    // WAL mode; deleted data is overwritten, and commits are synchronous
     if (auto done = execute(database, "PRAGMA journal_mode = WAL", file_); !done) return done;
     auto transaction = Transaction::begin(database, file_);
     if (!transaction) return transaction.error();
@@ -162,7 +162,7 @@ Result<void> SqliteRecords::check_tables() {
     return Error{ErrorKind::kBadInput,
                  "these records are of format " + std::to_string(*format) + ", newer than palpate",
                  file_.string(), "take the palpate that wrote them"};
-  // the tables as they are made here, in whatever order, and nothing besides
+  // the schema has to be exactly ours, in any order
   const auto plain = [](std::string text) {
     std::erase_if(text, [](char c) { return c == '\n' || c == ' '; });
     return text;
@@ -265,7 +265,7 @@ Result<void> SqliteRecords::list(const RunFilter& filter,
   if (!filter.learner.empty()) where += " WHERE learners.name = ?1";
   if (!filter.task.empty()) where += std::string(where.empty() ? " WHERE" : " AND") + " task = ?2";
   std::string sql = std::string("SELECT ") + kColumns + where + " ORDER BY runs.id";
-  // the newest, and these in their order
+  // the newest runs, in ascending order
   if (filter.newest > 0)
     sql = "SELECT * FROM (" + sql + " DESC LIMIT " + std::to_string(filter.newest) + ") ORDER BY 1";
   auto asked = statement(sql.c_str());
@@ -304,8 +304,8 @@ Result<RunRecord> SqliteRecords::run(std::int64_t id) {
   }
 }
 
-// what was freed is overwritten with zeros (secure_delete); then the log is emptied, the file written anew
-// without free pages, and the log, through which that goes, emptied once more
+// deleted data has been overwritten with zeros (secure_delete); the log is truncated, the file rebuilt
+// without free pages, and the log that this went through truncated again
 Result<void> SqliteRecords::clean() {
   const auto empty_log = [&]() -> Result<void> {
     int frames = 0, done = 0;
@@ -338,7 +338,7 @@ Result<Erased> SqliteRecords::erase(const std::string& learner) {
     }
     if (auto done = transaction->commit(); !done) return done.error();
   }
-  // also where nobody of that name is left: an earlier erasure may have been kept from its end
+  // also if the learner is unknown: an earlier erasure may have been incomplete
   if (auto cleaned = clean(); !cleaned) {
     Error error = cleaned.error();
     error.what = "the runs are erased, but traces may be left in the file: " + error.what;
@@ -349,11 +349,11 @@ Result<Erased> SqliteRecords::erase(const std::string& learner) {
 }
 
 Result<std::unique_ptr<Records>> open_records(const std::filesystem::path& file, bool write) {
-  // a folder, a pipe or a device is told as such
+  // rejects a folder, a pipe or a device
   std::error_code unknown;
   if (!write || std::filesystem::exists(file, unknown))
     if (const auto opened = InputFile::open(file); !opened) return opened.error();
-  // for its owner's eyes: SQLite's other files take their rights from it
+  // owner-only permissions, which SQLite's auxiliary files inherit
   if (write) {
     const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
     if (descriptor < 0) return output_error(file, errno);
@@ -362,7 +362,7 @@ Result<std::unique_ptr<Records>> open_records(const std::filesystem::path& file,
   sqlite3* database = nullptr;
   const int flags = (write ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READWRITE) |
                     SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
-  // SQLite reads no address or option out of a name that begins with a folder
+  // SQLite does not interpret an absolute path as a URI or an option
   const std::string name = std::filesystem::absolute(file).string();
   int code = sqlite3_open_v2(name.c_str(), &database, flags, nullptr);
   if (code != SQLITE_OK && !write) {
@@ -396,7 +396,7 @@ std::filesystem::path default_records_file() {
     return std::filesystem::path(text ? text : "");
   };
   if (auto file = environment("PALPATE_RECORDS"); !file.empty()) return file;
-  // the XDG specification ignores relative ones
+  // the XDG specification requires relative paths to be ignored
   if (const auto data = environment("XDG_DATA_HOME"); data.is_absolute())
     return data / "palpate" / "records.db";
   if (const auto home = environment("HOME"); home.is_absolute())

@@ -8,9 +8,9 @@
 
 #include "palpate/records/records.h"
 
-// any bytes in place of a file of records give rows that can be shown, or one error
+// any bytes as a records file give displayable rows or one error
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  // in memory, and one for each fuzzing process
+  // in memory, one folder per fuzzing process
   static const std::string folder = [] {
     std::string pattern = "/dev/shm/palpate-records-fuzzer-XXXXXX";
     if (::mkdtemp(pattern.data()) == nullptr) std::abort();

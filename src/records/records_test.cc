@@ -69,7 +69,7 @@ TEST(Records, GiveBackWhatWasAdded) {
     const auto id = (*records)->add(run);
     ASSERT_TRUE(id.ok()) << id.error().message();
     EXPECT_EQ(*id, 1);
-    // once more is the same run; of another learner, or after another start, it is not
+    // adding the same run again has no effect; another learner or start time makes it a different run
     EXPECT_EQ(*(*records)->add(run), 1);
     EXPECT_EQ(*(*records)->add(a_run("L2", 3)), 2);
   }
@@ -112,7 +112,7 @@ TEST(Records, ListsWhatIsAskedFor) {
   ASSERT_EQ(newest.size(), 3u);
   EXPECT_EQ(newest[0].id, 38);
   EXPECT_EQ(newest[2].id, 40);
-  // a quotation mark is a letter like others
+  // quotation marks are ordinary characters
   EXPECT_EQ(listed(**records, {"'; DROP TABLE runs; --", "", 0}).size(), 0u);
   EXPECT_EQ(listed(**records).size(), 40u);
 }
@@ -126,7 +126,7 @@ TEST(Records, EraseLeavesNoByte) {
   ASSERT_TRUE(records.ok());
   for (int n = 0; n < 300; ++n) {
     RunRecord run = a_run(random() % 3 == 0 ? canary : "L" + std::to_string(random() % 5), n);
-    // what else was the learner's own
+    // text that belongs to this learner only
     if (run.learner == canary) run.metrics[0].name = canary + " alone";
     ASSERT_TRUE((*records)->add(run).ok());
   }
@@ -140,7 +140,7 @@ TEST(Records, EraseLeavesNoByte) {
   EXPECT_EQ(all_bytes_beside(folder.path()).find("CANARY"), std::string::npos);
   EXPECT_EQ(listed(**records).size(), others);
   EXPECT_FALSE((*records)->erase(canary)->was_known);
-  // what was written anew is a file of records still
+  // the rebuilt file is still a valid records file
   EXPECT_TRUE(Records::open(file).ok());
   records->reset();
   EXPECT_EQ(all_bytes_beside(folder.path()).find("CANARY"), std::string::npos);
@@ -152,7 +152,7 @@ TEST(Records, EraseSaysWhenSomebodyKeepsTheLog) {
   auto records = Records::open(file);
   ASSERT_TRUE(records.ok());
   for (int n = 0; n < 5; ++n) ASSERT_TRUE((*records)->add(a_run("DOE^CANARY", n)).ok());
-  // a reader in the middle of a query keeps the rows of before
+  // a reader in the middle of a query pins the old snapshot
   sqlite3* reader = nullptr;
   ASSERT_EQ(sqlite3_open(file.c_str(), &reader), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(reader, "BEGIN; SELECT count(*) FROM runs", nullptr, nullptr, nullptr), SQLITE_OK);
@@ -174,7 +174,7 @@ TEST(Records, RefusesWhatIsNone) {
   ASSERT_TRUE(write_file(text, "learner,task\n" + std::string(5000, 'x')).ok());
   EXPECT_THAT(Records::open(text).error().message(), HasSubstr("no whole records"));
   EXPECT_THAT(*read_file(text), HasSubstr("learner,task"));
-  // another program's database, and one with more than rows in it
+  // another program's database, and one with a view, trigger or the like
   const auto foreign = folder / "foreign.db";
   sqlite3* database = nullptr;
   ASSERT_EQ(sqlite3_open(foreign.c_str(), &database), SQLITE_OK);
@@ -224,8 +224,8 @@ TEST(Records, TwoWritersWaitForEachOther) {
   EXPECT_EQ(listed(**Records::open(file)).size(), 60u);
 }
 
-/// A process that adds runs is killed at a random moment: every run whose add() had returned is there, and
-/// whole. 20 times, or as many as PALPATE_TEST_KILLS says.
+/// A process that adds runs is killed at a random moment: every run for which add() had returned is complete
+/// in the file. 20 times, or PALPATE_TEST_KILLS times.
 TEST(KilledRecords, LoseNoRunThatWasCommitted) {
   const char* asked = std::getenv("PALPATE_TEST_KILLS");
   const int kills = asked ? std::atoi(asked) : 20;
@@ -245,7 +245,7 @@ TEST(KilledRecords, LoseNoRunThatWasCommitted) {
           const auto id = (*records)->add(a_run("L" + std::to_string(i % 5), i));
           if (!id) return;
           *committed = *id;
-          if (erases && i % 20 == 19) (void)(*records)->erase("nobody");  // writes the file anew
+          if (erases && i % 20 == 19) (void)(*records)->erase("nobody");  // rebuilds the file
         }
       });
       ::usleep(static_cast<useconds_t>(random() % 30000));
@@ -279,7 +279,7 @@ TEST(KilledRecords, LoseNoRunThatWasCommitted) {
   EXPECT_EQ(verdict, "ok");
 }
 
-// bytes of a file of records changed at random: an error or rows, and never a crash
+// random byte changes give an error or rows, never a crash
 TEST(Records, DamagedBytesAreBorne) {
   const test::TemporaryFolder folder;
   const fs::path file = folder / "records.db";

@@ -10,7 +10,7 @@
 
 #include "palpate/base/result.h"
 
-/// SQLite with palpate's errors.
+/// RAII wrappers of SQLite that return palpate's errors.
 namespace palpate {
 
 struct CloseDatabase {
@@ -20,10 +20,10 @@ struct FinishStatement {
   void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
 };
 
-/// The error of a failed call, by its code.
+/// Error for a result code of SQLite.
 Error sqlite_error(int code, const std::string& what, const std::filesystem::path& file);
 
-/// A prepared statement; texts bound to it outlive its steps.
+/// A prepared statement. Bound texts have to outlive its steps.
 class Statement {
  public:
   static Result<Statement> prepare(sqlite3* database, const char* sql, const std::filesystem::path& file);
@@ -31,9 +31,9 @@ class Statement {
   Statement& bind(int place, const std::string& text);
   Statement& bind(int place, std::int64_t number);
   Statement& bind(int place, std::optional<double> number);
-  /// Whether there is a row.
+  /// Returns whether there is a row.
   Result<bool> step();
-  /// To be done once more, with other values.
+  /// Allows execution with other values.
   void reset() { sqlite3_reset(statement_.get()); }
 
   std::string text(int column) const;
@@ -47,7 +47,7 @@ class Statement {
   std::filesystem::path file_;
 };
 
-/// One or more statements without values or rows.
+/// Executes one or more statements without parameters and results.
 Result<void> execute(sqlite3* database, const char* sql, const std::filesystem::path& file);
 
 }  // namespace palpate

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// far from a structure a gap is not looked up again that can be less by no more than this
+// tolerance of the clearance far from a structure, below which a possible new minimum is not evaluated
 constexpr double kFarTolerance_mm = 0.05;
 
 }  // namespace
@@ -30,8 +30,8 @@ void ClearanceMeter::see(const SeenTick& now) {
 void ClearanceMeter::see(const SeenTick& now, Structure& structure) {
   StructureApproach& approach = structure.approach;
   float& in_part = approach.over_time_mm[now.part];
-  // A gap that is beyond what is read from the surface changes by no more than the head moves: while it
-  // cannot be the least, and no distance is at stake, it is not looked up.
+  // Beyond the surface's own distance field the clearance changes by at most the displacement of the head. It
+  // is not evaluated while it cannot be a new minimum and no required clearance is at stake.
   if (structure.known && !std::isnan(in_part)) {
     const double at_least_mm = structure.gap_mm - now.head.moved_mm(structure.head);
     const double widest_mm = std::max(now.head.radius_mm, now.head.end_radius_mm);

@@ -7,10 +7,12 @@
 
 namespace palpate {
 
-/// How near a tool's head comes to each structure.
+/// Measures the clearance between a tool's head and each structure.
 class ClearanceMeter {
  public:
-  /// @param distances  outlive it  @param parts  of the run, for what is told over time
+  /// @param distances  have to outlive this object
+  /// @param asked_mm   required clearance by label
+  /// @param parts      number of intervals of the time series
   ClearanceMeter(const std::vector<StructureDistance>& distances, const std::map<LabelId, double>& asked_mm,
                  std::size_t parts);
 
@@ -21,8 +23,8 @@ class ClearanceMeter {
   struct Structure {
     const StructureDistance* distance;
     StructureApproach approach;
-    std::optional<DistanceBreach> breach;  // that goes on
-    // what is known of some tick before
+    std::optional<DistanceBreach> breach;  // breach in progress
+    // state of the last evaluated tick
     bool known = false;
     ToolHead head;
     double gap_mm = 0;

@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-/// The tip's way, of which every second, fourth, eighth ... tick is kept.
+/// Decimated path of the tip: keeps every tick, then every second, fourth, eighth ... as it grows.
 class ThinnedWay {
  public:
   void see(const Point<Patient>& at) {
@@ -33,7 +33,7 @@ class ThinnedWay {
   std::uint64_t seen_ = 0, step_ = 1;
 };
 
-/// Everything that is told of a run but its volumes.
+/// Measures everything but the volumes in one pass.
 class RunMeter {
  public:
   RunMeter(const PlanInScene& plan, const Model& model, const std::vector<StructureDistance>& distances,
@@ -93,7 +93,7 @@ class RunMeter {
   static std::size_t parts_of(std::uint64_t ticks) {
     return static_cast<std::size_t>(std::min<std::uint64_t>(ticks, kMaxPlanTimes));
   }
-  // a device that tells no orientation tells the same one always
+  // a device without orientation reports a constant one
   void see_turn(const DeviceTick& device) {
     if (!first_turn_) first_turn_ = device.orientation_wxyz;
     tells_turn_ = tells_turn_ || *first_turn_ != device.orientation_wxyz;

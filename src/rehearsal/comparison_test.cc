@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 
 constexpr double kDegree = pi / 180;
 
-/// A run whose tip goes as told, in memory.
+/// A run in memory with a prescribed tip path.
 Recording run_along(const std::function<Point<Patient>(double)>& tip_at, double seconds,
                     double rate_hz = 1000) {
   Recording run;
@@ -37,7 +37,7 @@ Recording run_along(const std::function<Point<Patient>(double)>& tip_at, double 
   return run;
 }
 
-/// Straight from place to place at a speed.
+/// Piecewise linear path at constant speed.
 struct StraightWay {
   std::vector<Point<Patient>> corners;
   double speed_mm_s = 20;
@@ -80,7 +80,7 @@ PlanInScene scene_plan(const std::string& text, const Model& model = ball()) {
   return *std::move(found);
 }
 
-// from the ball's top to 10 mm below it
+// from the top of the ball to 10 mm below it
 constexpr const char* kStraightDown = R"([[trajectory]]
 name = "down"
 entry = [0, 0, 15]
@@ -106,7 +106,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> part(-1, 1);
   for (int n = 0; n < 12; ++n) {
-    // a planned way through the ball's surface, and one beside it, turned by an angle
+    // a planned path through the ball's surface, and an actual one, offset and rotated
     const Vector<Patient> out = Vector<Patient>(part(random), part(random), part(random)).normalized();
     const Point<Patient> entry = Point<Patient>() + out * 15, target = entry - out * (8 + 3 * part(random));
     const Vector<Patient> axis = (target - entry).normalized(), side = perpendicular_to(axis);
@@ -114,7 +114,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
     const Vector<Patient> turned =
         axis * std::cos(angle_deg * kDegree) + axis.cross(side) * std::sin(angle_deg * kDegree);
     const Point<Patient> aside = Point<Patient>() + (out * 15 + side * (3 * part(random))).normalized() * 15;
-    // a place of the ball that is touched before, by the way, and left again
+    // a point of the ball that is touched earlier in the run and left again
     const Point<Patient> elsewhere = Point<Patient>() + side * 14, free = Point<Patient>() + side * 30;
     const Point<Patient> above = aside - turned * 20, deepest = aside + turned * depth_mm;
     const StraightWay way{{free, elsewhere, free, above, deepest, above}};
@@ -128,7 +128,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
       EXPECT_EQ(done.entry_made, EntryMade::kPassed);
       EXPECT_NEAR(done.entry_error_mm.value, (aside - entry).norm(), 0.02);
       EXPECT_EQ(done.entry_error_mm.kept(), done.entry_error_mm.value <= 2);
-      // the target's foot on the way
+      // projection of the target onto the path
       const double foot_mm = std::clamp((target - aside).dot(turned), 0.0, depth_mm);
       const Vector<Patient> off = aside + turned * foot_mm - target;
       EXPECT_NEAR(done.target_error_mm.value, off.norm(), 0.01);
@@ -139,7 +139,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
       EXPECT_LT(done.off_line_mm, 0.01);
       EXPECT_NEAR(done.depth_mm, depth_mm * std::cos(angle_deg * kDegree), 0.03);
       EXPECT_NEAR(done.depth_error_mm.value, done.depth_mm - (target - entry).norm(), 1e-9);
-      EXPECT_TRUE(done.depth_error_mm.kept());  // nothing is asked of it
+      EXPECT_TRUE(done.depth_error_mm.kept());  // the plan has no depth tolerance
       EXPECT_LT((done.deepest.at - deepest).norm(), 0.03);
       EXPECT_TRUE(std::isnan(done.shaft_deg));
     }
@@ -148,8 +148,8 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
 
 TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
   const PlanInScene plan = scene_plan(kStraightDown);
-  // 4 mm beside, and deeper; then 1 mm beside, in three goes that never leave the hole by 10 mm; then beside
-  // again
+  // 4 mm off axis, and deeper; then 1 mm off axis, in three strokes that never leave the hole by 10 mm; then
+  // off axis again
   const auto in = [](double x, double z) { return Point<Patient>(x, 0, z); };
   const StraightWay way{{in(4, 40), in(4, 0), in(4, 40), in(1, 40), in(1, 12), in(1, 17), in(1, 9), in(1, 18),
                          in(1, 4), in(1, 40), in(-6, 40), in(-6, 9), in(-6, 40)}};
@@ -161,7 +161,7 @@ TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
   EXPECT_NEAR(done.depth_mm, std::sqrt(15 * 15 - 1) - 4, 0.04);
   EXPECT_NEAR(done.depth_error_mm.value, done.depth_mm - 10, 1e-9);
   EXPECT_LT(done.angle_deg.value, 0.01);
-  // the entry is the first one, of the first go
+  // the entry is that of the first stroke
   EXPECT_LT(done.entry.time_s, done.deepest.time_s - 1);
 }
 
@@ -172,7 +172,7 @@ entry = [0, 0, 15]
 target = [0, 0, 5]
 entry_within = 1
 )");
-  // tan of the angle is 0.1: the way is at x = 2 beside the entry
+  // tan of the angle is 0.1: the path is 2 mm off in x at the entry
   const Vector<Patient> turned = Vector<Patient>(0.1, 0, -1).normalized();
   const Point<Patient> beside = Point<Patient>(2, 0, 15);
   const StraightWay way{{{40, 0, 60}, beside - turned * 20, beside + turned * 8, {40, 0, 60}}};
@@ -204,7 +204,7 @@ TEST(ComparePlan, WhatWasTouchedAloneOrNeverReached) {
   done = compared(plan, run).trajectories[0];
   EXPECT_EQ(done.entry_made, EntryMade::kTouched);
   EXPECT_NEAR(done.entry_error_mm.value, std::hypot(3, 1.5), 0.03);
-  // half a millimetre of way has no direction
+  // half a millimetre of path has no direction
   EXPECT_TRUE(std::isnan(done.angle_deg.value));
 }
 
@@ -215,7 +215,7 @@ TEST(ComparePlan, AShaftHasItsAngleWhereTheDeviceTellsOne) {
   Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, 6}}});
   const auto shaft_deg = [&] { return compared(plan, run, model).trajectories[0].shaft_deg; };
   EXPECT_TRUE(std::isnan(shaft_deg()));
-  // the patient's superior in World, to which the shaft is turned, and then 20 degrees away from it
+  // the shaft is rotated to the patient's superior direction, and then by 20 degrees away from it
   const Vector<World> up = (model.X_WorldPatient * Vector<Patient>(0, 0, 1)).normalized();
   const Eigen::Quaterniond upright = shortest_rotation(Eigen::Vector3d(0, 0, 1), up.eigen());
   const Eigen::Vector3d across = up.cross(Vector<World>(1, 0, 0)).normalized().eigen();
@@ -230,7 +230,7 @@ TEST(ComparePlan, AShaftHasItsAngleWhereTheDeviceTellsOne) {
 // ---- distances
 
 TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
-  // bone to 15 mm, and fat around it, which is not felt
+  // bone up to 15 mm, surrounded by fat, which is not touchable
   Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
   model.tools[0].radius_mm = 1.5;
   const auto distances = structure_distances(model);
@@ -242,7 +242,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   std::uniform_real_distribution<double> part(-1, 1);
   StraightWay way;
   way.speed_mm_s = 120;
-  // every fourth corner lies in the ball
+  // every fourth corner is inside the ball
   for (int n = 0; n < 25; ++n)
     way.corners.push_back(Point<Patient>() +
                           Vector<Patient>(part(random), part(random), part(random)) * (n % 4 == 1 ? 5 : 50));
@@ -251,7 +251,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   ASSERT_EQ(made.approaches.size(), 2u);
   ASSERT_EQ(made.times_s.size(), kMaxPlanTimes);
   for (std::size_t s = 0; s < 2; ++s) {
-    // the oracle looks at every tick
+    // reference: evaluates every tick
     std::vector<double> least(kMaxPlanTimes, std::numeric_limits<double>::infinity());
     double nearest = std::numeric_limits<double>::infinity(), below_s = 0;
     std::uint64_t nearest_tick = 0, entered = 0;
@@ -284,7 +284,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
 }
 
 TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
-  // towards the ball and away as a sine: |p| = 20 + 4 cos, so the gap is 5 + 4 cos
+  // oscillates towards the ball and away: |p| = 20 + 4 cos, so the clearance is 5 + 4 cos
   const PlanInScene plan = scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 3\n");
   const Recording run =
       run_along([](double t) { return Point<Patient>(20 + 4 * std::cos(2 * pi * t), 0, 0); }, 3);
@@ -293,7 +293,7 @@ TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
   for (std::size_t n = 0; n < 3; ++n) {
     const DistanceBreach& breach = made.breaches[n];
     const double turn = static_cast<double>(n);
-    // 5 + 4 cos < 3 between a third and two thirds of each turn
+    // 5 + 4 cos < 3 from one third to two thirds of each period
     EXPECT_NEAR(breach.begin.time_s, turn + 1.0 / 3, 0.002);
     EXPECT_NEAR(breach.end_s, turn + 2.0 / 3, 0.002);
     EXPECT_NEAR(breach.nearest.time_s, turn + 0.5, 0.03);
@@ -318,23 +318,23 @@ TEST(ComparePlan, ABurrsHeadIsAllOfItsRowWhereItIsHeld) {
   model.tools[0].burr = BurrSettings{.length_mm = 8, .end_radius_mm = 2};
   const Vector<World> right = (model.X_WorldPatient * Vector<Patient>(-1, 0, 0)).normalized();
   const Eigen::Quaterniond turned = shortest_rotation(Eigen::Vector3d(0, 0, 1), right.eigen());
-  // the head lies along -x: its far end is 8 mm nearer to the ball than the tip, and wider
+  // the head extends along -x: its far end is 8 mm nearer to the ball than the tip, and wider
   Recording run = run_along([](double t) { return Point<Patient>(40 - 5 * t, 0, 0); }, 1);
   for (TickRecord& tick : run.ticks) {
     tick.device[0].orientation_wxyz = {turned.w(), turned.x(), turned.y(), turned.z()};
-    tick.device[0].tip_patient_mm = {0, 0, 0};  // the hand is elsewhere
+    tick.device[0].tip_patient_mm = {0, 0, 0};  // the operator's tip is elsewhere
   }
   const PlanComparison made =
       compared(scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 1\n", model), run, model);
   EXPECT_NEAR(made.approaches[0].nearest_mm, 35 - 8 - 2 - 15, 0.06);
-  // so far away it is told to 0.05 mm, which are ten ticks
+  // far away the tolerance is 0.05 mm, which is ten ticks
   EXPECT_GE(made.approaches[0].nearest.tick, 990u);
   EXPECT_LT((made.approaches[0].nearest.at - Point<Patient>(35, 0, 0)).norm(), 0.051);
 }
 
 // ---- volumes
 
-/// Of what two balls have in common, d apart.
+/// Volume of the intersection of two balls with centres d apart.
 double lens_mm3(double a, double b, double d) {
   return pi * std::pow(a + b - d, 2) * (d * d + 2 * d * (a + b) - 3 * (a - b) * (a - b)) / (12 * d);
 }
@@ -342,7 +342,7 @@ double ball_mm3(double r) {
   return 4.0 / 3 * pi * r * r * r;
 }
 
-/// A run in which balls were taken off, each by a stroke of its own and felt gone a tick later.
+/// A run in which balls were removed, each by a separate stroke, visible to the tool one tick later.
 Recording cutting_run(const std::vector<std::pair<Point<Patient>, double>>& balls) {
   Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, 39}}});
   std::uint32_t version = 1;
@@ -376,7 +376,7 @@ radius = 5
 
 TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
   const PlanInScene plan = scene_plan(kSphereToTakeOff);
-  // a ball of 4 mm, 6 mm beside the planned one's middle, all of it in the bone
+  // a ball of radius 4 mm, entirely in bone, 6 mm from the centre of the planned one
   Recording run = cutting_run({{Point<Patient>(6, 0, 3), 4}});
   PlanComparison made = compared(plan, run);
   const double in_mm3 = lens_mm3(5, 4, 6);
@@ -390,7 +390,7 @@ TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
   EXPECT_EQ(made.regions[0].taken_mm3, made.volumes[0].in_plan.taken_mm3);
   EXPECT_EQ(made.regions[0].planned_mm3, made.volumes[0].in_plan.planned_mm3);
 
-  // what is undone is there again, and what is done again is gone
+  // undo restores the tissue, redo removes it
   RecordingEvent stroke;
   stroke.tick = 40;
   stroke.number = stroke.change.version = 3;
@@ -403,7 +403,7 @@ TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
   run.events.push_back(stroke);
   EXPECT_EQ(compared(plan, run).volumes[0].outside_mm3, made.volumes[0].outside_mm3);
 
-  // swept twice it counts once; sweeps that no version was cut by do not count
+  // overlapping sweeps count once; sweeps without a cut model version do not count
   Recording twice = cutting_run({{Point<Patient>(6, 0, 3), 4}, {Point<Patient>(6, 0, 3), 4}});
   twice.events.push_back(run.events[0]);
   twice.events.back().sweep.from_mm = twice.events.back().sweep.to_mm = {0, 0, -8};
@@ -412,12 +412,12 @@ TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
 }
 
 TEST(ComparePlan, VolumesOfEachStructure) {
-  // a shell of 4 mm around the bone; all of the bone is to be taken off, and nothing of the shell
+  // a shell of 4 mm around the bone; the plan is to remove all bone and nothing of the shell
   Model model = testing::with_exact_surfaces(testing::ball_model({0.6, 0.6, 0.6}, 1, 4), 4);
   const std::vector<StructureDistance> distances{
       StructureDistance(testing::kBone, model.surfaces[0].surface)};
   const PlanInScene plan = scene_plan("[[region]]\nname = \"bone\"\nstructures = [\"ball\"]\n", model);
-  // where the voxels' own faces lie every way
+  // where the voxel faces are oblique to the surface
   const Recording run = cutting_run({{Point<Patient>() + Vector<Patient>(1, 2, 3).normalized() * 14, 3}});
   const PlanComparison made = compared(plan, run, model, distances);
   const double in_mm3 = lens_mm3(15, 3, 14);
@@ -431,7 +431,7 @@ TEST(ComparePlan, VolumesOfEachStructure) {
   EXPECT_NEAR(made.volumes[1].outside_mm3 / (ball_mm3(3) - in_mm3), 1, 0.04);
 }
 
-// ---- recordings that are not whole
+// ---- truncated recordings
 
 TEST(ComparePlan, WhatNobodySawIsNotKept) {
   const PlanInScene plan = scene_plan(kStraightDown);

@@ -7,7 +7,7 @@
 
 namespace palpate {
 
-/// By LabelId, for all that there can be: those that a model has a voxel of.
+/// Whether a label has a voxel in the model, for every possible LabelId.
 inline std::vector<bool> labels_with_voxels(const Model& model) {
   std::vector<bool> has(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {

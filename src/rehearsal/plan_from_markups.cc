@@ -23,7 +23,7 @@ std::string in_small_letters(std::string_view text) {
   return small;
 }
 
-// what Slicer calls the points of a line: its name and their number
+// name of a trajectory: the line's name, or a number if it has none
 std::string name_of_line(const Markup& line, std::size_t number) {
   std::string name = printable_name(line.name);
   const std::string first = printable_name(line.points.front().name);

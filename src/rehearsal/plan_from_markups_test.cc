@@ -11,7 +11,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// oblique to every axis of the patient
+// oblique to all patient axes
 constexpr const char* kPointsRas =
     R"({"label": "L-1", "position": [-10.25, 20.5, 30], "positionStatus": "defined"},
        {"label": "L-2", "position": [-4, 11.125, 3.5], "positionStatus": "defined"})";
@@ -42,7 +42,7 @@ TEST(PlanFromMarkups, LinesInEitherSystemAreTheSameTrajectory) {
     EXPECT_EQ(made->plan.trajectories[0].entry, entry);
     EXPECT_EQ(made->plan.trajectories[0].target, target);
     EXPECT_TRUE(made->left_out.empty());
-    // what is written is a plan
+    // the result is a valid plan file
     const auto again = parse_plan(plan_text(made->plan), "plan.toml");
     ASSERT_TRUE(again) << again.error().message();
     EXPECT_EQ(again->trajectories[0].target, target);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::uint64_t kAllPlaces = ~std::uint64_t{0};
 
-/// Places of voxels by label.
+/// Number of sample points of voxels, by label.
 struct PlaceCounts {
   std::map<LabelId, std::uint64_t> by_label;
 
@@ -41,7 +41,7 @@ struct PlanCounts {
   }
 };
 
-/// Adds those of a voxel's places that lie in regions. @return which they are
+/// Adds the sample points of a voxel that are in regions. Returns their bit set.
 std::uint64_t count_voxel(const PlanInScene& plan, const GridGeometry& grid, int i, int j, int k,
                           LabelId label, std::uint64_t places, PlanCounts& counts) {
   std::uint64_t planned = 0;
@@ -70,7 +70,7 @@ RegionInPlan::RegionInPlan(const PlanFile& plan, const PlanRegion& region, std::
 
 double RegionInPlan::depth_mm(const Point<Patient>& at) const {
   const Vector<Patient> from_middle = at - middle_;
-  // how far beyond flat sides, by two or three directions that are perpendicular
+  // distance beyond the faces, in two or three perpendicular directions
   Eigen::Vector3d beyond = Eigen::Vector3d::Constant(-std::numeric_limits<double>::infinity());
   switch (shape_) {
     case PlanShape::kStructures:
@@ -183,7 +183,7 @@ double depth_past_plan_mm(const PlanInScene& plan, const RemovedVolume& removed)
   };
   double greatest_mm = 0;
   removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t places) {
-    // what is no deeper than what is known is passed over
+    // skip voxels that cannot exceed the current maximum
     if (past_mm(X * Point<Voxel>(i, j, k)) + half_diagonal_mm <= greatest_mm) return;
     for (int place = 0; place < RemovedVolume::kPlaces; ++place)
       if ((places >> place & 1) != 0)

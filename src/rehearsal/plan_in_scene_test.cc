@@ -59,12 +59,12 @@ TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
   EXPECT_NEAR(volumes->of_regions[0].at(testing::kBone) / (4.0 / 3 * pi * 125), 1, 0.01);
   EXPECT_NEAR(volumes->of_regions[1].at(testing::kBone) / (pi * 9 * 11), 1, 0.01);
   EXPECT_NEAR(volumes->of_regions[2].at(testing::kBone) / (24 * (t.length_mm() + 1)), 1, 0.01);
-  // they overlap
+  // the regions overlap
   EXPECT_LT(volumes->of_plan.at(testing::kBone), volumes->of_regions[0].at(testing::kBone) +
                                                      volumes->of_regions[1].at(testing::kBone) +
                                                      volumes->of_regions[2].at(testing::kBone) - 50);
 
-  // the oracle: longhand, place by place
+  // reference: direct evaluation, point by point
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -113,7 +113,7 @@ structures = ["shell", "ball", "fat"]
   const auto volumes = planned_volumes(*plan, model);
   ASSERT_TRUE(volumes);
   EXPECT_EQ(volumes->of_regions[0], (VolumesByLabel{{testing::kCartilage, count(testing::kCartilage)}}));
-  // fat is not felt; what lies in two regions counts once
+  // fat is not touchable; overlaps of two regions count once
   EXPECT_EQ(volumes->of_regions[1].size(), 2u);
   EXPECT_EQ(volumes->of_plan, volumes->of_regions[1]);
   model.tissues[0].protection = Protection::kKeep;

@@ -5,14 +5,14 @@
 
 namespace palpate {
 
-/// A tick as the meters of a comparison see it.
+/// Input of the meters of a comparison for one tick.
 struct SeenTick {
-  PlaceInRun place;  ///< of the tip
+  PlaceInRun place;  ///< Position of the tip
   ToolHead head;
-  double dt_s = 0;       ///< since the tick before, 0 of the first
-  std::size_t part = 0;  ///< of PlanComparison::times_s
+  double dt_s = 0;       ///< Time since the previous tick; 0 for the first
+  std::size_t part = 0;  ///< Interval of PlanComparison::times_s
   const DeviceTick* device = nullptr;
-  std::optional<Vector<Patient>> shaft;  ///< from the tip to the handle, unit
+  std::optional<Vector<Patient>> shaft;  ///< From the tip to the handle; unit
 };
 
 }  // namespace palpate

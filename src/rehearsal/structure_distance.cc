@@ -12,10 +12,10 @@
 namespace palpate {
 namespace {
 
-constexpr double kBlock_mm = 8;      // edge of the cubes by which places are put together
-constexpr double kMinNear_mm = 0.5;  // the surface's own distance holds at least so far
+constexpr double kBlock_mm = 8;      // edge of the cubes by which intersection points are grouped
+constexpr double kMinNear_mm = 0.5;  // lower bound of near_mm()
 
-// where a surface cuts the edges of its grid, which are linear in between as it is read
+// intersections of the surface with grid edges, with linear interpolation along each edge
 std::vector<Eigen::Vector3f> edge_cuts(const SignedField& position, double steepest) {
   std::vector<Eigen::Vector3f> cuts;
   const Bricks<std::int16_t>& voxels = position.bricks();
@@ -50,7 +50,7 @@ double StructureDistance::Block::squared_mm2(const Eigen::Array3d& at) const {
 
 StructureDistance::StructureDistance(LabelId label, std::shared_ptr<const Surface> surface)
     : label_(label), surface_(std::move(surface)) {
-  // nearer to its reach a cell may have corners beyond it
+  // closer to the reach, a cell may have corners beyond it
   near_mm_ =
       std::max(kMinNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3f>> cubes;
@@ -83,7 +83,7 @@ double StructureDistance::to_places_mm(const Eigen::Vector3d& at) const {
     for (std::uint32_t n = block.first; n < block.first + block.count; ++n)
       min_mm2 = std::min(min_mm2, (places_[n].cast<double>() - at).squaredNorm());
   };
-  // the nearest block first, so that few others are nearer than what is found there
+  // the nearest block first, because its result prunes most of the others
   const Block* nearest = &blocks_.front();
   double nearest_mm2 = nearest->squared_mm2(at.array());
   for (const Block& block : blocks_) {

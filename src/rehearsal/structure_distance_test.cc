@@ -36,7 +36,7 @@ TEST(StructureDistance, OfABallAtAnyRange) {
 }
 
 TEST(StructureDistance, OfEveryStructureThatHasAVoxelFeltOrNot) {
-  // bone to 15 mm, fat, which is not felt, from there to 24 mm; no voxel of the shell
+  // bone up to 15 mm, then fat, which is not touchable, up to 24 mm; the shell has no voxel
   const Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
   const auto distances = structure_distances(model);
   ASSERT_TRUE(distances) << distances.error().message();
@@ -50,7 +50,7 @@ TEST(StructureDistance, OfEveryStructureThatHasAVoxelFeltOrNot) {
   for (int n = 0; n < 1000; ++n) {
     const double r = range(random);
     const double exact_mm = std::max(r - 24, testing::kBoneRadius_mm - r);
-    // a surface between the voxels is as good as these are small
+    // a surface between voxels is accurate to a fraction of the voxel size
     EXPECT_NEAR((*distances)[1].distance_mm(Point<Patient>(r * random_direction(random))), exact_mm, 0.35)
         << r;
   }

@@ -8,18 +8,18 @@
 
 namespace palpate {
 
-/// The row of balls at a tool's tip, in the patient; a ball alone where both ends are the same.
+/// Row of balls at a tool's tip, in the patient frame; a single ball if both ends coincide.
 struct ToolHead {
   Point<Patient> from, to;
   double radius_mm = 0, end_radius_mm = 0;
 
-  /// By no more than this its gap to anything changes from another place of the same head.
+  /// Upper bound of the change of its clearance to anything from another pose of the same head.
   double moved_mm(const ToolHead& other) const {
     return std::max((from - other.from).norm(), (to - other.to).norm());
   }
 };
 
-/// Where the tip of a device's tool was, as palpate/rehearsal/comparison.h says.
+/// Position of the tool's tip, as defined in palpate/rehearsal/comparison.h.
 inline Point<Patient> tip_of(const Tool& tool, const DeviceTick& device) {
   const auto& at = tool.burr ? device.proxy_patient_mm : device.tip_patient_mm;
   return {at[0], at[1], at[2]};
@@ -39,7 +39,7 @@ inline ToolHead head_of(const Model& model, const Tool& tool, const TickRecord& 
   return head;
 }
 
-/// The direction from a tool's tip to its handle, in the tip's frame, unit; none of tools without a shaft.
+/// Direction from a tool's tip to its handle, in the tool frame; unit. Empty for tools without a shaft.
 inline std::optional<Eigen::Vector3d> shaft_of(const Tool& tool) {
   if (tool.burr) return tool.burr->spindle.normalized();
   const ToolCapsule* longest = nullptr;
@@ -52,9 +52,9 @@ inline std::optional<Eigen::Vector3d> shaft_of(const Tool& tool) {
   return longest->to_mm.norm() >= longest->from_mm.norm() ? along : Eigen::Vector3d(-along);
 }
 
-/// From the head's outside to a structure's surface, mm, negative where it reaches inside.
+/// Clearance from the head's surface to a structure's surface, mm; negative inside.
 inline double gap_mm(const StructureDistance& structure, const ToolHead& head) {
-  // along the row the gap falls by no more than twice the way, so that what cannot be nearer is passed over
+  // along the row the clearance decreases by at most twice the distance, which allows longer steps
   constexpr double kApart_mm = 0.25;
   const Vector<Patient> row = head.to - head.from;
   const double length_mm = row.norm();

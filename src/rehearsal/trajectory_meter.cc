@@ -9,21 +9,23 @@
 namespace palpate {
 namespace {
 
-constexpr double kClear_mm = 10;       // so far outside a way has ended
-constexpr double kBeside_mm = 20;      // farther from the trajectory's line nothing counts as depth
-constexpr double kMinPiece_mm = 0.05;  // a hand at rest goes to and fro by less, which is no way
+constexpr double kClear_mm = 10;  // distance outside at which an insertion has ended
+// maximum distance from the trajectory's axis at which depth is evaluated
+constexpr double kBeside_mm = 20;
+// minimum segment length; tremor at rest is smaller and not part of the path
+constexpr double kMinPiece_mm = 0.05;
 constexpr double kMinFitted_mm = 1;
 
 double angle_between_deg(const Vector<Patient>& a, const Vector<Patient>& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
 }
 
-/// A part of the way between two ticks' places.
+/// Interpolated point between two ticks.
 PlaceInRun between(const PlaceInRun& from, const PlaceInRun& to, double part) {
   return {to.tick, from.time_s + part * (to.time_s - from.time_s), from.at + (to.at - from.at) * part};
 }
 
-/// Where the straight way between two places is nearest to a third.
+/// Point of the segment between two ticks that is nearest to a given point.
 PlaceInRun nearest_between(const PlaceInRun& from, const PlaceInRun& to, const Point<Patient>& place) {
   const Vector<Patient> way = to.at - from.at;
   const double squared = way.squared_norm();
@@ -45,7 +47,7 @@ LineFit::Line LineFit::line() const {
   const Eigen::Vector3d mean = sum_ / length_mm_;
   const Eigen::Matrix3d spread = squares_ / length_mm_ - mean * mean.transpose();
   const SymmetricEigen<3> axes = symmetric_eigen(spread);
-  // the greatest is last; rounding may leave the others a little below 0
+  // eigenvalues are ascending; rounding may make small ones negative
   const Eigen::Vector3d variances = axes.values.cwiseMax(0);
   return {axes.vectors.col(2), std::sqrt(variances[0] + variances[1])};
 }
@@ -57,8 +59,8 @@ TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool
     if (distance.label() < enters_.size() && enters_[distance.label()]) surfaces_.push_back(&distance);
 }
 
-// Of the structures' surface, else of the plane across the trajectory in its entry; far outside at least
-// that.
+// Distance outside the structures' surface, or outside the plane through the planned entry perpendicular to
+// the trajectory. Far outside it may be any lower bound above the threshold.
 double TrajectoryMeter::outside_mm(const SeenTick& now) {
   if (surfaces_.empty()) return -along_mm(now.place.at);
   if (known_at_ && known_mm_ - (now.place.at - *known_at_).norm() > 2 * kClear_mm)
@@ -100,7 +102,7 @@ void TrajectoryMeter::look_for_entry(const SeenTick& now, double outside) {
     begin(EntryMade::kNearest, near);
     nearest_entry_mm_ = mm;
   } else if (way_.made != EntryMade::kPassed && outside <= 0) {
-    // between the ticks the distance is as good as straight, so near the surface
+    // near the surface the distance is interpolated linearly between ticks
     const bool came_from_outside = last_ && last_outside_mm_ > 0;
     begin(EntryMade::kPassed,
           came_from_outside ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
@@ -119,7 +121,7 @@ void TrajectoryMeter::begin(EntryMade made, const PlaceInRun& entry) {
 
 void TrajectoryMeter::go_on(const SeenTick& now) {
   const Point<Patient>& at = now.place.at;
-  // of the piece in which the way began, what lies behind the entry
+  // in the first segment only the part after the entry
   const PlaceInRun& from = last_ && last_->time_s >= way_.entry.time_s ? *last_ : way_.entry;
   const PlaceInRun near = nearest_between(from, now.place, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < way_.nearest_mm) {

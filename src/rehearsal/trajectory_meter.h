@@ -8,19 +8,19 @@
 
 namespace palpate {
 
-/// The line that fits a way best, from sums over its pieces: least squares of the distances from the line,
-/// each piece by its length, solved by the covariance's eigenvectors (Pearson, "On lines and planes of
-/// closest fit", 1901).
+/// Line of best fit to a path, from moments of its segments: total least squares, with segments weighted by
+/// length, solved by the eigenvectors of the covariance (Pearson, "On lines and planes of closest fit",
+/// 1901).
 class LineFit {
  public:
-  /// A straight piece; places from one origin that lies near them, mm.
+  /// Adds a straight segment; both ends relative to a fixed origin near the path, mm.
   void add(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
   double length_mm() const { return length_mm_; }
   struct Line {
-    Eigen::Vector3d direction;  ///< unit
-    double off_mm;              ///< root of the mean square of the distances from it
+    Eigen::Vector3d direction;  ///< Direction; unit
+    double off_mm;              ///< RMS distance of the path from the line
   };
-  /// Of a way that is longer than 0.
+  /// Requires length_mm() > 0.
   Line line() const;
 
  private:
@@ -29,25 +29,27 @@ class LineFit {
   Eigen::Matrix3d squares_ = Eigen::Matrix3d::Zero();
 };
 
-/// What was made of one trajectory (TrajectoryDone).
+/// Measures the execution of one trajectory (TrajectoryDone).
 class TrajectoryMeter {
  public:
-  /// @param enters  by LabelId; empty: the entry is a place alone  @param distances  outlive it
+  /// @param enters     structures by LabelId; empty: the entry is a free point
+  /// @param distances  have to outlive this object
   TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,
                   const std::vector<StructureDistance>& distances);
 
   void see(const SeenTick& now);
-  /// @param tells_turn  the device told how the tool was turned
+  /// @param tells_turn  whether the device reports an orientation
   TrajectoryDone finish(bool tells_turn);
 
  private:
-  // from an entry on
+  // one insertion, from its entry on
   struct Way {
     EntryMade made = EntryMade::kNone;
     PlaceInRun entry, nearest, deepest;
     double nearest_mm = std::numeric_limits<double>::infinity();
-    double deepest_mm = -std::numeric_limits<double>::infinity();  // along the trajectory from its entry
-    double shaft_deg = kNotKnown;                                  // at the deepest place
+    // along the trajectory, from the planned entry
+    double deepest_mm = -std::numeric_limits<double>::infinity();
+    double shaft_deg = kNotKnown;  // at the deepest point
     LineFit fit, to_deepest;
     Point<Patient> fitted_to;
   };
@@ -64,13 +66,14 @@ class TrajectoryMeter {
   std::vector<bool> enters_;
   std::vector<const StructureDistance*> surfaces_;
   Way way_, best_;
-  double nearest_entry_mm_ = std::numeric_limits<double>::infinity();  // of this way, without structures
-  // where no way was made, how near the run came to the target
+  // without structures: of the current insertion
+  double nearest_entry_mm_ = std::numeric_limits<double>::infinity();
+  // without any insertion: closest approach of the run to the target
   PlaceInRun nearest_;
   double nearest_mm_ = std::numeric_limits<double>::infinity();
   std::optional<PlaceInRun> last_;
   double last_outside_mm_ = 0;
-  // known distance outside, at a place
+  // last evaluated distance outside, and its point
   std::optional<Point<Patient>> known_at_;
   double known_mm_ = 0;
 };

@@ -4,8 +4,8 @@
 
 namespace palpate {
 
-/// The files that are part of every page: page.css and page.js of this folder (cohort.css and cohort.js of
-/// the page about many cases, data.css of that about data sets), uPlot's from third_party.
+/// Embedded files of the pages: page.css and page.js of this folder (cohort.css and cohort.js for the cohort
+/// page, data.css for the data page) and uPlot from third_party.
 const std::vector<EmbeddedFile>& page_assets();
 
 }  // namespace palpate

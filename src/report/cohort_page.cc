@@ -21,7 +21,7 @@ std::vector<std::string> groups_of(const CohortPage& page) {
   return groups;
 }
 
-/// Of the cells of a structure the number of its group, which the script shows and hides by.
+/// HTML attribute with the group number of a structure's cells, by which the script shows and hides them.
 std::string group_attribute(const std::vector<std::string>& groups, const std::string& group) {
   if (group.empty()) return "";
   const auto n = std::ranges::find(groups, group) - groups.begin();

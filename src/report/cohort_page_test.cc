@@ -20,7 +20,7 @@ TEST(CohortPage, ShowsEveryCaseAndNothingAsMarkup) {
   EXPECT_EQ(html.find("<one>"), std::string::npos);
   EXPECT_EQ(html.find("<damaged>"), std::string::npos);
   EXPECT_NE(html.find("<td>12.3</td>"), std::string::npos);
-  // what is not there is an empty cell
+  // a missing value is an empty cell
   EXPECT_NE(html.find("<td></td>"), std::string::npos);
   EXPECT_NE(html.find("Content-Security-Policy"), std::string::npos);
   EXPECT_NE(html.find("not for clinical use"), std::string::npos);

@@ -13,14 +13,14 @@
 namespace palpate::report {
 namespace {
 
-constexpr int kGreyLevels = 64;  // enough beside colours, and a third smaller than 256
+constexpr int kGreyLevels = 64;  // sufficient next to colours, and a third smaller than 256
 constexpr double kLongestArrow_mm = 20;
 
 struct View {
   AnatomicalPlane plane;
   const char* anatomical_name;
-  const char* plain_name;  ///< where it is not known how the volume lies in the patient
-  int axis;                ///< across the plane
+  const char* plain_name;  ///< Used if the patient orientation is unknown
+  int axis;                ///< Normal of the plane
   char positive, negative;
 
   std::string name(const Model& model) const { return model.oriented ? anatomical_name : plain_name; }
@@ -29,7 +29,8 @@ constexpr View kViews[] = {{AnatomicalPlane::kAxial, "Axial", "Plane x-y", 2, 'S
                            {AnatomicalPlane::kCoronal, "Coronal", "Plane x-z", 1, 'P', 'A'},
                            {AnatomicalPlane::kSagittal, "Sagittal", "Plane y-z", 0, 'L', 'R'}};
 
-/// Wide enough to know where one is, close enough to see the contact: 70 % of the volume, 40 ... 120 mm.
+/// 70 % of the volume, within 40 ... 120 mm: enough context for orientation, and enough detail of the
+/// contact.
 double field_of_view_mm(const Model& model) {
   constexpr double kLeast = 40, kMost = 120;
   if (model.labels == nullptr) return kMost;
@@ -52,7 +53,7 @@ double arrow_mm_per_N(double limit_N) {
 
 namespace {
 
-/// "S 12.4 mm", without orientation "z 12.4 mm"
+/// Position of a section: "S 12.4 mm", or "z 12.4 mm" without orientation
 std::string plane_position(const Model& model, const View& view, const Point<Patient>& p) {
   const double value = p[view.axis];
   if (!model.oriented) return std::string(1, "xyz"[view.axis]) + " " + number(value, 1) + " mm";
@@ -71,7 +72,7 @@ SectionStyle section_style(const Model& model) {
   SectionStyle style;
   style.grey_levels = kGreyLevels;
   if (model.scan == nullptr) {
-    style.label_opacity = 0.8;  // nothing beneath to be seen
+    style.label_opacity = 0.8;  // there is no scan beneath
   } else {
     const auto window = scan_window(*model.scan);
     style.window_low = window[0];
@@ -87,9 +88,9 @@ std::string section_layers(const Model& model, const SectionPlane& plane, const 
 
 namespace {
 
-/// What a panel's sections show, and what they found.
+/// Inputs of a panel's sections, and the labels found in them.
 struct Sections {
-  const Model& model;  ///< the run's, or what a burr had left of it
+  const Model& model;  ///< The run's model, or the one with the remaining labels after removal
   const DisplacedTissue& yielded;
   SectionMarks marks;
   SectionStyle style;
@@ -121,7 +122,7 @@ std::string section_figure(Sections& shown, const View& view) {
          "</span> <span>" + position + "</span></figcaption></figure>\n";
 }
 
-/// How tissue that has yielded is shown; empty where it rests.
+/// Note on the display of deformed tissue; empty if it is at rest.
 std::string yielded_html(const Sections& shown) {
   if (shown.yielded.rests()) return "";
   const bool as_mail = shown.model.tissue_law == TissueLaw::kChainMail;
@@ -144,7 +145,7 @@ std::string fact(const std::string& label, const std::string& value) {
   return "<div><dt>" + label + "</dt><dd>" + value + "</dd></div>";
 }
 
-/// "fat 10.0 mm, 5 %; bone 5.0 mm, 95 %", escaped.
+/// Contributions such as "fat 10.0 mm, 5 %; bone 5.0 mm, 95 %", escaped.
 std::string felt_text(const Run& run, const DeviceTick& device) {
   std::string text;
   for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n)
@@ -170,7 +171,7 @@ std::string facts(const Run& run, const ShownContact& shown) {
   return html + "</dl>";
 }
 
-/// The structures in view, the touched one first, the others by name.
+/// Legend of the visible structures, the touched one first, the others by name.
 std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& seen) {
   std::vector<std::pair<std::string, LabelId>> names;
   for (const LabelId label : seen) {
@@ -216,7 +217,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
     const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
     sections.style.moved = moved;
     sections.marks.tool = tool_parts(model, shown.peak, contact.device);
-    // where it leans on the surface at rest, moved as the tissue there is
+    // the contact point on the undeformed surface, displaced with the tissue
     const auto& leans = shown.at_peak().contact_patient_mm;
     const Vector<Patient> dent = moved(Point<Patient>(leans[0], leans[1], leans[2]));
     for (ToolPart& part : sections.marks.tool) part.from += dent;
@@ -237,7 +238,7 @@ std::string tabs(const Run& run) {
   return html + "</div>\n";
 }
 
-/// @param strained  there are strain pictures
+/// @param strained  whether there are strain pictures
 std::string controls(bool strained) {
   return "<div class=\"controls\"><label>Structures <input type=\"range\" id=\"structures\" min=\"0\" "
          "max=\"100\" "

@@ -18,7 +18,7 @@ double norm(const std::array<double, 3>& v) {
   return std::isfinite(squared) ? std::sqrt(squared) : 0.0;
 }
 
-/// Within both limits but for the rounding of the clamp; what is not a number is not.
+/// Whether the force is within both limits up to the rounding of the clamp; false if it is not finite.
 bool is_within_limits(const DeviceTick& device, double max_force_N) {
   const double sent_N = std::sqrt(squared_norm(device.force_N));
   return sent_N <= max_force_N * (1 + 1e-9) && sent_N <= device.limit_N * (1 + 1e-9);
@@ -44,7 +44,7 @@ void ContactFinder::see(const TimedTick& now) {
     std::optional<Contact>& contact = open_[d];
     if (contact && (!touches(device) || device.label != contact->label)) close(contact);
     if (!touches(device)) continue;
-    // follow the structure as far as it goes
+    // extend the contact while the structure stays the same
     const double force = force_N(device);
     if (!contact)
       contact = Contact{.device = static_cast<int>(d),
@@ -67,7 +67,7 @@ void ContactFinder::see(const TimedTick& now) {
 }
 
 void ContactFinder::close(std::optional<Contact>& contact) {
-  // a rounding of the clock does not make a contact too short
+  // tolerance for rounding of the clock
   if (contact && contact->duration_s() >= shortest_s_ - 1e-9) found_.push_back(*contact);
   contact.reset();
 }
@@ -97,7 +97,7 @@ void StructureMeter::see(const TimedTick& now) {
     figure.contact_s += dt_s;
     figure.mean_force_N += force_N(device) * dt_s;
     figure.peak_force_N = std::max(figure.peak_force_N, force_N(device));
-    // fmax passes over a NaN on either side
+    // fmax ignores NaN
     if (std::isfinite(device.depth_mm)) figure.max_depth_mm = std::fmax(figure.max_depth_mm, device.depth_mm);
     figure.in_front = figure.in_front || device.depth_mm < 0;
     figure.depth_has_gaps = figure.depth_has_gaps || std::isnan(device.depth_mm);
@@ -121,7 +121,7 @@ void BeneathMeter::see(const TimedTick& now) {
     if (!touches(device)) continue;
     for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
       const LabelId label = device.felt_label[n];
-      // a damaged file may hold anything
+      // values are unchecked: the file may be damaged
       const double given_N = device.felt_share[n] * force_N(device);
       if (label == 0 || label == device.label || !std::isfinite(given_N)) continue;
       const auto [found, added] = place_.emplace(label, figures_.size());
@@ -136,14 +136,14 @@ void BeneathMeter::see(const TimedTick& now) {
 
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
                                    const std::vector<StructureFigures>& structures, std::size_t most) {
-  // the longest of each structure
+  // longest contact of each structure
   std::map<LabelId, Contact> longest;
   for (const Contact& contact : contacts) {
     const auto [found, added] = longest.emplace(contact.label, contact);
     if (!added && contact.duration_s() > found->second.duration_s()) found->second = contact;
   }
 
-  // the structures that were touched longest
+  // structures by total contact duration
   std::vector<StructureFigures> ranked = structures;
   std::stable_sort(ranked.begin(), ranked.end(), [](const StructureFigures& a, const StructureFigures& b) {
     return a.contact_s > b.contact_s;

@@ -11,11 +11,11 @@
 namespace palpate::report {
 namespace {
 
-/// Every tick of a recording with its times.
+/// Calls `see` for every tick of a recording with its times.
 template <class See>
 void see_all(const Recording& recording, See&& see) {
   TickTimes times(RecordingSource(recording).head());
-  // in pieces, as they are read
+  // in chunks, as when reading
   for (std::size_t first = 0; first < recording.ticks.size(); first += 37)
     times.take(
         std::span(recording.ticks).subspan(first, std::min<std::size_t>(37, recording.ticks.size() - first)),
@@ -52,7 +52,7 @@ ForceExtremes force_extremes(const Recording& recording) {
   return extremes;
 }
 
-/// Where each tick begins, and behind the last one where it ends.
+/// Start of each tick, and the end of the last one.
 std::vector<double> tick_edges_s(const Recording& recording) {
   std::vector<double> edges{0};
   see_all(recording, [&](const TimedTick& now) {
@@ -93,8 +93,8 @@ TEST(Contacts, AreUnbrokenAndOfOneStructure) {
   Script run;
   run.ticks(100, 0);
   run.ticks(80, 5, 1);
-  run.ticks(70, 6, 1);  // straight on to another structure
-  run.ticks(1, 0);      // one tick off
+  run.ticks(70, 6, 1);  // directly on to another structure
+  run.ticks(1, 0);      // one tick without contact
   run.ticks(60, 6, 1);
   const auto contacts = run.contacts();
   ASSERT_EQ(contacts.size(), 3u);
@@ -104,7 +104,7 @@ TEST(Contacts, AreUnbrokenAndOfOneStructure) {
   EXPECT_NEAR(contacts[0].duration_s(), 0.080, 1e-12);
   EXPECT_EQ(contacts[1].first, 180u);
   EXPECT_EQ(contacts[1].last, 249u);
-  // the last contact reaches to the end of the run
+  // the last contact extends to the end of the run
   EXPECT_EQ(contacts[2].label, 6);
   EXPECT_EQ(contacts[2].last, run.recording.ticks.size() - 1);
   EXPECT_NEAR(contacts[2].duration_s(), 0.060, 1e-12);
@@ -172,7 +172,7 @@ TEST(Contacts, EachDeviceHasItsOwn) {
     run.recording.ticks[50 + i].device[0].flags = kFlagContact;
     run.recording.ticks[20 + i].device[1].label = 9;
     run.recording.ticks[20 + i].device[1].flags = kFlagContact;
-    run.recording.ticks[20 + i].device[2].label = 3;  // there is no third device
+    run.recording.ticks[20 + i].device[2].label = 3;  // the third device does not exist
     run.recording.ticks[20 + i].device[2].flags = kFlagContact;
   }
   const auto contacts = run.contacts();
@@ -183,7 +183,7 @@ TEST(Contacts, EachDeviceHasItsOwn) {
   EXPECT_EQ(contacts[1].label, 4);
 }
 
-// against a slow oracle: every tick asks how far its own contact reaches in both directions
+// against a slow reference: for every tick, the extent of its contact in both directions
 TEST(Contacts, AgreeWithTheDefinitionOnRandomRuns) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -216,7 +216,7 @@ TEST(Structures, FiguresAreOverTimeAndCountBriefTouches) {
   run.ticks(100, 5, 1.0, 0.2, 10);
   run.ticks(10, 0, 0, 0, 400);
   run.ticks(20, 5, 3.0, 0.9, 4);   // brief
-  run.ticks(10, 8, 0.5, -0.4, 1);  // brief, the only one, and in front of the surface
+  run.ticks(10, 8, 0.5, -0.4, 1);  // brief, the only one, and outside the surface
   const auto figures = summarise_structures(run.recording, Model{}, run.contacts());
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_EQ(figures[0].label, 5);
@@ -238,7 +238,7 @@ TEST(Structures, DepthOutOfReachIsNoNumber) {
   run.ticks(60, 5, 2.0, kNan);
   run.ticks(60, 6, 2.0, kNan);
   run.ticks(60, 7, 2.0, 0.4);
-  run.ticks(60, 0, 0.0, kNan);  // nothing touched
+  run.ticks(60, 0, 0.0, kNan);  // no contact
   const auto figures = summarise_structures(run.recording, Model{}, run.contacts());
   ASSERT_EQ(figures.size(), 3u);
   EXPECT_EQ(figures[0].max_depth_mm, 0.2);
@@ -288,7 +288,7 @@ TEST(MainContacts, AreTheLongestOfTheStructuresTouchedLongest) {
   Script run;
   run.ticks(60, 1, 1);
   run.ticks(5, 0);
-  run.ticks(90, 1, 1);  // the longer one of structure 1
+  run.ticks(90, 1, 1);  // the longer contact of structure 1
   run.ticks(5, 0);
   run.ticks(70, 2, 1);
   run.ticks(5, 0);
@@ -301,7 +301,7 @@ TEST(MainContacts, AreTheLongestOfTheStructuresTouchedLongest) {
   EXPECT_EQ(all[0].first, 65u);
   EXPECT_EQ(all[1].label, 2);
   EXPECT_EQ(all[2].label, 3);
-  // structure 2 was touched least
+  // structure 2 has the shortest contact
   const auto two = main_contacts(contacts, figures, 2);
   ASSERT_EQ(two.size(), 2u);
   EXPECT_EQ(two[0].label, 1);
@@ -315,7 +315,7 @@ TEST(Safety, CutShortRunsAreCounted) {
   run.recording.ticks[2].device[0].flags = kFlagClamped | kFlagOutside;
   run.recording.ticks[3].device[0].flags = kFlagNotFinite;
   run.recording.ticks[4].device[0].flags = kFlagPaused;
-  run.recording.ticks[5].device[1].flags = kFlagClamped;  // no such device
+  run.recording.ticks[5].device[1].flags = kFlagClamped;  // nonexistent device
   run.recording.ticks[6].device[0].flags = kFlagRotationIgnored;
   const RecordingSummary counts = summary_of(run.recording);
   EXPECT_EQ(counts.ticks, 10u);
@@ -325,15 +325,15 @@ TEST(Safety, CutShortRunsAreCounted) {
   EXPECT_EQ(counts.paused, 1u);
   EXPECT_EQ(counts.rotation_ignored, 1u);
   EXPECT_EQ(counts.dropped, 0u);
-  // ticks that never came to the recorder
+  // ticks lost before recording
   for (std::size_t i = 7; i < 10; ++i) run.recording.ticks[i].tick += 40;
   run.recording.ticks[9].tick += 2;
   EXPECT_EQ(summary_of(run.recording).dropped, 42u);
-  // numbers that a damaged file has
+  // tick numbers of a damaged file
   run.recording.ticks[9].tick = 0;
   EXPECT_EQ(summary_of(run.recording).dropped, 0u);
   EXPECT_EQ(summary_of(Recording{}).ticks, 0u);
-  // a whole run says it itself
+  // a complete recording contains its own summary
   run.recording.summary.emplace().clamped = 7;
   EXPECT_EQ(summary_of(run.recording).clamped, 7u);
 }
@@ -345,7 +345,7 @@ TEST(Safety, ATickWithSeveralInterventionsIsOne) {
   run.recording.ticks[2].device[0].flags =
       kFlagOutside | kFlagPaused | kFlagRamp | kFlagClutched | kFlagBlend;
   run.recording.ticks[3].device[0].flags = kFlagEmergencyStop;
-  run.recording.ticks[4].device[1].flags = kFlagClamped;  // no such device
+  run.recording.ticks[4].device[1].flags = kFlagClamped;  // nonexistent device
   EXPECT_EQ(count_ticks_with(run.recording, kInterventionFlags), 2u);
   EXPECT_EQ(count_ticks_with(run.recording, kFlagSlew | kFlagOutside), 2u);
   run.recording.header.devices = 2;
@@ -369,7 +369,7 @@ TEST(Forces, ExtremesSkipWhatIsNotFinite) {
 }
 
 TEST(Forces, EachTickIsHeldAgainstItsOwnLimits) {
-  // the user's and the scene's, and what the output stage made of them
+  // the user's and scene's limit, and the effective one of the output stage
   for (const bool of_device : {false, true}) {
     SCOPED_TRACE(of_device);
     Script run;
@@ -379,18 +379,18 @@ TEST(Forces, EachTickIsHeldAgainstItsOwnLimits) {
       return of_device ? tick.device[0].limit_N : tick.max_force_N;
     };
     EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
-    for (std::size_t i = 0; i < 6; ++i) limit(i) = 2.5;  // clamped, with its rounding
+    for (std::size_t i = 0; i < 6; ++i) limit(i) = 2.5;  // clamped, including rounding
     EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
     // below the highest limit of the run, above that of its own tick
     limit(0) = 3;
     limit(1) = 2.4;
     EXPECT_EQ(force_extremes(run.recording).above_limit, 1u);
-    // no number is within a limit, and nothing within a limit that is none
+    // a non-finite force is never within a limit, and no force is within a non-finite limit
     run.recording.ticks[2].device[0].force_N = {NAN, 0, 0};
     run.recording.ticks[3].device[0].force_N = {0, -INFINITY, 0};
     limit(4) = NAN;
     EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
-    // a device that there is not
+    // nonexistent device
     run.recording.ticks[5].device[1].force_N = {99, 0, 0};
     EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
   }
@@ -406,7 +406,7 @@ TEST(Forces, WhereNothingIsSentThereIsNoLimit) {
   EXPECT_EQ(force_extremes(run.recording).lowest_limit_N, 3);
   EXPECT_TRUE(std::isnan(limit_N(run.recording.ticks[1].device[0])));
   EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
-  // but a limit of zero is one
+  // a limit of zero counts as a limit
   run.recording.ticks[3].device[0].limit_N = 0;
   EXPECT_EQ(force_extremes(run.recording).lowest_limit_N, 0);
 }

@@ -20,7 +20,7 @@ TEST(DataPage, ShowsEverySetAndNothingAsMarkup) {
   EXPECT_NE(html.find("data:image/png;base64,iVA="), std::string::npos);
   EXPECT_NE(html.find("no picture"), std::string::npos);
   EXPECT_NE(html.find("Content-Security-Policy"), std::string::npos);
-  // nothing may run
+  // no scripts
   EXPECT_EQ(html.find("script-src"), std::string::npos);
   EXPECT_EQ(html.find("<script"), std::string::npos);
   EXPECT_NE(html.find("2 data sets"), std::string::npos);

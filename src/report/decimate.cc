@@ -15,7 +15,8 @@ Decimator::Decimator(std::size_t samples, std::size_t series, std::size_t max_po
 }
 
 void Decimator::begin_run() {
-  // more than two samples a run on average, so that every run holds at least two and its two x differ
+  // there are more than two samples per interval on average, so every interval has at least two with
+  // different x
   run_first_ = run_ * samples_ / runs_;
   run_end_ = (run_ + 1) * samples_ / runs_;
   for (Extremes& extremes : extremes_) extremes = {kGap, kGap};
@@ -43,7 +44,7 @@ void Decimator::add(double x, std::span<const double> values) {
     if (!std::isfinite(values[s])) continue;
     Extremes& of = extremes_[s];
     const bool first = std::isnan(of.low);
-    // the later one of the two comes second; a single value is both
+    // low_first records which extreme occurred first; a single value is both
     if (first || values[s] > of.high) of.high = values[s], of.low_first = true;
     if (first || values[s] < of.low) of.low = values[s], of.low_first = first;
   }

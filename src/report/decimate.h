@@ -7,29 +7,30 @@
 
 namespace palpate::report {
 
-/// Where a series has no value.
+/// Marks a missing value of a series.
 inline constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 
-/// Several series over one rising x. A value that is not finite is a gap.
+/// Several series over one ascending x. Non-finite values are gaps.
 struct PlotData {
   std::vector<double> x;
-  std::vector<std::vector<double>> series;  ///< each as long as x
+  std::vector<std::vector<double>> series;  ///< Same length as x
 };
 
-/// At most `max_points` (>= 2) points that look the same when drawn: the samples are cut into equal
-/// runs, and of each run every series keeps its smallest and its largest value, in the order in which
-/// they occur, at the run's first and middle x. No peak is lost; a value moves by less than one run. A
-/// run that is nothing but gap stays a gap. Fewer samples come back as they are.
+/// Min-max decimation to at most `max_points` (>= 2) points, which looks the same when plotted: the samples
+/// are divided into equal intervals, and in each of them every series keeps its minimum and maximum, in the
+/// order of their occurrence, at the first and middle x of the interval. Peaks are preserved; a value is
+/// shifted by less than one interval. An interval that consists only of gaps stays a gap. Fewer samples are
+/// returned unchanged.
 class Decimator {
  public:
   Decimator(std::size_t samples, std::size_t series, std::size_t max_points);
-  /// The next sample; as many as were told.
+  /// Adds the next sample; exactly `samples` of them are expected.
   void add(double x, std::span<const double> values);
-  /// After the last one.
+  /// Call after the last sample.
   PlotData finish();
 
  private:
-  // the extremes of a run so far; a gap where there is none
+  // minimum and maximum of the current interval; a gap if there is none
   struct Extremes {
     double low, high;
     bool low_first = true;

@@ -19,7 +19,7 @@ struct Capsule {
   }
 };
 
-// +x is the patient's left: a left knee has its fibula there; the patella is in front, at -y
+// +x is the patient's left, where the fibula of a left knee is; the patella is anterior, at -y
 const std::vector<Capsule>& capsules() {
   static const std::vector<Capsule> shapes{
       {kFemur, {-10, 0, 12}, {-10, 0, 12}, 15},  {kFemur, {11, 0, 12}, {11, 0, 12}, 14},
@@ -35,7 +35,7 @@ struct Nearest {
   double distance_mm = 1e9;
 };
 
-/// The nearest structure; cartilage is the femur's lower skin, 2 mm thick.
+/// Nearest structure; the cartilage is a layer of 2 mm on the lower side of the femur.
 Nearest nearest(const Point<Patient>& p) {
   Nearest result;
   for (const Capsule& shape : capsules()) {
@@ -48,7 +48,7 @@ Nearest nearest(const Point<Patient>& p) {
   return result;
 }
 
-/// Repeatable noise in -1 ... 1.
+/// Deterministic noise in -1 ... 1.
 double noise(std::uint32_t& state) {
   state = state * 1664525u + 1013904223u;
   return (state >> 8) / 8388608.0 - 1;
@@ -59,14 +59,14 @@ double intensity(const Point<Patient>& p, const Nearest& site) {
   if (from_axis > 1) return 12;
   if (site.distance_mm > 0) return from_axis > 0.9 ? 560 : 330 + 40 * std::sin(0.25 * p.x() + 0.2 * p.z());
   if (site.label == kFemoralCartilage) return 470;
-  return site.distance_mm > -1.5 ? 60 : 620;  // cortical bone is dark, marrow is bright
+  return site.distance_mm > -1.5 ? 60 : 620;  // MR contrast: cortical bone is dark, marrow is bright
 }
 
-/// One visit: straight on along `from`, press to `depth_mm`, stroke, away again.
+/// One visit: straight approach along `from`, press to `depth_mm`, stroke, straight withdrawal.
 struct Visit {
   Point<Patient> surface;
   Vector<Patient> outward;
-  Vector<Patient> stroke;  ///< mm
+  Vector<Patient> stroke;  ///< Displacement of the stroke, mm
   double depth_mm;
 };
 
@@ -80,7 +80,7 @@ const std::vector<Visit>& visits() {
   return all;
 }
 
-/// Where a ray from `visit.surface` leaves the structure, by bisection between 0 and 40 mm.
+/// Exit point of a ray from `visit.surface`, by bisection between 0 and 40 mm.
 Point<Patient> find_surface(const Visit& visit, const Point<Patient>& start) {
   double inside = 0, outside = 40;
   for (int i = 0; i < 30; ++i) {
@@ -94,7 +94,7 @@ double smooth(double t) {
   return t * t * (3 - 2 * std::clamp(t, 0.0, 1.0));
 }
 
-/// Height above the surface (negative: depth) and how far the stroke has gone, `t` seconds into a visit.
+/// Height above the surface (negative: depth) and length of the stroke at time `t` of a visit, s.
 struct Stage {
   double height_mm, stroked;
 };
@@ -151,7 +151,7 @@ DeviceTick touch(const Model& model, const Point<Patient>& tip, double limit_N) 
   const double sent_N = std::min(device.unclamped_force_N, limit_N);
   const Vector<World> force = model.X_WorldPatient * (normal * sent_N);
   device.force_N = {force.x(), force.y(), force.z()};
-  // what the tool leans on
+  // contact point
   for (std::size_t axis = 0; axis < 3; ++axis)
     device.proxy_patient_mm[axis] =
         device.tip_patient_mm[axis] + device.normal_patient[axis] * device.depth_mm;
@@ -235,11 +235,11 @@ Recording recording(const Model& model, double limit_N) {
     tick.dt_s = 1e-3;
     tick.max_force_N = limit_N;
     tick.device[0] = touch(model, tips[i], limit_N);
-    // velocity over 10 ms, as the servo does
+    // velocity over 10 ms, as in the servo
     const Vector<Patient> moved = i >= 10 ? tips[i] - tips[i - 10] : Vector<Patient>();
     if (moved.norm() < 5)
       tick.device[0].velocity_patient_mm_s = {100 * moved.x(), 100 * moved.y(), 100 * moved.z()};
-    // motors that warm within 10 s
+    // thermal model of the motors with a time constant of 10 s
     const double power = std::min(tick.device[0].unclamped_force_N, limit_N) / kContinuous_N;
     heat += (power * power - heat) * tick.dt_s / 10;
     tick.device[0].heat = heat;
@@ -265,7 +265,7 @@ Recording real_recording(const Model& model) {
     TickRecord& tick = recording.ticks[i];
     tick.lateness_s = (12 + 4 * noise(random)) * 1e-6;
     tick.compute_s = (9 + 2 * noise(random)) * 1e-6;
-    // another thread had the processor
+    // preempted by another thread
     if (i % 1000 == 700) tick.lateness_s = 300e-6;
     if (i == 4700) tick.lateness_s = 3400e-6;
     // a slow bus, and the emergency stop at the end
@@ -289,7 +289,7 @@ Model with_soft_tibia(Model model) {
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const LabelId label = model.labels->at(i, j, k);
-        // what is soft holds fast to bone below it
+        // stiff bone below the soft part supports it
         const bool shaft = label == kTibia && (grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).z() < -26;
         labels.at(i, j, k) = shaft ? kFibula : label;
       }

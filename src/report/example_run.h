@@ -4,37 +4,37 @@
 #include "palpate/recording/recording.h"
 #include "palpate/rehearsal/plan_in_scene.h"
 
-/// A made-up left knee of spheres and capsules, and a made-up run over it, for the tests of the page: what
-/// is in them is known exactly, and they need no servo.
+/// Synthetic left knee of spheres and capsules, and a synthetic run on it, for tests of the page. Their
+/// figures are known exactly, and no servo is needed.
 namespace palpate::report::example {
 
 inline constexpr LabelId kFemoralCartilage = 83, kFemur = 95, kTibia = 96, kFibula = 97, kPatella = 98;
 
-/// Labels and scan on a left-handed grid of 1.5 mm voxels around the origin. No field.
+/// Labels and scan on a left-handed grid with 1.5 mm voxels around the origin. Without a field.
 Model model();
 
-/// Every structure approached, pressed, stroked and left in turn, at 1 kHz: tibia, femoral cartilage,
-/// patella, fibula, with a force of 2 N/mm of depth clamped to `limit_N`.
+/// Approaches, presses, strokes and leaves each structure in turn, at 1 kHz: tibia, femoral cartilage,
+/// patella, fibula. The force is 2 N per mm of depth, clamped to `limit_N`.
 Recording recording(const Model& model, double limit_N = 1.5);
 
-/// The same on the real clock: late by 8 to 16 us, by 300 us once a second, once by 3.4 ms; six stale ticks;
-/// emergency stop in the last 200 ticks; three points in time without a tick.
+/// The same run on the real clock: 8 to 16 us late, 300 us once a second, once 3.4 ms; six stale ticks;
+/// emergency stop in the last 200 ticks; three missing ticks.
 Recording real_recording(const Model& model);
 
-/// The model with the upper half of its tibia soft, of 60 kPa, and yielding, and a ball of 4 mm for its tool.
+/// The model with the upper half of its tibia deformable (60 kPa), and a ball of 4 mm as the tool.
 Model with_soft_tibia(Model model);
-/// The first run as the proxy's ticks tell it, with all that it leans on and what gave its force: in the
-/// tibia the soft one and, beyond 0.3 mm, the femur.
+/// The first run as recorded by the proxy, with all contacts and force contributions: within the tibia the
+/// soft part and, deeper than 0.3 mm, the femur.
 Recording leaning_recording(const Model& model);
 
-/// The model with a burr for its tool, of 4 mm.
+/// The model with a burr of 4 mm as the tool.
 Model with_burr(Model model);
-/// The first run with that burr, whose motor runs for a second each while the tibia and the patella are
-/// pressed, and takes what it is led through: versions 2 ... 51 of the model.
+/// The first run with that burr. Its motor runs for a second each while the tibia and the patella are
+/// pressed, and the burr removes the tissue in its path: versions 2 ... 51 of the model.
 Recording milled_recording(const Model& model);
 
-/// A plan of a way into the patella, a millimetre beside where the first run presses it, of a ball to be
-/// taken off there, and of a distance from the fibula, which is not kept.
+/// A plan with a trajectory into the patella, a millimetre from where the first run presses it, a ball to be
+/// removed there, and a required clearance from the fibula, which the run violates.
 PlanInScene plan(const Model& model);
 
 }  // namespace palpate::report::example

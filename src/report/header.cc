@@ -33,7 +33,7 @@ std::string side_badge(const Run& run) {
   return "<span class=\"badge side\">" + side + (inferred ? ", from the fibula" : "") + "</span>";
 }
 
-/// The force methods that were felt, in the order of their first tick.
+/// Force methods used in the run, in the order of their first tick.
 std::string methods_text(const RecordingHead& recording) {
   std::string text;
   for (const RecordingHead::UsedMethod& felt : recording.methods)
@@ -43,7 +43,7 @@ std::string methods_text(const RecordingHead& recording) {
   return text;
 }
 
-/// What a reader must know before looking at anything else.
+/// Warnings at the top of the page.
 std::string callouts(const Run& run) {
   std::string html;
   if (!run.model.oriented) {
@@ -81,7 +81,7 @@ std::string force_tile(const Run& run) {
   const std::string limits = forces.lowest_limit_N < limit
                                  ? number(forces.lowest_limit_N, 2) + " to " + number(limit, 2)
                                  : number(limit, 2);
-  // a bar: how much of the limit was used
+  // bar: used fraction of the limit
   const double part = limit > 0 ? std::clamp(forces.peak_N / limit, 0.0, 1.0) : 0;
   const std::string bar =
       "<svg class=\"meter\" viewBox=\"0 0 100 4\" preserveAspectRatio=\"none\" aria-hidden=\"true\">"
@@ -94,7 +94,7 @@ std::string force_tile(const Run& run) {
 }
 
 std::string safety_tile(const Run& run) {
-  // a tick may be more than one of these
+  // a tick may count in several categories
   const std::uint64_t ticks = run.interventions.ticks, other = run.other.ticks;
   return tile("Safety interventions", unit(grouped(ticks), ticks == 1 ? "tick" : "ticks"),
               grouped(run.summary.clamped) + " clamped, " + grouped(run.invalid.ticks) + " invalid" +

@@ -18,7 +18,7 @@ bool is_control(char c) {
 }
 
 std::string fixed(double value, int decimals) {
-  // room for the largest double
+  // sufficient for the largest double
   std::array<char, 400> buffer;
   const auto end =
       std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, std::chars_format::fixed, decimals);
@@ -36,7 +36,7 @@ std::uint8_t hex_value(char digit) {
 std::string json_string(std::string_view text) {
   std::string result = "\"";
   for (const char c : printable(text)) {
-    // '<' would let a name end the script element that it stands in
+    // '<' would allow a name to close the script element
     if (is_control(c) || c == '"' || c == '\\' || c == '<' || c == '>' || c == '&') {
       result += "\\u00";
       result += kHexDigits[static_cast<unsigned char>(c) >> 4];
@@ -68,7 +68,7 @@ std::string three_digits(double value) {
   const auto decimals_of = [](double of) {
     return kDigits - 1 - static_cast<int>(std::floor(std::log10(std::abs(of))));
   };
-  // 9.996 becomes 10.0
+  // 9.996 is rounded up to 10.0
   const double step = std::pow(10.0, -decimals_of(value));
   const double rounded = std::round(value / step) * step;
   return number(rounded, std::max(0, decimals_of(rounded)));

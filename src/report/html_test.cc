@@ -19,7 +19,7 @@ TEST(Numbers, AreShortAndNeverNegativeZero) {
   EXPECT_EQ(number(1.005, 1), "1.0");
   EXPECT_EQ(number(-0.04, 1), "0.0");
   EXPECT_EQ(number(-0.06, 1), "-0.1");
-  EXPECT_EQ(number(2.5, 0), "2");  // to even, as IEEE 754
+  EXPECT_EQ(number(2.5, 0), "2");  // round half to even, as IEEE 754
   EXPECT_EQ(number(std::numeric_limits<double>::quiet_NaN(), 1), "-");
   EXPECT_EQ(number(1e308, 2).size(), 309u + 3u);
   EXPECT_EQ(json_number(1.2000, 4), "1.2");
@@ -41,7 +41,7 @@ TEST(Numbers, DepthsInFrontOfTheSurfaceAreExplained) {
 }
 
 TEST(CspHash, IsBase64OfTheHash) {
-  // of the empty text
+  // hash of the empty text
   EXPECT_EQ(csp_hash("e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
             "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='");
 }

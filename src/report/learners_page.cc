@@ -42,9 +42,9 @@ int runs_until_passed(const LearnersPage::Learner& learner, int in_a_row) {
 namespace report {
 namespace {
 
-// of a curve, in units of its picture
+// layout of a curve, in units of its SVG
 constexpr double kWide = 320, kHigh = 150, kLeft = 46, kRight = 8, kTop = 8, kBottom = 20;
-// a curve of more runs is drawn by so many of them
+// maximum number of points drawn per curve
 constexpr std::size_t kMaxOfCurve = 150;
 
 std::string with_unit(double value, const std::string& unit) {
@@ -59,7 +59,7 @@ std::string band_text(const LearnersPage::Metric& metric) {
   return "no bound";
 }
 
-/// Where runs and values are in a curve's picture.
+/// Scales of a curve's plot.
 struct Axes {
   std::size_t runs = 1;
   double least = 0, most = 1;
@@ -91,13 +91,13 @@ Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<d
   if (metric.at_most) include(*metric.at_most);
   if (!(least <= most)) return axes;
   const double room = most > least ? 0.06 * (most - least) : std::max(0.5 * std::abs(most), 0.5);
-  // what is never below 0 has its axis begin there
+  // the axis of non-negative values does not extend below 0
   axes.least = least >= 0 ? std::max(0.0, least - room) : least - room;
   axes.most = most + room;
   return axes;
 }
 
-/// A line through its values; it is broken where there is none.
+/// Polyline through the values, interrupted at missing ones.
 std::string line_html(const Axes& axes, const std::vector<double>& curve, const std::string& kind) {
   const std::size_t stride = std::max<std::size_t>(1, (curve.size() + kMaxOfCurve - 1) / kMaxOfCurve);
   std::string path;
@@ -166,7 +166,7 @@ std::string curve_html(const LearnersPage::Task& task, std::size_t m) {
          svg + "</div>\n";
 }
 
-/// The latest runs, each in band or not.
+/// Dots for the latest runs, in band or not.
 std::string dots_html(const LearnersPage::Learner& learner) {
   constexpr std::size_t kMost = 14;
   const std::size_t from = learner.runs.size() - std::min(kMost, learner.runs.size());

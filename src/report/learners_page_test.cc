@@ -65,11 +65,11 @@ TEST(LearnersPage, ALongCurveIsDrawnByPartOfItsRunsAndItsLast) {
   runs.back() = run_of(false, 7);
   const std::string html = learners_html(page);
   EXPECT_LT(html.size(), short_page + 10000);
-  // 7 is the highest, so the last point lies 6 % of the range below the top
+  // 7 is the highest, so the last point is 6 % of the range below the top
   EXPECT_NE(html.find("L312.0 "), std::string::npos);
 }
 
-// values that an axis cannot be laid from by their range alone
+// values whose range alone does not define an axis
 TEST(LearnersPage, AnyValuesHaveAnAxis) {
   for (const double value : {0.0, 5.0, -5.0, 1e300, -1e300, 1e-300, kNone, HUGE_VAL}) {
     LearnersPage page = example();

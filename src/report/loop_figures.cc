@@ -10,7 +10,7 @@
 namespace palpate::report {
 namespace {
 
-// sign, exponent and 12 bits of the fraction
+// sign, exponent and 12 bits of the fraction are kept
 constexpr int kDroppedBits = 52 - 12;
 
 }  // namespace
@@ -28,7 +28,7 @@ Spread SpreadMeter::spread() const {
   for (const auto& [key, bin] : bins_) sorted.push_back(bin);
   std::ranges::sort(sorted, {}, &Bin::largest_s);
   const auto at = [&](double part) {
-    // the smallest value that at least this part of all do not exceed
+    // nearest rank: the smallest value that is not exceeded by at least this fraction
     const double rank = std::max(std::ceil(part * static_cast<double>(count_)), 1.0);
     std::uint64_t seen = 0;
     for (const Bin& bin : sorted) {

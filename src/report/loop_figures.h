@@ -6,16 +6,16 @@
 #include "palpate/recording/recording.h"
 #include "report/timed_ticks.h"
 
-/// How the loop kept time in a run on the real clock, from what stands in every tick.
+/// Timing statistics of a loop on the real clock, computed from its ticks.
 namespace palpate::report {
 
-/// Nearest ranks; NaN of nothing.
+/// Percentiles by the nearest-rank method; NaN without values.
 struct Spread {
   double p50_s, p99_s, p999_s, max_s;
 };
 
-/// The spread of those values that are finite, in memory that depends on their range and not on their
-/// number: values that differ by less than one part in 4096 count as the largest of them.
+/// Distribution of the finite values. Memory depends on their range and not on their number: values that
+/// differ by less than one part in 4096 share a bin and count as the largest in it.
 class SpreadMeter {
  public:
   void add(double value_s);
@@ -26,15 +26,15 @@ class SpreadMeter {
     std::uint64_t count = 0;
     double largest_s = 0;
   };
-  std::unordered_map<std::uint64_t, Bin> bins_;  // by the first bits of the number
+  std::unordered_map<std::uint64_t, Bin> bins_;  // key: leading bits of the value
   std::uint64_t count_ = 0;
 };
 
-/// Ticks a second between the first and the last tick, dropped ones included.
+/// Mean tick rate between the first and the last tick, including dropped ticks.
 class RateOfTicks {
  public:
   void see(const TimedTick& now);
-  /// NaN for fewer than two ticks.
+  /// NaN if there are fewer than two ticks.
   double rate_hz() const;
 
  private:

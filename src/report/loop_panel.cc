@@ -13,7 +13,7 @@ std::string spread_row(const std::string& name, const Spread& spread, const std:
   return html + "<td class=\"text\">" + meaning + "</td></tr>\n";
 }
 
-/// "1 000.2 Hz of 1 000 Hz"
+/// Text such as "1 000.2 Hz of 1 000 Hz"
 std::string rate_text(const Run& run) {
   return number(run.rate.rate_hz(), 1) + " Hz of " + json_number(run.recording.header.rate_hz, 1) + " Hz";
 }

@@ -21,7 +21,7 @@ constexpr double kWayBefore_s = 2;
 constexpr double kTipShare = 0.005;
 constexpr Rgb kTipColour{255, 255, 255};
 
-/// Where tips were, not longer ago than ways go back.
+/// Tip positions of the last kWayBefore_s.
 class RecentTips {
  public:
   explicit RecentTips(int devices) : devices_(static_cast<std::size_t>(devices)) {}
@@ -42,7 +42,7 @@ class RecentTips {
       for (const Seen& seen : seen_) {
         if (before == nullptr || before->touching[d] != seen.touching[d]) {
           ways.push_back({seen.touching[d], {}});
-          // without a gap between the two
+          // adjacent sections share a point
           if (before != nullptr) ways.back().points.push_back(before->tip[d]);
         }
         ways.back().points.push_back(seen.tip[d]);
@@ -62,7 +62,7 @@ class RecentTips {
   std::deque<Seen> seen_;
 };
 
-/// The model with its labels where their tissue went.
+/// The model with its labels displaced by the deformation.
 std::shared_ptr<const Model> where_tissue_went(const Model& model, const DisplacedTissue& yielded) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
@@ -87,7 +87,7 @@ void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
   moment.left = where_tissue_went(under, yielded);
 }
 
-/// Ends a reading that has all that it needs.
+/// Stops reading once all required ticks were read.
 Error enough() {
   return {ErrorKind::kInterrupted, "enough", "", ""};
 }

@@ -26,14 +26,14 @@ TEST(RecordedMoment, IsTheLastTickUntilThen) {
     ASSERT_TRUE(moment);
     EXPECT_EQ(moment->tick.tick, ticks[n].tick) << n;
     EXPECT_EQ(moment->time_s, ticks[n].time_s) << n;
-    // ways end where the tip is, and go back two seconds at most
+    // paths end at the tip and extend at most two seconds back
     std::size_t points = 0;
     for (const auto& way : moment->ways) points += way.points.size();
     EXPECT_GE(points, std::min<std::size_t>(n + 1, 100)) << n;
     const auto& tip = ticks[n].device[0].tip_patient_mm;
     EXPECT_EQ(moment->ways.back().points.back(), Point<Patient>(tip[0], tip[1], tip[2])) << n;
   }
-  // before its beginning and beyond its end
+  // before the beginning and after the end
   EXPECT_EQ(recorded_moment(recording, model, ticks.front().time_s - 5)->tick.tick, ticks.front().tick);
   EXPECT_EQ(recorded_moment(recording, model, ticks.back().time_s + 5)->tick.tick, ticks.back().tick);
 }
@@ -51,7 +51,7 @@ TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   const auto marks = moment_marks(*moment, model, camera);
   EXPECT_EQ(count_of(marks, kPlaceColour), 1);
-  EXPECT_EQ(count_of(marks, kForceColour), 2);  // a shaft and a head
+  EXPECT_EQ(count_of(marks, kForceColour), 2);  // shaft and head
   EXPECT_GT(count_of(marks, kToolColour), 0);
   EXPECT_GT(count_of(marks, kTouchingWayColour), 0);
   const auto place =
@@ -73,7 +73,7 @@ TEST(RecordedMoment, ShowsTissueWhereItWent) {
   ASSERT_TRUE(moment);
   ASSERT_NE(moment->left, nullptr);
   EXPECT_GT(moment->dent_mm[0].norm(), 0.2);
-  // it is pressed away from the hand
+  // the tissue is displaced away from the hand
   EXPECT_LT(moment->dent_mm[0].dot(patient_force_N(model, *hardest, 0)), 0);
   const GridGeometry& grid = model.labels->geometry();
   const Point<Patient> place = proxy_place(*hardest, 0);
@@ -86,7 +86,7 @@ TEST(RecordedMoment, ShowsTissueWhereItWent) {
         ASSERT_LT((grid.X_PatientVoxel() * Point<Voxel>(i, j, k) - place).norm(), 100);
       }
   EXPECT_GT(others, 0);
-  // before anything is touched all is at rest
+  // before the first contact the tissue is at rest
   EXPECT_EQ(recorded_moment(recording, model, recording.ticks.front().time_s)->left, nullptr);
 }
 

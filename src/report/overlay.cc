@@ -12,14 +12,14 @@ namespace {
 
 constexpr double kWayMargin_s = 1.0;
 constexpr double kScaleBar_mm = 10;
-constexpr double kSmallestStep_px = 0.7;  // between drawn points of a way
-constexpr double kShortestArrow_px = 5;   // below, the force points out of or into the picture
+constexpr double kSmallestStep_px = 0.7;  // between drawn points of a path
+constexpr double kShortestArrow_px = 5;   // a shorter arrow is drawn end-on
 
 struct Pixel {
   double x = 0, y = 0;
 };
 
-// pixel (0,0) has its centre at (0.5, 0.5) in the drawing
+// the centre of pixel (0,0) is at (0.5, 0.5) in the drawing
 Pixel to_drawing(const SectionPlane& plane, const Point<Patient>& p) {
   const auto [column, row] = plane.pixel_of(p);
   return {column + 0.5, row + 0.5};
@@ -39,7 +39,7 @@ std::string text(const std::string& css_class, const Pixel& at, const std::strin
          escape(content) + "</text>";
 }
 
-/// A dark halo under a bright line keeps it visible on every structure.
+/// Path with a dark halo, for contrast on every structure.
 std::string polyline(bool touching, const std::vector<Pixel>& points) {
   if (points.size() < 2) return "";
   std::string list;
@@ -52,7 +52,7 @@ std::string polyline(bool touching, const std::vector<Pixel>& points) {
   return svg.append("\" points=\"").append(list).append("\"/>");
 }
 
-/// The parts of a way that run near the plane and in the picture, without points too close to tell apart.
+/// Sections of a path near the plane and within the picture, without points too close to distinguish.
 std::string draw_way(const SectionPlane& plane, const Way& way) {
   const Vector<Patient> normal = plane.right.cross(plane.down);
   std::string svg;
@@ -71,7 +71,7 @@ std::string draw_way(const SectionPlane& plane, const Way& way) {
   return svg + polyline(way.touching, run);
 }
 
-/// A circle with a dot (towards the viewer) or a cross (away), as for currents.
+/// Symbol of a vector perpendicular to the plane: a circle with a dot (towards the viewer) or a cross (away).
 std::string draw_end_on(const Pixel& tip, bool away) {
   const Pixel at{tip.x + 16, tip.y - 16};
   const std::string centre = "cx=\"" + number(at.x, 1) + "\" cy=\"" + number(at.y, 1) + "\"";
@@ -91,7 +91,7 @@ std::string draw_force(const SectionPlane& plane, const SectionMarks& marks) {
   if (length < kShortestArrow_px)
     return draw_end_on(tail, marks.force_N.dot(plane.right.cross(plane.down)) > 0);
 
-  // shaft up to the base of the head, head on top of it
+  // the shaft ends at the base of the head
   const double ux = x / length, uy = y / length, head = std::min(11.0, 0.6 * length);
   const Pixel tip{tail.x + x, tail.y + y}, base{tip.x - ux * head, tip.y - uy * head};
   const double half = 0.45 * head;
@@ -108,8 +108,8 @@ std::string draw_contact(const SectionPlane& plane, const Point<Patient>& contac
          " r=\"6\"/><circle class=\"tip\" " + centre + " r=\"1.8\"/>";
 }
 
-/// As the plane cuts it: what lies around the circles in which it cuts the spheres of a row along the axis.
-/// They are all of it, as it is convex.
+/// Intersection of a tool primitive with the plane: the convex hull of the circles in which the plane cuts
+/// spheres along the axis. The hull is exact because the primitive is convex.
 std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
   constexpr int kSteps = 64, kAround = 96;
   const Vector<Patient> normal = plane.right.cross(plane.down);
@@ -145,7 +145,7 @@ std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
   return "<polygon class=\"tool-halo\" " + shape + "<polygon class=\"tool\" " + shape;
 }
 
-/// A line with a bar across it at the entry and a ring around the target.
+/// Trajectory with a bar across it at the entry and a ring around the target.
 std::string draw_planned(const SectionPlane& plane, const std::array<Point<Patient>, 2>& planned) {
   constexpr double kBar_px = 7;
   const Pixel entry = to_drawing(plane, planned[0]), target = to_drawing(plane, planned[1]);
@@ -188,10 +188,10 @@ void WayFollower::see(const TimedTick& now) {
   if (!tip.all_finite() || (device.flags & kFlagNotFinite) != 0) return;
   const bool touching = now.index >= contact_.first && now.index <= contact_.last;
   const bool turn = ways_.empty() || ways_.back().touching != touching;
-  // the ends of a stretch are kept, and what is between them in equal steps
+  // the ends of a section are kept, and every step_-th tick between them
   if (!turn && now.index % step_ != 0 && now.index != contact_.last) return;
   if (turn) {
-    // the next stretch begins where the last one ended
+    // adjacent sections share a point
     Way next{touching, {}};
     if (!ways_.empty()) next.points.push_back(ways_.back().points.back());
     ways_.push_back(std::move(next));
@@ -246,7 +246,7 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
                     std::to_string(plane.height_px) + "\" role=\"img\" aria-label=\"" + escape(description) +
                     "\"><g class=\"marks\">";
   if (marks.planned) svg += draw_planned(plane, *marks.planned);
-  // touching parts on top of free ones
+  // contact sections are drawn on top
   for (const bool touching : {false, true}) {
     for (const Way& way : marks.ways) {
       if (way.touching == touching) svg += draw_way(plane, way);

@@ -11,18 +11,18 @@
 #include "palpate/rendering/rendering.h"
 #include "report/contacts.h"
 
-/// What is drawn over a section, as SVG in the section's pixels.
+/// SVG overlay of a section, in the pixel coordinates of the section.
 namespace palpate::report {
 
-/// One stretch of the tip's way, in the patient.
+/// A section of the tip's path, patient frame.
 struct Way {
   bool touching = false;
   std::vector<Point<Patient>> points;
 };
 
-/// The way of a contact's tip from a second before it to a second after it, cut where the contact
-/// begins and ends. A long way keeps every second, fourth, eighth ... of its points, so that it never has
-/// more than kMaxWayPoints.
+/// Path of the tip from a second before a contact to a second after it, split where the contact begins and
+/// ends. Long paths are decimated to every second, fourth, eighth ... point, so that there are at most
+/// kMaxWayPoints.
 inline constexpr std::size_t kMaxWayPoints = 20'000;
 class WayFollower {
  public:
@@ -35,20 +35,21 @@ class WayFollower {
 
   Contact contact_;
   std::vector<Way> ways_;
-  std::size_t points_ = 0, step_ = 1;  // every step_th tick is kept
+  std::size_t points_ = 0, step_ = 1;  // every step_-th tick is kept
 };
 
-/// The force sent in one tick, turned from the workspace into the patient as the object was felt then.
+/// Force sent in one tick, rotated from world into the patient frame by the object's rotation in that tick.
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);
 
-/// A part of the tool: a sphere, or a capsule or cone with round ends.
+/// A collision primitive of the tool: a sphere, or a capsule or cone with round ends.
 struct ToolPart {
   Point<Patient> from;
   double radius_mm = 0;
-  Vector<Patient> along_mm = {};  ///< to the other end of its axis; 0: a sphere
-  double widens_mm = 0;           ///< by so much its radius is greater there
+  Vector<Patient> along_mm = {};  ///< Vector to the other end of the axis; 0: a sphere
+  double widens_mm = 0;           ///< Radius at the other end minus radius_mm
 };
-/// A tool as a tick has it, where its proxy is held: on the surface at rest. A burr's row is a part of it.
+/// Tool primitives of a tick at the proxy, i.e. on the surface of the undeformed tissue. The row of a burr is
+/// one primitive.
 std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device);
 
 struct SectionMarks {
@@ -56,20 +57,20 @@ struct SectionMarks {
   Vector<Patient> force_N;
   double arrow_mm_per_N = 5;
   Side side = Side::kUnknown;
-  std::vector<std::string> doubts;  ///< markup::doubt_marks
-  bool oriented = true;             ///< false: how the volume lies in the patient is not known
+  std::vector<std::string> doubts;  ///< From markup::doubt_marks
+  bool oriented = true;             ///< Whether the patient orientation of the volume is known
   std::vector<Way> ways;
-  std::vector<ToolPart> tool;  ///< drawn as the plane cuts them
-  /// Entry and target of a planned trajectory, which lie in the plane.
+  std::vector<ToolPart> tool;  ///< Drawn as intersections with the plane
+  /// Entry and target of a planned trajectory; both in the plane.
   std::optional<std::array<Point<Patient>, 2>> planned = {};
 };
 
-/// Ways farther than this from the plane are not drawn.
+/// Maximum distance from the plane at which paths are drawn.
 inline constexpr double kWayReach_mm = 5;
 
-/// Way, tool, contact, force, scale bar, orientation letters, and the side in the lower right corner, where
-/// no letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
-/// `description` is for those who do not see the picture.
+/// Path, tool, contact, force, scale bar, orientation letters, and the side in the lower right corner, where
+/// it cannot be mistaken for an orientation letter. Without a known orientation a mark replaces the letters.
+/// `description` is the alternative text for screen readers.
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks, const std::string& description);
 
 }  // namespace palpate::report

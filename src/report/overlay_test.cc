@@ -21,7 +21,7 @@ SectionPlane axial() {
 TEST(Overlay, MarksStandWhereTheyBelong) {
   SectionMarks marks;
   marks.contact = Point<Patient>(1, 2, 3);
-  marks.force_N = Vector<Patient>(0, -2, 0);  // forward: up in an axial view
+  marks.force_N = Vector<Patient>(0, -2, 0);  // anterior: up in an axial view
   marks.arrow_mm_per_N = 5;
   marks.side = Side::kLeft;
   const std::string svg = section_svg(axial(), marks, "A <section>");
@@ -32,7 +32,7 @@ TEST(Overlay, MarksStandWhereTheyBelong) {
   EXPECT_THAT(svg, HasSubstr("class=\"scale\" x1=\"14.0\" y1=\"384.0\" x2=\"54.0\" y2=\"384.0\""));
   EXPECT_THAT(svg, HasSubstr(">10 mm</text>"));
   for (const std::string letter : {"R", "L", "A", "P"}) EXPECT_THAT(svg, HasSubstr(">" + letter + "</text>"));
-  // below and to the right, away from the letter L at half height and from the one below the middle
+  // lower right, away from the letter L at half height and from the letter at the bottom centre
   EXPECT_THAT(svg, HasSubstr("<text class=\"side-mark\" x=\"390.0\" y=\"388.0\">Side: LEFT</text>"));
   EXPECT_THAT(svg, HasSubstr("aria-label=\"A &lt;section&gt;\""));
 }
@@ -51,7 +51,7 @@ TEST(Overlay, DoubtsStandAboveTheSide) {
 TEST(Overlay, ForceAcrossThePlaneIsDrawnEndOn) {
   SectionMarks marks;
   marks.contact = axial().centre;
-  // an axial view looks from the feet to the head: a force towards the head points away
+  // an axial view looks from the feet to the head: a superior force points away from the viewer
   marks.force_N = Vector<Patient>(0, 0, 1);
   const std::string away = section_svg(axial(), marks, "");
   marks.force_N = Vector<Patient>(0, 0, -1);
@@ -88,7 +88,7 @@ void see_ways(const Recording& recording, See&& see) {
   times.finish(see);
 }
 
-// the first contact of a recording
+// first contact of a recording
 Contact first_contact(const Recording& recording) {
   ContactFinder finder(1);
   see_ways(recording, [&](const TimedTick& now) { finder.see(now); });
@@ -112,14 +112,14 @@ TEST(Overlay, WayIsCutWhereTheContactBeginsAndEnds) {
   EXPECT_FALSE(ways[0].touching);
   EXPECT_TRUE(ways[1].touching);
   EXPECT_FALSE(ways[2].touching);
-  // the touching stretch joins on to the one before it
+  // the contact section shares a point with the one before it
   EXPECT_EQ(ways[1].points.size(), contact.last - contact.first + 2);
   EXPECT_EQ(ways[1].points.front(), ways[0].points.back());
   EXPECT_NEAR(static_cast<double>(ways[2].points.size()), 1001, 2);  // a second after it
 }
 
 TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
-  // an hour's hold in little: 300 000 ticks along a line
+  // a long contact: 300 000 ticks along a line
   Recording recording;
   recording.ticks.resize(300'000);
   for (std::size_t i = 0; i < recording.ticks.size(); ++i) {
@@ -149,12 +149,12 @@ TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
 TEST(Overlay, ForceIsTurnedBackWithTheObject) {
   const Model model = example::model();
   TickRecord tick;
-  // the object is felt turned by 90 degrees about up; its anterior, which is up, stays
+  // the object is rotated by 90 degrees about its superior-up axis; anterior, which is up, is unchanged
   const double h = std::sqrt(0.5);
   tick.rotation_felt_wxyz = {h, 0, 0, h};
   tick.device[0].force_N = {0, 0, 2};
   EXPECT_NEAR((patient_force_N(model, tick, 0) - Vector<Patient>(0, -2, 0)).norm(), 0, 1e-12);
-  // what was right before the turn (the patient's left) now points forward
+  // the former right (the patient's left) now points forward
   tick.device[0].force_N = {0, 3, 0};
   EXPECT_NEAR((patient_force_N(model, tick, 0) - Vector<Patient>(3, 0, 0)).norm(), 0, 1e-12);
   tick.device[0].force_N = {NAN, 0, 0};

@@ -8,11 +8,12 @@
 
 namespace palpate::report {
 
-/// A file that is part of pages (assets.h).
+/// An embedded file of the pages (assets.h).
 const EmbeddedFile& page_asset(std::string_view name);
 
-/// From the doctype to </head>: what is in `styles` stands in it, what is in `scripts` may stand in the page,
-/// and nothing else is loaded or run. @param title  text
+/// From the doctype to </head>. The files of `styles` are included; the content-security policy allows those
+/// of `scripts` and nothing else.
+/// @param title  text
 std::string page_head_html(const std::string& title, std::initializer_list<std::string_view> styles,
                            std::initializer_list<std::string_view> scripts);
 

@@ -8,60 +8,61 @@
 #include "palpate/report/report.h"
 #include "report/run.h"
 
-/// The parts of the page, top to bottom. Everything that comes from a file is escaped in them.
+/// Sections of the report page, top to bottom. All text from files is escaped here.
 namespace palpate::report {
 
-/// That a recording was made with the model at hand, or an error that says which one is wanted.
+/// Checks that a recording was made with this model; otherwise an error that names the right one.
 Result<void> check_model(const RecordingHeader& header, const Model& model);
 
-/// Title, who and when, the figures that a person looks at first.
+/// Title and origin of the run; key figures.
 std::string header_html(const Run& run);
 std::string tiles_html(const Run& run);
-/// What the simulated hand did not reach; empty when it reached everything.
+/// Warnings about goals that the simulated hand did not reach; empty if there are none.
 std::string trouble_html(const Run& run);
 
-/// Pictures in three dimensions. Empty where nothing was touched, and where the model has no labels.
+/// Volume renderings. Empty if nothing was touched or the model has no labels.
 struct VolumePictures {
-  std::string html;  ///< all places that are shown and the path, from the side whence most of them are seen
-  std::vector<std::string> of_contact;  ///< an image for each of Run::shown, from near by
+  std::string html;  ///< All shown contacts and the path, from the side on which most contacts are visible
+  std::vector<std::string> of_contact;  ///< Close-up for each of Run::shown
 };
-/// Error kInterrupted.
+/// Errors: kInterrupted.
 Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress);
 
-/// The largest of 1, 2, 5, 10, ... mm per newton with which an arrow at the limit stays in a section.
+/// Largest of 1, 2, 5, 10, ... mm per newton with which an arrow at the force limit fits into a section.
 double arrow_mm_per_N(double limit_N);
-/// Tabs, one a structure, each with three sections through its contact. Error kInterrupted.
-/// @param pictures  an image for each, or none
+/// Tabs, one per structure, each with three sections through its contact. Errors: kInterrupted.
+/// @param pictures  one image per tab, or none
 Result<std::string> contacts_html(const Run& run, std::span<const std::string> pictures,
                                   const Progress& progress);
 
-/// How sections of a run's model are drawn, and the layers of one as images, the overlay's SVG not among
-/// them.
+/// Drawing style of sections through a run's model, and the image layers of one section, without the SVG
+/// overlay.
 SectionStyle section_style(const Model& model);
 std::string section_layers(const Model& model, const SectionPlane& plane, const SectionStyle& style);
 /// Width and height of a section's picture.
 inline constexpr int kSection_px = 400;
 
-/// What a run was scored as: figures against their bands, steps, events.
+/// Score of a run: metrics with their bands, steps, events.
 std::string task_html(const ScoredTask& scored);
 
-/// Plan against done: figures, sections along each trajectory, volumes, distances. Error kInterrupted.
+/// Comparison with the plan: deviations, sections along each trajectory, volumes, clearances. Errors:
+/// kInterrupted.
 Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress);
-/// Of its plot: the structures that it shows, those to keep away from first, and of each the distance on the
-/// plots' times.
+/// For the clearance plot: indices of the plotted structures, those with a required clearance first, and the
+/// clearance of one of them resampled at the times of the plots.
 std::vector<std::size_t> plotted_approaches(const PlanComparison& made);
 std::vector<double> approach_at(const PlanComparison& made, std::size_t approach, double begin_s,
                                 const std::vector<double>& times_s);
 
-/// The plots' places, and their data as a JSON block that page.js reads.
+/// Containers of the plots, and their data as a JSON block that page.js reads.
 /// @param rehearsed  null: there was no plan
 std::string plots_html(const Run& run, const RehearsedPlan* rehearsed);
 
 std::string structure_table_html(const Run& run);
-/// What a burr took away; empty where none was at work. Its plot's data stand in plots_html().
+/// Tissue removed by a burr; empty if none was used. The data of its plot are in plots_html().
 std::string removal_html(const Run& run);
 std::string safety_table_html(const Run& run);
-/// How the loop kept time; empty for a run on the virtual clock. Its plot's data stand in plots_html().
+/// Timing of the loop; empty for a run on the virtual clock. The data of its plot are in plots_html().
 std::string loop_html(const Run& run);
 /// @param names_from  ReportParts::names_from
 std::string provenance_html(const Run& run, const std::string& names_from);

@@ -23,7 +23,7 @@ constexpr const char* kTableEnd = "</tbody></table></div>\n";
 std::string kept_text(bool is_asked, bool is_kept) {
   return !is_asked ? "" : is_kept ? "kept" : "<strong>not kept</strong>";
 }
-/// "at most 2.00, kept"
+/// Tolerance and verdict: "at most 2.00, kept"
 std::string asked_text(const PlannedFigure& figure) {
   return !figure.allowed ? ""
                          : "at most " + number(*figure.allowed, 2) + ", " + kept_text(true, figure.kept());
@@ -77,7 +77,7 @@ std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryDone
   return html + kTableEnd;
 }
 
-/// Two sections that contain the trajectory, across each other, with the trajectory and the way.
+/// Two perpendicular sections through the trajectory, with the trajectory and the tip's path.
 std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryDone& done,
                                 const std::vector<Point<Patient>>& way, const SectionStyle& style) {
   constexpr double kMinWidth_mm = 40, kMargin = 1.5;

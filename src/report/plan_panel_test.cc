@@ -28,7 +28,7 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   EXPECT_THAT(*html, HasSubstr("<h3>way &amp; target</h3>"));
   const TrajectoryDone& done = made->trajectories[0];
   EXPECT_EQ(done.entry_made, EntryMade::kPassed);
-  EXPECT_FALSE(done.kept());  // a millimetre beside
+  EXPECT_FALSE(done.kept());  // a millimetre off
   EXPECT_THAT(*html, HasSubstr(cell(number(done.entry_error_mm.value, 2)) +
                                cell("at most 0.50, <strong>not kept</strong>")));
   EXPECT_THAT(*html, HasSubstr(cell(number(done.target_error_mm.value, 2))));
@@ -64,7 +64,7 @@ TEST(PlanPanel, PlotsDistancesOnItsOwnTimes) {
   made.approaches[1].asked_mm = 1;
   made.approaches[2].nearest_mm = 2;
   made.approaches[2].over_time_mm = {7, 3, 2};
-  // those to keep away from first, then the nearest
+  // structures with a required clearance first, then by distance
   EXPECT_THAT(plotted_approaches(made), ::testing::ElementsAre(1, 2, 0));
   EXPECT_THAT(approach_at(made, 2, 100, {100, 100.9, 101, 101.5, 104}),
               ::testing::ElementsAre(7, 7, 3, 3, 2));

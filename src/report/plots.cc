@@ -27,7 +27,7 @@ std::string contacts_json(const Run& run) {
   return json + "]";
 }
 
-/// Begin and end of each shown contact, in the order of the tabs.
+/// Begin and end times of each shown contact, in the order of the tabs.
 std::string shown_json(const Run& run) {
   std::vector<double> begins, ends;
   for (const ShownContact& shown : run.shown) {
@@ -37,7 +37,7 @@ std::string shown_json(const Run& run) {
   return "{\"begin\":" + json_array(begins, 4) + ",\"end\":" + json_array(ends, 4) + "}";
 }
 
-/// One array a device; `quantity` counts from 0 as Run::plots orders them.
+/// One array per device; `quantity` is the index in the order of Run::plots.
 std::string devices_json(const PlotData& data, std::size_t quantity, int decimals) {
   std::string json = "[";
   for (std::size_t d = 0; d < data.series.size() / kQuantities; ++d) {
@@ -47,7 +47,7 @@ std::string devices_json(const PlotData& data, std::size_t quantity, int decimal
   return json + "]";
 }
 
-/// What was gone of each structure, on the plots' times.
+/// Removed volume of each structure at the times of the plots.
 std::string removed_json(const Run& run) {
   std::string mm3 = "[", of = "[";
   for (std::size_t n = 0; n < run.removal.structures.size(); ++n) {
@@ -60,7 +60,8 @@ std::string removed_json(const Run& run) {
   return "\"removed\":" + mm3 + "],\"removedOf\":" + of + "]";
 }
 
-/// What each structure gave of the force, and how much of the way in lay within it, on the plots' times.
+/// Force contribution of each structure, and length of the penetration path within it, at the times of the
+/// plots.
 std::string layers_json(const Run& run) {
   const std::size_t count = run.layer_labels.size();
   std::string of = "[", force = "[", depth = "[";
@@ -74,7 +75,7 @@ std::string layers_json(const Run& run) {
   return "\"layers\":" + of + "],\"layerForce\":" + force + "],\"layerDepth\":" + depth + "]";
 }
 
-/// How near the tool came to structures, on the plots' times.
+/// Clearance of the tool to structures at the times of the plots.
 std::string clearance_json(const Run& run, const PlanComparison& made) {
   std::string mm = "[", of = "[";
   for (const std::size_t n : plotted_approaches(made)) {
@@ -109,7 +110,7 @@ std::string plot(const std::string& id, const std::string& title, const std::str
          escape(description) + "\"></div></div>\n";
 }
 
-/// "; largest 0.90 mm"
+/// Suffix such as "; largest 0.90 mm"
 std::string deepest_text(const Run& run) {
   double deepest = kGap;
   for (const StructureFigures& figure : run.structures) deepest = std::fmax(deepest, figure.max_depth_mm);

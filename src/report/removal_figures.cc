@@ -12,7 +12,7 @@ namespace {
 constexpr double kAlongAxis_mm = 0.1;
 constexpr int kWaysOut = 256;
 
-// evenly spread on the sphere: a spiral from pole to pole by the golden angle
+// directions distributed evenly on the sphere: a golden-angle spiral from pole to pole
 std::vector<Vector<Patient>> ways_out() {
   std::vector<Vector<Patient>> ways;
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
@@ -23,9 +23,9 @@ std::vector<Vector<Patient>> ways_out() {
   return ways;
 }
 
-/// Below which a structure's depth is told.
-/// @param inside  the centre of one of its voxels, where every surface around the structure is negative and
-///                those of others are not
+/// Surface from which a structure's depth is measured.
+/// @param inside  centre of one of its voxels, where all surfaces that enclose the structure are negative and
+///                others are not
 const Surface* surface_of(const Model& model, LabelId label, const Point<Patient>& inside) {
   const auto& labels = model.label_of_surface;
   const auto place = static_cast<std::size_t>(std::ranges::find(labels, label) - labels.begin());
@@ -65,12 +65,12 @@ double deepest_mm(const Surface& surface, const Sweep& sweep) {
 
 double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
   constexpr double kMinReach_mm = 0.5;
-  // nearer to its end a cell may have corners beyond it
+  // closer to the limit of the distance field, a cell may have corners beyond it
   const double reach_mm = surface.outside_mm() - surface.position().geometry().spacing_mm.norm();
   const double depth_mm = -surface.distance_mm(x);
   if (depth_mm < reach_mm || reach_mm < kMinReach_mm) return depth_mm;
-  // Where the distance is at its end the surface is at least so far away in every direction: each way goes on
-  // by that, until what is left of it is measured.
+  // Where the distance is saturated, the surface is at least reach_mm away in every direction: each ray
+  // advances by that (sphere tracing) until the remaining distance is within reach.
   static const std::vector<Vector<Patient>> ways = ways_out();
   double shortest_mm = std::numeric_limits<double>::infinity();
   for (const Vector<Patient>& way : ways)
@@ -213,7 +213,7 @@ void RemovalMeter::count_voxels() {
 
 std::shared_ptr<const Model> model_left(const Model& model, std::span<const RemovalChange> changes,
                                         double time_s) {
-  // of surfaces, which take longer, nothing is shown
+  // surfaces take longer to update and are not displayed
   auto seen = std::make_shared<Model>(model);
   seen->surfaces.clear();
   seen->label_of_surface.clear();

@@ -15,79 +15,81 @@
 #include "report/decimate.h"
 #include "report/timed_ticks.h"
 
-/// What a burr took away in a run: how much of each structure, when, and how deep.
+/// Tissue removed by burrs in a run: volume of each structure, time and depth.
 namespace palpate::report {
 
-/// What a burr took of a structure. Something counts as gone from the tick on that first felt the surfaces
-/// without it, which is some 10 to 40 ms after the burr swept it.
+/// Removal of one structure. Tissue counts as removed from the first tick that used the surfaces without it,
+/// some 10 to 40 ms after the sweep of the burr.
 struct StructureRemoval {
   LabelId label = 0;
-  double volume_mm3 = 0;           ///< RemovedVolume; without what was undone, alone of all these
-  double part = 0;                 ///< likewise, of what the structure was when the run began, 0 ... 1
-  double first_s = 0, last_s = 0;  ///< on the run's clock: the first and the last tick in which more was gone
-  /// mm: how deep the far side of the burr's ball got below the surface of the structure as it was prepared,
-  /// while it took something of the structure: the greatest of radius - signed distance over places of the
-  /// sweeps' axes at most 0.1 mm apart, where the sweep took what none before it had taken. The surface is
-  /// the structure's own, or, where it has none, the one that it has in common with structures that it
-  /// touches. In a structure that is thinner than the ball the far side may lie beyond the structure. NaN:
-  /// the model has no surface of it.
+  /// Volume by RemovedVolume; the only figure here that excludes undone strokes
+  double volume_mm3 = 0;
+  double part = 0;  ///< Same as a fraction of the structure at the start of the run, 0 ... 1
+  /// On the run's clock: first and last tick in which the removed volume increased
+  double first_s = 0, last_s = 0;
+  /// Maximum cutting depth, mm: how far the far side of the burr's ball got below the structure's surface as
+  /// prepared while removing tissue of the structure. It is the maximum of radius - signed distance over
+  /// points of the sweeps' axes at most 0.1 mm apart, for sweeps that removed new tissue. The surface is the
+  /// structure's own or, if it has none, the common surface with structures that it touches. In a structure
+  /// thinner than the ball the far side may be beyond the structure. NaN: the model has no such surface.
   double depth_mm = kGap;
 };
 
-/// What is gone from a tick on.
+/// Removed volumes from a tick on.
 struct RemovalStep {
   double time_s = 0;
-  /// Of RemovalFigures::structures, as many of them as had been cut by then.
+  /// In the order of RemovalFigures::structures; only those cut so far.
   std::vector<double> volumes_mm3;
 };
 
-/// What a burr was to spare.
+/// A structure that burrs should spare.
 struct StructureSpared {
   LabelId label = 0;
-  bool kept = false;         ///< the burr was held out of it; otherwise it is cut like others
-  double nearest_mm = kGap;  ///< NearestMeter; NaN: the burr came nowhere near
+  bool kept = false;         ///< Whether burrs were blocked from it; otherwise it can be cut
+  double nearest_mm = kGap;  ///< Closest approach (NearestMeter); NaN: not within its range
 };
 
-/// What became gone at a time, or back.
+/// A change of the removed tissue.
 struct RemovalChange {
   double time_s = 0;
-  std::vector<Cut> cuts;               ///< of a stroke that was undone or done again none
-  std::optional<StrokeAction> stroke;  ///< what became of it
+  std::vector<Cut> cuts;               ///< Cuts; empty if a stroke was undone or redone
+  std::optional<StrokeAction> stroke;  ///< Undo or redo of a stroke
 };
 
 struct RemovalFigures {
-  std::vector<StructureSpared> spared;       ///< in the model's order
-  std::vector<StructureRemoval> structures;  ///< in the order in which they were first cut
-  std::vector<RemovalStep> steps;            ///< rising in time
-  std::vector<RemovalChange> changes;        ///< likewise
-  std::size_t strokes = 0;  ///< from the motor's start to its stop, in which something was cut
-  std::size_t undone = 0;   ///< of them, when the run ended
-  /// How long the motor was asked to run, by its switch or by the pedal that the model names. It stands
-  /// still, and counts all the same, while the hand gets no force.
+  std::vector<StructureSpared> spared;       ///< In the model's order
+  std::vector<StructureRemoval> structures;  ///< In the order of the first cut
+  std::vector<RemovalStep> steps;            ///< Ascending in time
+  std::vector<RemovalChange> changes;        ///< Ascending in time
+  std::size_t strokes = 0;  ///< Number of strokes, i.e. motor runs in which something was cut
+  std::size_t undone = 0;   ///< Number of strokes undone at the end of the run
+  /// Duration for which the motor was requested, by its switch or the pedal that the model names. It includes
+  /// times without force, while the motor stands still.
   double motor_s = 0;
 
-  /// mm3, of all structures.
+  /// Total volume of all structures, mm3.
   double volume_mm3() const;
-  /// mm3 of a structure that were gone at each of some rising times.
+  /// Volume of a structure removed at each of some ascending times, mm3.
   std::vector<double> gone_mm3(std::size_t structure, std::span<const double> times_s) const;
 };
 
-/// Needs memory for the voxels that were swept and for each version of the model that was cut.
+/// Computes RemovalFigures from a recording. Memory is proportional to the swept voxels and the number of cut
+/// model versions.
 class RemovalMeter {
  public:
-  /// @param model  with nothing taken from it, outlives the meter; with the proxy's surfaces
-  ///               (ready_for), where depths are to be told
+  /// @param model  model before any removal; has to outlive the meter. Depths require the surfaces of the
+  ///               proxy (ready_for)
   explicit RemovalMeter(const Model& model);
-  /// Events, in their order, before the tick that had heard of them. Of a model without labels none counts.
+  /// Events in their order, before the first tick that follows them. Ignored for a model without labels.
   void hear(std::span<const RecordingEvent> events);
   void see(const TimedTick& now);
-  /// After the last tick. Sweeps that no tick's model was cut by are left out.
+  /// Call after the last tick. Sweeps without a cut model version are ignored.
   RemovalFigures finish();
 
  private:
   struct Structure {
     std::size_t voxels = 0;
-    std::array<int, 3> first{};  // of its voxels
+    std::array<int, 3> first{};  // indices of its first voxel
   };
   void hear(const RecordingEvent& event, double time_s);
   void change_stroke(const ModelChange& change);
@@ -100,24 +102,24 @@ class RemovalMeter {
   const Model& model_;
   RemovedVolume removed_;
   NearestMeter nearest_;
-  StrokeHistory<std::size_t> strokes_;     // their numbers in their order
-  std::map<LabelId, double> volumes_mm3_;  // so far
-  std::deque<RecordingEvent> heard_;       // sweeps and cuts that no tick has felt yet
-  std::vector<Cut> waiting_;               // of the next version that is cut
+  StrokeHistory<std::size_t> strokes_;     // stroke numbers in their order
+  std::map<LabelId, double> volumes_mm3_;  // current
+  std::deque<RecordingEvent> heard_;       // sweeps and cuts that precede the next tick
+  std::vector<Cut> waiting_;               // sweeps for the next cut version
   std::vector<Structure> structure_;       // by label; empty until something is cut
-  std::vector<const Surface*> surface_;    // of figures_.structures; null: it has none
+  std::vector<const Surface*> surface_;    // in the order of figures_.structures; null: none
   RemovalFigures figures_;
 };
 
-/// The model with the labels that were left at a time, for pictures: with nothing to be felt. Null: nothing
-/// was taken by then.
+/// The model with the remaining labels at a time, for pictures; without surfaces. Null: nothing was removed
+/// by then.
 /// @param changes  RemovalFigures::changes
 std::shared_ptr<const Model> model_left(const Model& model, std::span<const RemovalChange> changes,
                                         double time_s);
 
-/// mm that a place lies below a surface, negative above it, also beyond the reach of its distance: there by
-/// the shortest of 256 straight ways out, which is never too little, and at most 2 % too much below a flat
-/// surface.
+/// Depth of a point below a surface, mm; negative above it. Within reach of the distance field it is the
+/// negated signed distance. Deeper it is the shortest of 256 straight paths out, which is never too small,
+/// and at most 2 % too large below a flat surface.
 double depth_below_mm(const Surface& surface, const Point<Patient>& x);
 
 }  // namespace palpate::report

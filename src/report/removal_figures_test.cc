@@ -15,10 +15,10 @@ using palpate::testing::kBone;
 using palpate::testing::kCartilage;
 using std::numbers::pi;
 
-// voxels have their centres at multiples of 0.5 mm: the bone ends on their faces
+// voxel centres are at multiples of 0.5 mm, so the bone ends on voxel faces
 constexpr double kHalf_mm = 12, kTop_mm = -0.25;
 
-/// Bone below kTop_mm on 0.5 mm voxels, in a cube of 24 mm.
+/// Bone below kTop_mm with 0.5 mm voxels, in a cube of 24 mm.
 Model bone_below() {
   Model model = palpate::testing::ball_model({3, 3, 3});
   Volume<LabelId> labels(palpate::testing::cube_grid(kHalf_mm, {0.5, 0.5, 0.5}));
@@ -52,7 +52,7 @@ RecordingEvent felt_cut(std::uint64_t tick) {
   return event;
 }
 
-/// 50 ticks of a millisecond, from 1 s on.
+/// 50 ticks of a millisecond, starting at 1 s.
 Recording ticks_with(std::vector<RecordingEvent> events) {
   Recording recording;
   recording.events = std::move(events);
@@ -74,7 +74,7 @@ RemovalFigures figures_of(const Recording& recording, const Model& model) {
   return meter.finish();
 }
 
-// what of a ball's way at a depth below a plane lies below that plane
+// volume below a plane of the sweep of a ball at a given depth
 double below_plane_mm3(double radius_mm, double depth_mm, double way_mm) {
   const double r = radius_mm, h = depth_mm, height = r + h;
   const double area = r * r * (pi - std::acos(h / r)) + h * std::sqrt(r * r - h * h);
@@ -103,7 +103,7 @@ TEST(Removal, TellsHowNearTheBurrCameToWhatItWasToSpare) {
   model.tools[0].radius_mm = 2;
   model.protected_structures = {{kBone, model.surfaces[0].surface, true},
                                 {7, model.surfaces[0].surface, false}};
-  // it only leans, 0.4 mm away, in one tick
+  // contact without cutting, 0.4 mm away, in one tick
   Recording recording = ticks_with({});
   for (TickRecord& tick : recording.ticks) tick.device[0].proxy_patient_mm = {0, 0, kTop_mm + 3.5};
   recording.ticks[20].switches = recording.ticks[21].switches = kSwitchMotor;
@@ -138,7 +138,7 @@ TEST(Removal, WhatIsUndoneIsNotGone) {
   EXPECT_EQ(undone.structures[0].part, alone.structures[0].part);
   EXPECT_EQ(undone.strokes, 2u);
   EXPECT_EQ(undone.undone, 1u);
-  // it was cut for all that
+  // undone, but it had been cut
   EXPECT_NEAR(undone.structures[0].depth_mm, 2.5, 1e-3);
   EXPECT_NEAR(undone.structures[0].last_s, 1.020, 1e-12);
   ASSERT_EQ(undone.steps.size(), 3u);
@@ -196,7 +196,7 @@ TEST(Removal, HasItsTimesAndCountsWhatIsSweptTwiceOnce) {
   ASSERT_EQ(figures.structures.size(), 1u);
   EXPECT_NEAR(figures.structures[0].first_s, 1.010, 1e-12);
   EXPECT_NEAR(figures.structures[0].last_s, 1.030, 1e-12);
-  // the smaller ball was the deeper one
+  // the smaller ball cut deeper
   EXPECT_NEAR(figures.structures[0].depth_mm, 2.5, 1e-3);
   ASSERT_EQ(figures.steps.size(), 2u);
   const double all_mm3 = figures.volume_mm3(), first_mm3 = figures.steps[0].volumes_mm3.at(0);
@@ -250,7 +250,7 @@ TEST(DepthBelow, GoesBeyondTheReachOfTheDistance) {
     EXPECT_GE(found_mm, depth_mm - 1e-3);
     EXPECT_LE(found_mm, std::max(depth_mm + 1e-3, 1.02 * depth_mm));
   }
-  // from the middle of a ball every way is the shortest
+  // from the centre of a ball all paths out are equal
   const Model model = palpate::testing::with_exact_surfaces(palpate::testing::ball_model({0.6, 0.6, 0.6}));
   EXPECT_NEAR(depth_below_mm(*model.surfaces[0].surface, Point<Patient>(0, 0, 0)),
               palpate::testing::kBoneRadius_mm, 0.05);

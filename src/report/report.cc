@@ -14,7 +14,7 @@ const EmbeddedFile& asset(std::string_view name) {
   return *file;
 }
 
-/// Nothing may be loaded or run but what stands in the page itself.
+/// Policy that allows only the styles and scripts embedded in the page.
 std::string content_security_policy() {
   return "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; style-src " +
          csp_hash(asset("uPlot.min.css").sha256) + " " + csp_hash(asset("page.css").sha256) +

@@ -52,7 +52,7 @@ TEST_F(Report, ShowsThreeSectionsOfEachTouchedStructure) {
   EXPECT_EQ(count(html, "role=\"tab\""), 4u);
   EXPECT_EQ(count(html, "role=\"tabpanel\""), 4u);
   EXPECT_EQ(count(html, "<figure class=\"section\">"), 12u);
-  // and of the volume one, and one a contact
+  // and one picture of the volume, and one per contact
   EXPECT_EQ(count(html, "src=\"data:image/png;base64,"), 29u);
   EXPECT_EQ(count(html, ">10 mm</text>"), 12u);
   EXPECT_EQ(count(html, ">Side: LEFT</text>"), 12u);
@@ -66,7 +66,7 @@ TEST_F(Report, IsTheSameEachTimeAndSmall) {
 
 TEST_F(Report, LoadsNothing) {
   const std::string html = page();
-  // the one address is the plotting library's own name in its licence line
+  // the only URL is in the licence line of the plotting library
   EXPECT_EQ(count(html, "://"), 1u);
   EXPECT_THAT(html, HasSubstr("/*! https://github.com/leeoniya/uPlot (v1.6.32) */"));
   EXPECT_EQ(count(html, "src="), count(html, "src=\"data:"));
@@ -90,7 +90,7 @@ TEST_F(Report, NamesCannotBringMarkup) {
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
   EXPECT_THAT(html, Not(HasSubstr("<img src=x")));
-  // the data block and the two programs, and nothing that closes them early
+  // the data block and the two scripts; nothing closes them early
   EXPECT_EQ(count(html, "</script>"), 3u);
   EXPECT_EQ(count(html, "</title>"), 1u);
 }
@@ -121,7 +121,7 @@ TEST_F(Report, ASideFromTheAnatomySaysSo) {
   EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">LEFT</span>"));
   model.side_from_anatomy = true;
   EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">LEFT, from the fibula</span>"));
-  // where it did not follow either
+  // also if the side could not be inferred
   model.side = Side::kUnknown;
   EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">SIDE UNKNOWN</span>"));
 }
@@ -155,11 +155,11 @@ TEST_F(Report, SaysWhatTheHandDidNotReach) {
 TEST_F(Report, DepthOutOfReachIsAGapAndIsSaid) {
   EXPECT_THAT(page(), Not(HasSubstr("eeper than measured")));
   EXPECT_THAT(page(), Not(HasSubstr("no surface was within reach")));
-  // the first contact, with the tibia, but for its beginning and its end
+  // the first contact, with the tibia, except for its beginning and end
   for (std::size_t i = 700; i < 1850; ++i)
     recording.ticks[i].device[0].depth_mm = std::numeric_limits<double>::quiet_NaN();
   const std::string html = page();
-  // at the largest force, in the table and below it, in the plot's description
+  // at the largest force, in the table and below it, and in the plot's description
   EXPECT_EQ(count(html, "eeper than measured"), 4u);
   EXPECT_THAT(html, HasSubstr("no surface was within reach"));
   const std::string depth = html.substr(html.find("\"depth\":[["));
@@ -195,7 +195,7 @@ TEST_F(Report, TouchesInPassingAreCountedApart) {
   };
   EXPECT_THAT(tile(), HasSubstr("<dd>4</dd>"));
   EXPECT_THAT(tile(), Not(HasSubstr("in passing")));
-  // the femur, for 100 ms on the way from the tibia
+  // the femur, for 100 ms after leaving the tibia
   for (std::size_t i = 2100; i < 2200; ++i) {
     recording.ticks[i].device[0].label = example::kFemur;
     recording.ticks[i].device[0].flags = kFlagContact;
@@ -254,7 +254,7 @@ TEST_F(Report, EveryFlagThatWasMetHasARow) {
                                                            {kFlagClutched, "Clutched"}};
   const std::string without = page();
   for (const auto& [flag, name] : rare) EXPECT_THAT(without, Not(HasSubstr(row(name))));
-  // 96 ticks with the first, 192 with the second, ...
+  // 96 ticks with the first flag, 192 with the second, ...
   std::size_t ticks = 0;
   for (const auto& [flag, name] : rare) {
     ticks += 96;
@@ -266,7 +266,7 @@ TEST_F(Report, EveryFlagThatWasMetHasARow) {
   for (std::size_t i = 0; i < rare.size(); ++i)
     EXPECT_THAT(html, HasSubstr(row(rare[i].second) + "<td>" + std::to_string(96 * (i + 1)) + "</td><td>" +
                                 std::to_string(i + 1) + ".0 %</td>"));
-  // a clutch is no intervention
+  // a clutch is not an intervention
   EXPECT_THAT(html, HasSubstr(" invalid, 672 other<"));
 }
 
@@ -311,14 +311,14 @@ TEST_F(Report, TheRealClockShowsHowTheLoopKeptTime) {
   EXPECT_THAT(html, HasSubstr("<dt>Rate, measured</dt><dd>1000.0 Hz of 1000 Hz</dd>"));
   EXPECT_THAT(html, HasSubstr("<dt>Points in time without a tick</dt><dd>3 (0.031 %)</dd>"));
   EXPECT_THAT(html, HasSubstr("<dt>Ticks felt and not recorded</dt><dd>0</dd>"));
-  // the largest is exact, and its plot keeps it
+  // the maximum is exact, and the plot preserves it
   EXPECT_THAT(html, HasSubstr("<td>3400.0</td><td class=\"text\">How long after its point in time"));
   const std::string plotted = html.substr(html.find("\"lateness\":[["));
   EXPECT_THAT(plotted.substr(0, plotted.find("]]")), HasSubstr(",3400,"));
   for (const std::string name : {"Stale", "Halted", "Emergency stop"})
     EXPECT_THAT(html, HasSubstr("<th scope=\"row\">" + name + "</th>"));
 
-  // an unkept one cannot know what was skipped, but sees its gaps
+  // a truncated recording lacks the skipped ticks but shows the gaps
   recording.summary.reset();
   for (std::size_t i = 5000; i < recording.ticks.size(); ++i) recording.ticks[i].tick += 96;
   const std::string cut = page();
@@ -339,7 +339,7 @@ TEST_F(Report, SaysThatTheHashIsTheRecordedOne) {
   EXPECT_THAT(page(), HasSubstr("<code>palpate replay</code> computes the run anew and verifies it"));
   recording.summary.reset();
   EXPECT_THAT(page(), Not(HasSubstr("computes the run anew")));
-  // one that was cut short is looked at as any other
+  // a truncated recording can be viewed like any other
   EXPECT_THAT(page(), HasSubstr("<code>palpate replay RECORDING --view</code>"));
 }
 
@@ -358,7 +358,7 @@ TEST_F(Report, ACutShortRecordingSaysSo) {
 }
 
 TEST_F(Report, AnEmptyOrUntouchedRunIsStillAPage) {
-  recording.ticks.resize(300);  // on the way to the first structure
+  recording.ticks.resize(300);  // before the first structure is reached
   EXPECT_THAT(page(), HasSubstr("No structure was touched"));
   recording.ticks.clear();
   EXPECT_THAT(page(), HasSubstr("The recording holds no tick"));
@@ -425,13 +425,13 @@ TEST_F(Report, SaysWhatABurrRemoved) {
   EXPECT_THAT(html, HasSubstr("\"removed\":[[0,"));
   EXPECT_THAT(html, HasSubstr("\"removedOf\":[{\"colour\":\"#dc8c5a\",\"name\":\"tibia\"},"));
 
-  // a motor that ran for nothing
+  // a motor run without any cut
   recording.events.clear();
   EXPECT_THAT(page(), HasSubstr("The burr took nothing away."));
   EXPECT_THAT(page(), Not(HasSubstr("id=\"plot-removed\"")));
 }
 
-// what stands between two words, the first time after a place
+// text between two strings, first occurrence after a position
 std::string between(const std::string& text, const std::string& from, const std::string& to,
                     std::size_t after) {
   const std::size_t begin = text.find(from, after) + from.size();
@@ -444,11 +444,11 @@ TEST_F(Report, ShowsTissueWhereItHasYieldedTo) {
   Model layers = model;
   layers.tissue_law = TissueLaw::kLayers;
   const std::string html = page(), still = report_html(recording, layers).value();
-  // the tibia alone yields: three sections with its strain, and the tool in its dent
+  // only the tibia is deformable: three sections with its strain, and the displaced tool
   EXPECT_EQ(count(html, "<img class=\"strain\""), 3u);
   EXPECT_EQ(count(html, "<circle class=\"tool\""), 3u);
   EXPECT_EQ(count(html, "id=\"strain\""), 1u);
-  // a shaft lies in two of the three planes and is cut across by the other
+  // a shaft is in two of the three planes and perpendicular to the other
   Model shaft = model;
   shaft.tools[0].capsules = {{{0, 0, 0}, {0, 0, 30}, 2}};
   const std::string with_shaft = report_html(recording, shaft).value();
@@ -489,7 +489,7 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
   EXPECT_EQ(count(html, "id=\"plot-layer-force\""), 1u);
   EXPECT_EQ(count(html, "id=\"plot-layer-depth\""), 1u);
   EXPECT_THAT(html, HasSubstr("\"layers\":[{\"colour\":\"#dc8c5a\",\"name\":\"tibia\"},"));
-  // of the most that the tibia was pressed with, three quarters; the femur the rest
+  // three quarters of the tibia's maximum force; the femur contributes the rest
   double max_N = 0, deepest_mm = 0;
   for (const TickRecord& tick : recording.ticks) {
     const DeviceTick& device = tick.device[0];
@@ -508,7 +508,7 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
       if (values[n] != 'n') most = std::max(most, std::stod(values.substr(n)));
     return most;
   };
-  const std::size_t femur = 4;  // after the four that were touched
+  const std::size_t femur = 4;  // after the four touched structures
   EXPECT_NEAR(max_of("layerForce", femur), 0.25 * max_N, 0.002);
   EXPECT_NEAR(max_of("layerDepth", femur), deepest_mm - 0.3, 0.002);
   EXPECT_NEAR(max_of("layerDepth", 0), 0.3, 0.002);
@@ -532,7 +532,7 @@ TEST_F(Report, CanBeInterrupted) {
 
 TEST_F(Report, OfALongRunTakesNoMoreMemory) {
   const test::TemporaryFolder folder;
-  // the example run again and again, on one clock
+  // the example run repeated on one clock
   const auto peak_MiB = [&](int times) {
     auto writer = RecordingWriter::create(folder / "run.h5", recording.header);
     PALPATE_CHECK(writer.ok());

@@ -24,7 +24,7 @@ double speed_mm_s(const DeviceTick& device) {
   return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/// The plots' values of one tick, in the order of Run::plots. Depth only while something is touched.
+/// Plotted values of one tick, in the order of Run::plots. The depth is a gap without contact.
 void plotted_values(const Run& run, const TickRecord& tick, std::vector<double>& values) {
   values.clear();
   for (std::size_t d = 0; d < static_cast<std::size_t>(run.devices); ++d) {
@@ -35,8 +35,8 @@ void plotted_values(const Run& run, const TickRecord& tick, std::vector<double>&
   if (run.real_clock()) values.push_back(1e6 * tick.lateness_s);
 }
 
-/// Every tick with its times to `see`.
-/// @param hear  called with events, before the ticks that had heard of them
+/// Calls `see` for every tick with its times.
+/// @param hear  called with events, before the first tick that follows them
 template <class Hear, class See>
 Result<void> read_timed(const RecordingSource& recording, const char* stage, const Progress& progress,
                         Hear&& hear, See&& see) {
@@ -100,7 +100,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   return {};
 }
 
-/// The structures whose part in the force is plotted, those touched first.
+/// Structures with a plotted force contribution, touched ones first.
 std::vector<LabelId> felt_labels(const Run& run) {
   std::vector<LabelId> labels;
   const auto add = [&](LabelId label) {
@@ -113,7 +113,7 @@ std::vector<LabelId> felt_labels(const Run& run) {
   return labels;
 }
 
-/// The values of Run::layers of one tick.
+/// Values of Run::layers for one tick.
 void layer_values(const Run& run, const TickRecord& tick, std::vector<double>& values) {
   const std::size_t count = run.layer_labels.size();
   values.assign(2 * count, kGap);

@@ -15,25 +15,25 @@
 
 namespace palpate::report {
 
-/// How many structures get sections of their own.
+/// Maximum number of structures with their own sections.
 inline constexpr std::size_t kMaxShown = 8;
 
-/// Quantities of each device that are plotted.
+/// Number of plotted quantities per device.
 inline constexpr std::size_t kQuantities = 4;
 
-/// A contact with sections of its own.
+/// A contact with its own sections.
 struct ShownContact {
   Contact contact;
-  TickRecord peak;  ///< with the largest force
+  TickRecord peak;  ///< Tick with the largest force
   std::vector<Way> ways;
 
   const DeviceTick& at_peak() const { return peak.device[static_cast<std::size_t>(contact.device)]; }
 };
 
-/// A recording with everything that the parts of the page are told about it. Refers to the source and the
-/// model that it was read from.
+/// A recording with all figures that the sections of the page need. Refers to the source and the model that
+/// it was read from.
 struct Run {
-  /// With nothing in it yet.
+  /// Creates an empty run.
   Run(const RecordingHead& recording_in, const Model& model_in)
       : recording(recording_in),
         model(model_in),
@@ -42,53 +42,53 @@ struct Run {
 
   const RecordingHead& recording;
   const Model& model;
-  LawHistory laws;   ///< of soft tissue
-  int devices;       ///< 1 ... 4, whatever a damaged file says
-  TickRecord first;  ///< the first tick, where there is one
+  LawHistory laws;   ///< Law of soft tissue by model version
+  int devices;       ///< 1 ... 4, clamped in case the file is damaged
+  TickRecord first;  ///< First tick, if any
   double duration_s = 0;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;
   std::vector<BeneathFigures> beneath;
-  std::vector<ShownContact> shown;                   ///< one contact a structure, with sections
-  RecordingSummary summary;                          ///< counted from the ticks when the run was cut short
-  TickCount interventions{intervention_flags(), 0};  ///< of the safety stage
+  std::vector<ShownContact> shown;                   ///< One contact per structure, with sections
+  RecordingSummary summary;                          ///< Counted from the ticks if the recording is truncated
+  TickCount interventions{intervention_flags(), 0};  ///< Ticks with an intervention of the safety stage
   TickCount invalid{kFlagNotFinite | kFlagRotationIgnored, 0};
   TickCount other{intervention_flags() & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored), 0};
   ForceExtremes forces;
   SpreadMeter lateness, compute;
   RateOfTicks rate;
-  RemovalFigures removal;  ///< empty where no burr was at work
-  /// Of each device limit, force, depth and speed, then, on the real clock, the lateness in microseconds.
+  RemovalFigures removal;  ///< Empty if no burr was used
+  /// For each device limit, force, depth and speed; then, on the real clock, the lateness in microseconds.
   PlotData plots;
-  /// Where tissue yields: structures that were felt, and of each the force that it gave, all devices
-  /// together, then of each the most of a tip's way in that lay within it. On the times of `plots`.
+  /// With deformable tissue: structures that contributed to the force; for each its contribution, summed over
+  /// devices, then for each the maximum length of the penetration path within it. At the times of `plots`.
   std::vector<LabelId> layer_labels;
   PlotData layers;
 
-  /// Unknown when it is not known how the volume lies in the patient, whatever the scene says.
+  /// Unknown if the patient orientation of the volume is unknown, whatever the scene states.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
-  /// Of any structure.
+  /// True if any structure has this property.
   bool felt_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
   bool yields() const { return laws.any(is_elastic); }
   bool real_clock() const { return recording.header.clock == "real"; }
-  /// A viewer's pointer was the device: it says nothing while nobody presses it.
+  /// Whether the device was a viewer's pointer, which sends no poses while it is not pressed.
   bool by_pointer() const { return recording.header.device == "pointer"; }
   std::uint32_t intervention_flags() const {
     return by_pointer() ? kInterventionFlags & ~std::uint32_t{kFlagStale} : kInterventionFlags;
   }
-  /// The name in the recording, else in the model, else "label 12".
+  /// Name in the recording, otherwise in the model, otherwise "label 12".
   std::string name(LabelId label) const;
-  /// The colour in the model, which the sections show, else in the recording.
+  /// Colour in the model, as in the sections, otherwise in the recording.
   Rgb colour(LabelId label) const;
 };
 
-/// Reads the recording twice: what happened, then the ways of the contacts that are shown. Errors: those of
-/// reading it.
+/// Reads the recording in two passes: figures, then the paths of the shown contacts. Errors: those of reading
+/// it.
 Result<Run> read_run(const RecordingSource& recording, const Model& model, const Progress& progress);
 
-/// A small square of a structure's colour.
+/// HTML of a small square in a structure's colour.
 std::string swatch(const Rgb& colour);
 
 }  // namespace palpate::report

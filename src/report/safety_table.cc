@@ -7,13 +7,13 @@
 namespace palpate::report {
 namespace {
 
-/// When a row stands in the table.
+/// Condition for showing a row.
 enum class Shown {
   kAlways,
-  kOnRealClock,  ///< and wherever it is not zero
+  kOnRealClock,  ///< On the real clock, otherwise if not zero
   kWhenMet,
-  kOfHand,     ///< as kOnRealClock, of a device that a hand holds
-  kOfPointer,  ///< always, of a viewer's pointer
+  kOfHand,     ///< Same as kOnRealClock, for devices held by a hand
+  kOfPointer,  ///< Always for a viewer's pointer, otherwise never
 };
 
 struct Row {
@@ -107,12 +107,12 @@ std::string group_html(const Run& run, const char* css_class, const char* title,
   return html + "</tbody>";
 }
 
-/// "8.50 N", or "not known".
+/// Text such as "8.50 N", or "not known".
 std::string newtons(double force_N) {
   return std::isfinite(force_N) ? number(force_N, 2) + " N" : "not known";
 }
 
-/// What the forces were held to: the limit, what each device bears, how warm it got.
+/// Limits of the force: the limit in effect, each device's rating, the thermal load.
 std::string limits_html(const Run& run) {
   if (run.recording.ticks == 0) return "";
   const ForceExtremes& forces = run.forces;

@@ -9,10 +9,10 @@
 namespace palpate::report {
 namespace {
 
-// "inferno" of matplotlib: dark is little, in greys too
+// colour map "inferno" of matplotlib: monotonic in lightness
 constexpr Rgb kColours[] = {{0, 0, 4}, {87, 16, 110}, {188, 55, 84}, {249, 142, 9}, {252, 255, 164}};
 constexpr double kCover = 0.85;
-// few enough for a PNG with a palette
+// few enough for a paletted PNG
 constexpr int kLevels = 250;
 
 std::array<std::uint8_t, 4> paint_of(double strain) {
@@ -27,7 +27,7 @@ std::array<std::uint8_t, 4> paint_of(double strain) {
   const double in = std::clamp(part * kMaxStrain / kMinStrain, 0.0, 1.0);
   const double cover = kCover * in * in * (3 - 2 * in);
   const auto alpha = static_cast<std::uint8_t>(std::lround(255 * cover));
-  // one kind of transparent
+  // a single transparent colour
   if (alpha == 0) return {};
   return {mixed(a.r, b.r), mixed(a.g, b.g), mixed(a.b, b.b), alpha};
 }

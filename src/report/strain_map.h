@@ -7,24 +7,24 @@
 #include "palpate/rendering/rendering.h"
 #include "palpate/tissue/displaced_tissue.h"
 
-/// How strained tissue is, as colours over a section: the page's own scale (web/src/strain.ts).
+/// Strain of tissue as a colour overlay on a section; the same scale as in web/src/strain.ts.
 namespace palpate::report {
 
-/// From none to kMaxStrain, evenly; what is strained more looks the same. What is strained less than
-/// kMinStrain is covered the less, and a contact that strains nothing so much has no strain picture.
+/// Linear colour scale up to kMaxStrain, at which it saturates. Below kMinStrain the overlay fades out,
+/// and a contact that strains nothing above it has no strain picture.
 inline constexpr double kMaxStrain = 0.25, kMinStrain = 0.02;
 
 struct StrainMap {
   Overlay picture;
-  double most = 0;  ///< of what is seen; infinite: something is turned inside out
+  double most = 0;  ///< Maximum over the visible pixels; infinite: an element is inverted
 };
-/// The equivalent strain (DisplacedTissue::strain) of what yields in each pixel of a section; nothing over
-/// what does not, and where it is not known.
-/// @param labels  that are seen in the section, row by row, tissue where it has gone to
+/// Equivalent strain (DisplacedTissue::strain) of deformable tissue in each pixel of a section; transparent
+/// elsewhere and where it is unknown.
+/// @param labels  labels of the section's pixels, row by row, in the deformed state
 StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const TissueDisplacement& moved,
                      const SectionPlane& plane, std::span<const LabelId> labels);
 
-/// The scale, as SVG with its figures.
+/// Colour scale as SVG, with numbers.
 std::string strain_scale_svg();
 
 }  // namespace palpate::report

@@ -24,7 +24,7 @@ TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
   EXPECT_GT(map.most, 5 * kMinStrain);
   EXPECT_LT(map.most, 1);
 
-  // where the tool is there is a dent, at rest tissue
+  // at the tool the tissue is dented, at rest it is not
   const auto pixel_at = [&](double x, double z) {
     const auto [column, row] = plane.pixel_of({x, 0, z});
     return static_cast<std::size_t>(row + 0.5) * 100 + static_cast<std::size_t>(column + 0.5);
@@ -36,7 +36,7 @@ TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
     const std::uint8_t* rgb = &map.picture.rgba[4 * pixel];
     return rgb[0] + rgb[1] + rgb[2];
   };
-  // the hard ball is darker than what is pressed onto it; air, bone and what is far away are bare
+  // the hard ball is darker than what is pressed onto it; air, bone and distant tissue have no overlay
   EXPECT_EQ(labels[pixel_at(0, -9)], 2);
   EXPECT_LT(light(pixel_at(0, -9)), light(pixel_at(0, -4)) / 2);
   EXPECT_GT(alpha(pixel_at(0, -4)), 200);

@@ -11,7 +11,7 @@ std::string note(const std::string& text) {
   return "<span class=\"note\">" + text + "</span>";
 }
 
-/// The largest depth that was measured, and what to know about it.
+/// Largest measured depth with remarks.
 std::string depth_cell(const StructureFigures& figure) {
   std::string depth = number(figure.max_depth_mm, 2);
   if (depth.front() == '-' && std::isfinite(figure.max_depth_mm)) depth += note("in front of the surface");
@@ -20,7 +20,7 @@ std::string depth_cell(const StructureFigures& figure) {
                                               : depth + note("and deeper than measured"));
 }
 
-/// What was felt through something else; empty where there is none.
+/// Table of structures beneath the touched ones; empty if there are none.
 std::string beneath_table(const Run& run) {
   if (run.beneath.empty()) return "";
   std::string html =

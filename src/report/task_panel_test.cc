@@ -60,11 +60,11 @@ name = "path_length"
   EXPECT_THAT(html, HasSubstr("1.234 s, tick 1234: 0.5 N on patella, above 0.1 N"));
   EXPECT_THAT(html, HasSubstr("and 7 more"));
   EXPECT_THAT(html, HasSubstr("Not every figure that counts"));
-  // a run that was cut short says so
+  // a truncated run is reported as such
   score.cut_short = true;
   EXPECT_THAT(task_html(scored), HasSubstr("the recording was cut short"));
 
-  // it is a part of the page where there is one
+  // the page includes the part if it is given
   const Model model = example::model();
   const Recording run = example::recording(model);
   EXPECT_TRUE(report_html(run, model, {}, {.scored = &scored})->find(task_html(scored)) != std::string::npos);

@@ -7,21 +7,20 @@
 
 namespace palpate::report {
 
-/// A tick with its place in the recording and on the run's own clock.
+/// A tick with its index in the recording and its interval on the run's clock.
 struct TimedTick {
   const TickRecord& tick;
-  std::size_t index;      ///< from 0
-  double begin_s, end_s;  ///< where it begins, and where the next one does
+  std::size_t index;      ///< Index in the recording, from 0
+  double begin_s, end_s;  ///< Start of the tick, and start of the next one
 };
 
-/// Tells of each tick, as they are read, where it begins and ends: of the last one so long after its
-/// beginning as that is after the one before it. A clock that does not rise (a damaged file) is replaced by
-/// the tick's place over the rate.
+/// Assigns start and end times to ticks while reading. The last tick gets the duration of the one before it.
+/// If the clock does not increase (a damaged file), times are the tick's index divided by the rate.
 class TickTimes {
  public:
   explicit TickTimes(const RecordingHead& head);
 
-  /// Calls `see` with each tick, the last one excepted, which follows with the next ones or at the end.
+  /// Calls `see` with each tick except the last, which follows with the next call or with finish().
   template <class See>
   void take(std::span<const TickRecord> ticks, See&& see) {
     const TickRecord* last = count_ > 0 ? &last_ : nullptr;

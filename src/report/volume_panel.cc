@@ -13,9 +13,9 @@ namespace palpate::report {
 namespace {
 
 constexpr int kVolume_px = 560, kSearch_px = 128;
-/// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
+/// Larger volumes get no picture: a solid voxel takes 32 bytes during rendering.
 constexpr std::size_t kMaxVoxels = std::size_t{1} << 28;
-/// The small picture of a contact: so much around the place.
+/// Field of view of a contact's close-up.
 constexpr int kContact_px = 260;
 constexpr double kContact_mm = 70;
 
@@ -23,12 +23,12 @@ Point<Patient> proxy_of(const ShownContact& shown) {
   return proxy_place(shown.peak, shown.contact.device);
 }
 
-/// How many of the touched places nothing is before.
+/// Number of contact points that are not occluded.
 int places_seen(VolumeRenderer& renderer, const Run& run, const VolumeCamera& camera) {
   std::vector<std::uint8_t> rgb(std::size_t{3} * kSearch_px * kSearch_px);
   std::vector<float> depth_mm(std::size_t{kSearch_px} * kSearch_px);
   renderer.render(camera, {}, rgb, depth_mm);
-  // a place lies on its surface, give or take a voxel and what a pixel's depth changes by
+  // tolerance: a voxel, and the change of depth within a pixel
   const double slack_mm = 2 * camera.mm_per_px();
   int seen = 0;
   for (const ShownContact& shown : run.shown) {
@@ -45,7 +45,7 @@ int places_seen(VolumeRenderer& renderer, const Run& run, const VolumeCamera& ca
   return seen;
 }
 
-/// From the side whence most touched places are seen.
+/// View direction from which most contact points are visible.
 Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridGeometry& grid,
                            const Progress& progress) {
   ViewFrom best = ViewFrom::kAnterior;
@@ -81,7 +81,7 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   return marks;
 }
 
-/// From the side to which the hand is pushed, which is the one whence it came.
+/// View from the side to which the force pushes the hand, i.e. from where it approached.
 ViewFrom view_of_contact(const Run& run, const ShownContact& shown, ViewFrom otherwise) {
   const Vector<Patient> force = patient_force_N(run.model, shown.peak, shown.contact.device);
   ViewFrom best = otherwise;
@@ -94,7 +94,7 @@ ViewFrom view_of_contact(const Run& run, const ShownContact& shown, ViewFrom oth
   return best;
 }
 
-/// A contact from near by: its place, path, force and tool alone.
+/// Close-up of a contact: its point, path, force and tool only.
 std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model& model,
                           std::span<const StructureLook> looks, const ShownContact& shown,
                           ViewFrom otherwise) {

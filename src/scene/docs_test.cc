@@ -13,8 +13,8 @@
 namespace palpate {
 namespace {
 
-/// Compares what stands between "<!-- NAME begin -->" and "<!-- NAME end -->" in a file of docs/ with what
-/// the declarations say. With PALPATE_UPDATE_DOCS in the environment it writes it there instead.
+/// Compares the section between "<!-- NAME begin -->" and "<!-- NAME end -->" of a file of docs/ with the
+/// text generated from the declarations. With PALPATE_UPDATE_DOCS in the environment it is updated instead.
 void check_section(const std::string& file, const std::string& name, const std::string& expected) {
   const std::string path = std::string(PALPATE_SOURCE_DIR "/docs/") + file;
   auto text = read_file(path);
@@ -61,12 +61,12 @@ TEST(Docs, RehearsalListsEveryKey) {
   check_section("reference/plan-keys.md", "keys", plan_keys());
 }
 
-/// A fenced TOML block of a page of the manual.
+/// A fenced TOML block of the manual.
 struct Example {
   std::string where, text;
 };
 
-/// All of them that their page does not mark as not to be run.
+/// All fenced TOML blocks that are not marked as excluded.
 std::vector<Example> examples() {
   std::vector<Example> blocks;
   const std::filesystem::path docs = PALPATE_SOURCE_DIR "/docs";
@@ -93,7 +93,7 @@ std::vector<Example> examples() {
   return blocks;
 }
 
-/// What a block is, by a table that only such a file has; then whether the program takes it.
+/// Detects the kind of file by a table that only it has, then parses the block.
 Result<std::string> read_by_its_parser(const Example& example) {
   const auto has = [&](const char* table) { return ("\n" + example.text).find(table) != std::string::npos; };
   const auto kind = [](const auto& parsed, const char* name) -> Result<std::string> {

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// both knees of the catalogue share one scene and one script
+// both knees of the catalogue have the same scene and script
 std::optional<std::string_view> find_text(const std::vector<EmbeddedFile>& files, std::string_view name) {
   const bool knee = name == "knee-phantom" || name == "knee-atlas";
   const EmbeddedFile* file = find_file(files, std::string(knee ? "knee" : name) + ".toml");

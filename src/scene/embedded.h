@@ -4,7 +4,7 @@
 
 namespace palpate {
 
-/// The files of data/scenes/ and data/scripts/.
+/// The files of data/scenes/ and data/scripts/, compiled in.
 const std::vector<EmbeddedFile>& embedded_scenes();
 const std::vector<EmbeddedFile>& embedded_scripts();
 

@@ -14,7 +14,7 @@ GridGeometry grid_of(double x, double y, double z) {
   return grid;
 }
 
-// a ramp of that height, smoothed from a step, is at the surface as steep as the stiffness says
+// the slope at the surface of a smoothed step of that height equals the stiffness
 TEST(MostForce, RisesAtTheSurfaceWithTheStiffness) {
   TissueSettings tissue;
   for (const double stiffness : {0.02, 1.5}) {

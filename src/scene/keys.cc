@@ -50,8 +50,8 @@ char lower(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
-/// Edits (insert, delete, replace, swap two neighbours) that turn a into b; a capital for a small letter is
-/// none. Of a letter no more than one edit: "optimal string alignment".
+/// Number of edits (insert, delete, replace, swap two neighbours) that turn a into b, ignoring case, with at
+/// most one edit per letter (optimal string alignment distance).
 int edit_distance(std::string_view a, std::string_view b) {
   std::vector<int> before(b.size() + 1), row(b.size() + 1), next(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
@@ -69,7 +69,7 @@ int edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// A paragraph in lines as wide as a page of the manual may be, 120 columns.
+/// Wraps a paragraph at 120 columns, the line width of the manual.
 std::string in_lines(std::string_view text) {
   constexpr std::size_t kWidth = 120;
   std::string lines;
@@ -945,7 +945,7 @@ KeySpec structures_key(std::string_view meaning) {
 }
 
 std::string number_text(double value) {
-  // plain digits where a person would write them
+  // plain decimal notation for numbers of ordinary size
   const double size = std::abs(value);
   const bool plain = size == 0 || (size >= 1e-6 && size < 1e16);
   std::array<char, 64> digits{};
@@ -1030,13 +1030,13 @@ std::optional<Fault> number_fault(const KeySpec& key, double value) {
 }
 
 std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates) {
-  // a name that a person mistyped is short; this bounds the work on any other
+  // a mistyped name is short; this bounds the cost of comparing longer texts
   constexpr std::size_t kMaxCompared = 100;
   text = text.substr(0, kMaxCompared);
   std::string_view best;
   int least = std::max(1, static_cast<int>(text.size()) / 3) + 1;
   for (const auto candidate : candidates) {
-    // each letter that one has more than the other is an edit
+    // the difference in length is a lower bound of the distance
     const auto length = static_cast<int>(std::min(candidate.size(), kMaxCompared));
     if (std::abs(length - static_cast<int>(text.size())) >= least) continue;
     const int edits = edit_distance(text, candidate.substr(0, kMaxCompared));

@@ -5,39 +5,39 @@
 #include <string_view>
 #include <vector>
 
-/// The keys of a scene and of a script, declared once: the parser checks against these tables, and the
-/// tables of docs/reference/scene-keys.md and docs/reference/script-keys.md are printed from them.
+/// The keys of scenes and scripts, declared once: the parser checks against these tables, and the tables of
+/// docs/reference/scene-keys.md and docs/reference/script-keys.md are generated from them.
 namespace palpate {
 
 enum class KeyType {
-  kText,       ///< not empty
-  kFile,       ///< a path
-  kChoice,     ///< one of `choices`
-  kFlag,       ///< true or false
-  kNumber,     ///< finite, min ... max
-  kWhole,      ///< whole number, min ... max
+  kText,       ///< Non-empty string
+  kFile,       ///< Path
+  kChoice,     ///< One of `choices`
+  kFlag,       ///< True or false
+  kNumber,     ///< Finite number, min ... max
+  kWhole,      ///< Integer, min ... max
   kColour,     ///< "#rrggbb"
-  kLabels,     ///< list of label numbers and names
-  kNames,      ///< list of names
+  kLabels,     ///< List of label numbers and names
+  kNames,      ///< List of names
   kInterval,   ///< [low, high], low < high, each min ... max
   kPoint,      ///< [x, y, z], each coordinate min ... max
-  kPlace,      ///< a text that is not empty, or [x, y, z], each coordinate min ... max
-  kPoints,     ///< list of [x, y, z], each coordinate min ... max
-  kTerms,      ///< list of [part, time], each time min ... max
-  kDirection,  ///< one of `choices`, or [x, y, z] that is not zero
+  kPlace,      ///< Non-empty string, or [x, y, z], each coordinate min ... max
+  kPoints,     ///< List of [x, y, z], each coordinate min ... max
+  kTerms,      ///< List of [part, time], each time min ... max
+  kDirection,  ///< One of `choices`, or a non-zero [x, y, z]
   kTable,      ///< [name]
-  kTables,     ///< [[name]], any number of times
+  kTables,     ///< [[name]], repeatable
 };
 
 struct KeySpec {
   std::string_view name;
   KeyType type;
-  std::string_view default_text = {};  ///< as written in TOML; empty: none
-  std::string_view unit = {};          ///< empty: none
-  double min = 0, max = 0;             ///< of numbers; both 0: no range
+  std::string_view default_text = {};  ///< As written in TOML; empty: none
+  std::string_view unit = {};          ///< Empty: none
+  double min = 0, max = 0;             ///< Range of numbers; both 0: unlimited
   std::vector<std::string_view> choices = {};
   std::string_view meaning = {};
-  std::string_view under = {};  ///< of a table in a table: what goes before its name in a heading, "tool."
+  std::string_view under = {};  ///< Prefix of a nested table's name in its heading, "tool."
 
   bool has_range() const { return min != 0 || max != 0; }
 };
@@ -53,45 +53,47 @@ struct TableSpec {
 struct SceneKeys {
   TableSpec top, data, tissue, preparation, force, yielding, tool, capsule, workspace, limits, distances,
       no_go;
-  TableSpec second_tool = {}, second_capsule = {};  ///< with the keys of the first's
+  TableSpec second_tool = {}, second_capsule = {};  ///< With the same keys as tool and capsule
 };
 const SceneKeys& scene_key_tables();
 
 struct ScriptKeys {
   TableSpec top;
-  std::vector<TableSpec> actions;  ///< of a [[step]], in the order of ScriptStep; first key: the action
+  /// Actions of a [[step]], in the order of ScriptStep; the first key of each names the action.
+  std::vector<TableSpec> actions;
 };
 const ScriptKeys& script_key_tables();
 
-/// The names of kPatientDirections.
+/// Names of kPatientDirections.
 std::vector<std::string_view> direction_names();
-/// The key `structures`: labels by name or number.
+/// Declares the key `structures`: labels by name or number.
 KeySpec structures_key(std::string_view meaning);
 
-/// A table's keys with what they take and mean, for the documents.
+/// A table's keys with types and meanings as Markdown, for the documentation.
 std::string table_markdown(const TableSpec& table);
 
-/// "0.001 ... 20 N/mm", "\"direct\" or \"fourier\"", "" where everything goes.
+/// Range of a key's values: "0.001 ... 20 N/mm", "\"direct\" or \"fourier\"", "" if unrestricted.
 std::string range_text(const KeySpec& key);
-/// "a number", "a list of label numbers and names", ...
+/// Name of a type: "a number", "a list of label numbers and names", ...
 std::string_view type_text(KeyType type);
-/// What a key takes, as a remedy: "stiffness takes a number, 0.001 ... 20 N/mm; default 1".
+/// Accepted values of a key, as the remedy of an error: "stiffness takes a number, 0.001 ... 20 N/mm; default
+/// 1".
 std::string remedy_text(const KeySpec& key);
 
-/// What is wrong, and how to mend it.
+/// An error and its remedy.
 struct Fault {
   std::string what, remedy;
 };
-/// Of a number for a key; nothing when it fits.
+/// Checks a number against the key's range. Empty: valid.
 std::optional<Fault> number_fault(const KeySpec& key, double value);
 
-/// The shortest decimal that reads back as the same number.
+/// Shortest decimal that parses to the same number.
 std::string number_text(double value);
 
-/// The candidate that `text` is most likely a slip of: at most a third of its letters edited, capitals
-/// aside. Empty where none is that near.
+/// The candidate of which `text` is most likely a misspelling: at most a third of its letters edited,
+/// ignoring case. Empty: none is that close.
 std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates);
-/// "did you mean stiffness? " for what nearest() finds, put between `quote`s; else "".
+/// "did you mean stiffness? " with the result of nearest() between `quote`s; "" if there is none.
 std::string did_you_mean(std::string_view text, const std::vector<std::string_view>& candidates,
                          std::string_view quote = "");
 

@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How the scene file names a data file: relative where it lies below the folder, else absolute.
+/// Path of a data file as written in the scene: relative if below the folder, otherwise absolute.
 std::string written_path(const fs::path& file, const fs::path& folder) {
   std::error_code failed;
   const fs::path whole = fs::absolute(file, failed).lexically_normal();
@@ -21,20 +21,20 @@ std::string written_path(const fs::path& file, const fs::path& folder) {
   return relative.empty() || *relative.begin() == ".." ? whole.string() : relative.string();
 }
 
-/// How labels = [...] names a structure: by name where that is unique and can be written, else by number.
+/// Reference to a structure in labels = [...]: its name if unique and valid UTF-8, otherwise its number.
 std::string written_label(const Segment& segment, const std::map<std::string, int>& uses) {
   const bool by_name = !segment.name.empty() && is_utf8(segment.name) && uses.at(segment.name) == 1;
   return by_name ? toml_string(segment.name) : std::to_string(segment.id);
 }
 
 struct Group {
-  const TissuePreset* preset = nullptr;  ///< null: no name suggested one
+  const TissuePreset* preset = nullptr;  ///< Preset; null: no name suggested one
   std::string name;
   std::vector<const Segment*> segments;
-  std::vector<PresetMatch> matches;  ///< of each segment's name
+  std::vector<PresetMatch> matches;  ///< Match of each segment's name
 };
 
-/// A name that no tissue of the scene has yet.
+/// Returns a name that no tissue of the scene has.
 std::string unused_name(const Segment& segment, std::set<std::string>& taken) {
   const std::string number = std::to_string(segment.id);
   std::string name = "label " + number;
@@ -45,7 +45,7 @@ std::string unused_name(const Segment& segment, std::set<std::string>& taken) {
 }
 
 std::vector<Group> group_structures(const LabelMap& labels) {
-  // one tissue a preset, in the presets' order
+  // one tissue per preset, in the order of the presets
   std::vector<Group> groups;
   Group others{nullptr, "other structures", {}, {}};
   for (const TissuePreset& preset : tissue_presets()) groups.push_back({&preset, preset.name, {}, {}});
@@ -58,7 +58,7 @@ std::vector<Group> group_structures(const LabelMap& labels) {
   }
   std::erase_if(groups, [](const Group& group) { return group.segments.empty(); });
 
-  // the rest one by one, or all in one
+  // the others individually, or in one tissue
   std::set<std::string> taken;
   for (const Group& group : groups) taken.insert(group.name);
   if (groups.size() + others.segments.size() <= kMaxTissues) {
@@ -71,7 +71,7 @@ std::vector<Group> group_structures(const LabelMap& labels) {
   return groups;
 }
 
-/// Soft tissue yields, where there is any, unless something else is asked for.
+/// Default law: elastic if any tissue has a modulus and no law was requested.
 TissueLaw law_for(const NewSceneInput& input, const std::vector<Group>& groups) {
   const bool soft = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
     return group.preset != nullptr && group.preset->values.elastic;
@@ -79,7 +79,7 @@ TissueLaw law_for(const NewSceneInput& input, const std::vector<Group>& groups) 
   return input.law.value_or(soft ? TissueLaw::kElastic : TissueLaw::kLayers);
 }
 
-/// Cartilage rests on bone, meniscus on cartilage, where the scene has both.
+/// Default support: cartilage on bone, meniscus on cartilage, if the scene has both.
 std::string support_of(const Group& group, const std::vector<Group>& groups) {
   if (!group.preset) return "";
   const std::string support = group.preset->name == "cartilage"  ? "bone"
@@ -104,7 +104,7 @@ std::string list_text(const std::vector<std::string>& items) {
   return text + line + "]";
 }
 
-/// A comment with the terms of the names that suggest the group's preset, each with its number of structures.
+/// Comment that lists the terms by which the preset was chosen, each with its number of structures.
 std::string source_of_preset(const Group& group) {
   std::vector<std::pair<std::string, int>> terms;
   for (const PresetMatch& match : group.matches) {
@@ -130,7 +130,7 @@ std::string source_of_preset(const Group& group) {
   return text + line + "\n";
 }
 
-/// A comment that says why a group has no preset.
+/// Comment that explains why a group has no preset.
 std::string reason_for_no_preset(const Group& group) {
   if (group.segments.size() != 1)
     return "# their names suggest no preset, and one tissue for each would be too many: group them\n";
@@ -166,7 +166,7 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
   return text;
 }
 
-/// Otsu's threshold (IEEE Trans SMC 9:62, 1979) on 256 bins, and the mean of what lies above it.
+/// Otsu's threshold (IEEE Trans SMC 9:62, 1979) on 256 bins, and the mean of the values above it.
 struct Split {
   double threshold = 0, mean_above = 0, bin_width = 0;
 };
@@ -180,7 +180,7 @@ std::optional<Split> otsu_split(const Volume<float>& scan) {
   }
   if (!(low < high)) return std::nullopt;
 
-  // counts and sums of values a bin
+  // number and sum of the values of each bin
   std::array<double, kBins> count{}, sum{};
   double total = 0, total_sum = 0;
   for (const float value : scan.voxels()) {
@@ -192,7 +192,7 @@ std::optional<Split> otsu_split(const Volume<float>& scan) {
     total_sum += value;
   }
 
-  // the border between bins that parts the two classes' means the most, weighted by their sizes
+  // bin boundary with the greatest between-class variance
   Split best{.bin_width = (high - low) / (kBins - 1)};
   double below = 0, below_sum = 0, best_variance = -1;
   for (std::size_t bin = 0; bin + 1 < kBins; ++bin) {
@@ -210,13 +210,13 @@ std::optional<Split> otsu_split(const Volume<float>& scan) {
   return best;
 }
 
-/// A ramp from the threshold half way to the mean of what is bright, so that most of that is felt in full;
-/// both ends rounded to a hundredth of its width, which is finer than a threshold means.
+/// Ramp from the threshold to halfway to the mean of the bright class, so that most of that class has full
+/// weight. Both ends are rounded to a hundredth of the width, below the precision of the threshold.
 std::array<double, 2> ramp_of(const Split& split) {
   const double width = 0.5 * std::max(split.mean_above - split.threshold, split.bin_width);
   const double step = std::pow(10.0, std::floor(std::log10(width)) - 2);
   const double low = std::round(split.threshold / step), high = std::round((split.threshold + width) / step);
-  // divided, not multiplied, where the step is a fraction: that gives the decimal number nearest to it
+  // division by an integer gives the nearest double to the decimal fraction; multiplication does not
   return step < 1 ? std::array{low / std::round(1 / step), high / std::round(1 / step)}
                   : std::array{low * step, high * step};
 }
@@ -240,12 +240,13 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
          number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
 }
 
-/// A millimetre, or as much as the widest voxel: a narrower Gaussian does not close the steps between
-/// slices, and the force points out of these instead of the surface (docs/results/accuracy.md).
+/// Default sigma: the largest voxel spacing, at least 1 mm. A narrower Gaussian does not close the steps
+/// between slices, and the force follows the normals of the steps instead of the surface
+/// (docs/results/accuracy.md).
 std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
   const KeySpec& key = *scene_key_tables().preparation.find("sigma");
   const double widest_mm = widest_voxel_mm(labels, scan);
-  // up to a tenth, unless only the rounding of a direction matrix lies above it
+  // round up to a tenth, tolerating the rounding of a direction matrix
   const double sigma_mm = std::clamp(std::ceil(10 * widest_mm - 1e-6) / 10, 1.0, key.max);
   std::string text = "\n[preparation]\n";
   if (sigma_mm > 1) {
@@ -272,7 +273,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
   if (input.modality != Modality::kUnknown)
     text += "modality = \"" + std::string(name_of(input.modality, kModalities)) + "\"\n";
 
-  // the files
+  // data files
   text += "\n[data]\n";
   for (const auto& [key, file] :
        {std::pair{"scan", &input.scan}, {"labels", &input.labels}, {"names", &input.names}}) {
@@ -302,7 +303,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     text += "nifti_form = \"" + std::string(name_of(*input.nifti_form, kHeaderForms)) + "\"\n";
   if (input.scan_is_cropped) text += "cropped_scan = true\n";
 
-  // the tissues
+  // tissues
   TissueLaw law = input.law.value_or(TissueLaw::kLayers);
   if (!input.labels) {
     const auto tissue = threshold_text(*input.scan_volume);

@@ -74,7 +74,7 @@ TEST(NewScene, SaysWhichTermOfANameSuggestsItsPreset) {
   EXPECT_THAT(*text, HasSubstr("name = \"stomach\"\n# its name suggests no preset:"));
 }
 
-// many terms take several lines, each a comment
+// a long list of terms is wrapped into several comment lines
 TEST(NewScene, WrapsTheTermsOfManyNames) {
   std::vector<std::string> names;
   for (const char* name : {"femur", "tibia", "fibula", "patella", "sacrum", "scapula", "clavicle", "humerus",
@@ -123,7 +123,7 @@ TEST(NewScene, WritesPathsRelativeToTheFolderOnlyBelowIt) {
   EXPECT_EQ(here.labels, "labels.nrrd");
 }
 
-// every structure comes back into exactly one tissue, whatever it is called
+// every structure is in exactly one tissue after a round trip, for any names
 TEST(NewScene, RoundTripsAnyNames) {
   const unsigned seed = 20240611;
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -187,7 +187,7 @@ LabelMap map_with_spacing(double x, double y, double z) {
   return map;
 }
 
-// steps of the voxels are closed: at least a millimetre, at least the widest voxel, never above the range
+// sigma: at least 1 mm, at least the largest voxel spacing, never above the key's range
 TEST(NewScene, SmoothsAsWideAsTheVoxels) {
   const auto sigma_for = [](double x, double y, double z) {
     const LabelMap map = map_with_spacing(x, y, z);
@@ -267,7 +267,7 @@ Volume<float> scan_of(const std::vector<float>& values) {
   return {grid, values};
 }
 
-// two well-parted classes: the threshold lies between them, at any scale and offset
+// two separated classes: the threshold lies between them, at any scale and offset
 TEST(NewScene, AScanAloneIsPartedBetweenItsTwoClasses) {
   for (const float scale : {0.001f, 1.f, 500.f}) {
     for (const float offset : {-1000.f, 0.f, 3000.f}) {
@@ -317,7 +317,7 @@ TEST(TomlText, EscapesWhatABasicStringMayNotHold) {
   }
 }
 
-// against the definition: decode every sequence of up to four bytes from a set that has all borders
+// by definition: decodes every sequence of up to four bytes from a set with all boundary values
 TEST(TomlText, KnowsWellFormedUtf8) {
   const std::vector<int> bytes{0x00, 0x7F, 0x80, 0x8F, 0x90, 0x9F, 0xA0, 0xBF, 0xC0, 0xC1, 0xC2,
                                0xDF, 0xE0, 0xE1, 0xED, 0xEE, 0xEF, 0xF0, 0xF1, 0xF4, 0xF5, 0xFF};

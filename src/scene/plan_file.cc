@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kSplitPlan = "split the plan";
-constexpr double kMinTurn_deg = 5;  // between a box's `across` and its trajectory
+constexpr double kMinTurn_deg = 5;  // minimum angle between a box's `across` and its trajectory
 
 struct ShapeWord {
   PlanShape shape;
@@ -66,10 +66,10 @@ void read_trajectories(const TableReader& top, PlanFile& plan, Problems& problem
   }
 }
 
-/// Which keys of a [[region]] a shape takes, and whether it has to have them.
+/// Shapes for which a key of a [[region]] is accepted, and whether it is required.
 struct ShapeKey {
   std::string_view key;
-  std::array<PlanShape, 3> shapes;  // the last one again where there are fewer
+  std::array<PlanShape, 3> shapes;  // padded by repeating the last one
   bool needed;
 };
 constexpr std::array<ShapeKey, 7> kShapeKeys{{
@@ -98,9 +98,10 @@ void check_shape_keys(const TableReader& reader, PlanShape shape, Problems& prob
                          "add structures = [\"...\"], or shape = \"cylinder\" and its trajectory");
 }
 
-/// Perpendicular to a trajectory; nothing where a direction is too near to it.
+/// Component of a direction perpendicular to a trajectory, normalised. Empty if the direction is nearly
+/// parallel.
 std::optional<Vector<Patient>> made_across(const Vector<Patient>& direction, const Vector<Patient>& axis) {
-  // a unit vector that is perpendicular already stays as it is, to the last bit
+  // a unit vector that is already perpendicular is returned unchanged, bit for bit
   constexpr double kRounding = 1e-12;
   const Vector<Patient> unit =
       std::abs(direction.norm() - 1) < kRounding ? direction : direction.normalized();
@@ -176,7 +177,7 @@ void read_distances(const TableReader& top, PlanFile& plan, Problems& problems) 
 
 // ---- writing
 
-// a 0 without a sign, which TOML's whole numbers do not keep
+// negative zero becomes 0, because TOML integers have no signed zero
 std::string plan_number(double value) {
   return number_text(value == 0 ? 0 : value);
 }
@@ -224,7 +225,7 @@ std::string text_of(const PlanRegion& region, const PlanFile& plan) {
 
 }  // namespace
 
-// comments and what is empty between them, up to the last comment before the first key
+// leading comments and blank lines, up to the last comment before the first key
 static std::string heading_of(std::string_view text) {
   std::size_t end = 0;
   for (std::size_t at = 0; at < text.size();) {

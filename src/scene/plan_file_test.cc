@@ -58,7 +58,7 @@ std::string refused_plan(const std::string& text) {
   return plan ? "accepted" : plan.error().message();
 }
 
-/// kWholePlan with another text in place of one that it has.
+/// kWholePlan with one substring replaced.
 std::string changed_plan(const std::string& from, const std::string& to) {
   std::string text = kWholePlan;
   const std::size_t at = text.find(from);
@@ -90,9 +90,9 @@ TEST(ParsePlan, ReadsEveryKey) {
   EXPECT_EQ(hole.depth_mm, 20);
   EXPECT_THAT(hole.structures, ElementsAre(LabelReference("femur")));
   EXPECT_EQ(plan->regions[1].shape, PlanShape::kStructures);
-  // without a depth: at the target
+  // default depth: the target
   EXPECT_EQ(plan->regions[2].depth_mm, 30);
-  // made perpendicular
+  // orthogonalised
   EXPECT_LT((plan->regions[3].across - Vector<Patient>(1, 0, 0)).norm(), 1e-12);
   EXPECT_EQ(plan->regions[3].height_mm, 3);
   ASSERT_EQ(plan->distances.size(), 1u);
@@ -116,7 +116,7 @@ TEST(ParsePlan, IsWrittenAndReadAgainToTheLastBit) {
   const auto again = parse_plan(text, "again.toml");
   ASSERT_TRUE(again) << again.error().message() << "\n" << text;
   EXPECT_EQ(plan_text(*again), text);
-  // a zero has no sign in a file
+  // negative zero is written as 0
   const auto zero = parse_plan(changed_plan("entry = [1, 2, 3.5]", "entry = [-0.0, 2, 3.5]"), "plan.toml");
   ASSERT_TRUE(zero);
   EXPECT_THAT(plan_text(*zero), HasSubstr("entry = [0, 2, 3.5]"));
@@ -196,7 +196,7 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
               AllOf(HasSubstr("ends at -3 mm, where it has not begun"), HasSubstr("greater than from")));
   EXPECT_THAT(refused_plan(changed_plan("across = [1, 0, 1]", "across = [0.05, 0, 1]")),
               AllOf(HasSubstr("across points along the trajectory"), HasSubstr("5 degrees")));
-  // its length is no number, so that it has no direction; found by the fuzzer
+  // its norm overflows, so it has no direction; found by the fuzzer
   EXPECT_THAT(refused_plan(changed_plan("across = [1, 0, 1]", "across = [1e300, 0, 1]")),
               HasSubstr("across points nowhere"));
   EXPECT_THAT(refused_plan(changed_plan("name = \"nodule\"", "name = \"hole\"")),

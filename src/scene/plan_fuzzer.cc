@@ -3,7 +3,7 @@
 
 #include "palpate/scene/plan_file.h"
 
-// any bytes give a plan that can be written and is read again as the same, or one error with its line
+// any input gives a plan that survives a round trip through plan_text, or one error with its line
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto plan = palpate::parse_plan({reinterpret_cast<const char*>(data), size}, "plan.toml");
   if (!plan) {

@@ -11,26 +11,26 @@
 namespace palpate {
 namespace {
 
-// a blunt probe: a flat punch of this radius
+// radius of a blunt probe, modelled as a flat punch
 constexpr double kProbeRadius_mm = 1.5;
-// the spring in series that stands for the device: a Premium 1.5 at 1 kHz with 1 ms of delay begins to
-// buzz at 1.9 N/mm in a light grip (simulated plant); this keeps a fifth away from it
+// series stiffness that represents the device: a Premium 1.5 at 1 kHz with 1 ms latency becomes unstable at
+// 1.9 N/mm in a light grip (simulated plant); this leaves a margin of a fifth
 constexpr double kDeviceStiffness_N_per_mm = 1.5;
 
-/// Indentation of a half-space by a flat punch: K = 2 a E / (1 - nu^2) (Sneddon 1965).
+/// Contact stiffness of a flat punch on a half-space: K = 2 a E / (1 - nu^2) (Sneddon 1965).
 double punch_stiffness(double modulus_MPa, double poisson) {
   return 2 * kProbeRadius_mm * modulus_MPa / (1 - poisson * poisson);
 }
 
-/// A tube pinched across its diameter: K = E I / (0.149 R^3), I = b t^3 / 12 (Roark's ring under two
-/// opposite loads), over the probe's width.
+/// Stiffness of a tube compressed across its diameter: K = E I / (0.149 R^3), I = b t^3 / 12 (Roark's ring
+/// under two opposite loads), over the width of the probe.
 double tube_stiffness(double modulus_MPa, double radius_mm, double wall_mm) {
   const double second_moment = 2 * kProbeRadius_mm * wall_mm * wall_mm * wall_mm / 12;
   return modulus_MPa * second_moment / (0.149 * radius_mm * radius_mm * radius_mm);
 }
 
-/// What is felt through the device's spring, to 0.01 N/mm, or 0.001 N/mm below 0.1: it keeps the order of
-/// tissues, leaves soft ones as they are and never exceeds the device's own stiffness.
+/// Stiffness rendered through the device's series spring, rounded to 0.01 N/mm, or to 0.001 N/mm below 0.1.
+/// It preserves the order of tissues, changes soft ones little and never exceeds the device's stiffness.
 double felt_stiffness(double tissue_N_per_mm) {
   const double felt =
       tissue_N_per_mm * kDeviceStiffness_N_per_mm / (tissue_N_per_mm + kDeviceStiffness_N_per_mm);
@@ -98,7 +98,7 @@ std::vector<TissuePreset> make_presets() {
            "Sweigart et al. 2004, Ann Biomed Eng 32:1569. Human medial meniscus, aggregate modulus "
            "0.16 MPa in front, 0.10 MPa in the middle and behind; their mean 0.12 MPa, nu = 0",
            {"meniscus", "menisci", "meniscal"}, {}));
-  // E = H_A (1 + nu)(1 - 2 nu)/(1 - nu), as of cartilage
+  // E = H_A (1 + nu)(1 - 2 nu)/(1 - nu), as for cartilage
   const double disc_MPa = 1.01 * 1.1 * 0.8 / 0.9;
   presets.push_back(
       make("disc", punch_stiffness(disc_MPa, 0.1), {0.05, 0.002, 0.2, 0.001}, 1,
@@ -133,7 +133,7 @@ std::vector<TissuePreset> make_presets() {
        "medial rectus", "superior rectus", "inferior rectus", "transversospinalis", "transversus abdominis",
        "coracobrachialis", "coracobrachial", "soft palate", "thigh medial compartment",
        "thigh posterior compartment", "thigh anterior compartment",
-       // of all that is soft around a bone most
+       // such a segment contains mostly what surrounds bone
        "soft tissue", "soft tissues"}));
   presets.push_back(
       make("fat", punch_stiffness(3 * 0.00304, 0.5), {0.05, 0.002, 0.1, 0.002}, 0.4,
@@ -154,18 +154,18 @@ std::vector<TissuePreset> make_presets() {
       {"aorta", "brachiocephalic trunk", "celiac trunk", "coeliac trunk", "pulmonary trunk", "vena cava",
        "saphenous", "carotid", "jugular", "aneurysm", "venous sinus", "venous sinuses", "true lumen",
        "false lumen",
-       // the root of an artery at its valve
+       // root of an artery at its valve
        "sinotubular junction", "coronary cusp", "pul bifurcation", "pulmonary bifurcation", "pul left start",
        "pul right start"}));
-  presets.push_back(make(
-      "nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
-      "Main et al. 2011, J Biomech 44:863. Human median nerve compressed across, first-order Ogden "
-      "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
-      {"nerve", "nervus", "plexus", "optic disc"},
-      {"sciatic", "optic chiasm",
-       // the canals of the jaw by what runs in them, and the pulp of a tooth, which is nerves and vessels
-       "alveolar canal", "mandibular canal", "incisive canal", "lingual canal", "incisor pulp", "canine pulp",
-       "premolar pulp", "molar pulp", "dental pulp", "tooth pulp"}));
+  presets.push_back(
+      make("nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
+           "Main et al. 2011, J Biomech 44:863. Human median nerve compressed across, first-order Ogden "
+           "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
+           {"nerve", "nervus", "plexus", "optic disc"},
+           {"sciatic", "optic chiasm",
+            // canals of the jaw are classified by their contents, the pulp of a tooth as nerves and vessels
+            "alveolar canal", "mandibular canal", "incisive canal", "lingual canal", "incisor pulp",
+            "canine pulp", "premolar pulp", "molar pulp", "dental pulp", "tooth pulp"}));
   presets.push_back(
       make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
            "Venkatesh et al. 2014, J Magn Reson Imaging 39:1. Human liver by MR elastography at 60 Hz, shear "
@@ -249,16 +249,16 @@ std::vector<TissuePreset> make_presets() {
   return presets;
 }
 
-// ---- what yields -------------------------------------------------------------------------------
+// ---- elastic constants -------------------------------------------------------------------------
 
-/// What a preset is made of as an elastic body; presets that have none (bone) do not yield.
+/// Elastic constants of a preset. Presets without an entry (bone) are rigid.
 struct ElasticPreset {
   std::string_view preset;
   ElasticConstants constants;
   std::array<double, 2> range_kPa;
   std::string_view source;
 };
-// E is that of the stiffness's source, to two digits, unless said otherwise
+// E is from the source of the stiffness, to two digits, unless noted otherwise
 constexpr std::array kElasticPresets{
     ElasticPreset{"cartilage",
                   {770, 0.1},
@@ -301,13 +301,13 @@ constexpr std::array kElasticPresets{
                   {43, 69},
                   "range by a shear modulus of 23 kPa of liver cancer (doi 10.1088/1361-6560/ab5010)"}};
 
-/// How a preset relaxes, where that was measured; what was measured slowly has no part that is lost at once.
+/// Relaxation of a preset, where measured. Slow measurements give no instantaneous part.
 struct RelaxationPreset {
   std::string_view preset;
   Relaxation relaxation;
   std::string_view range, source;
 };
-// of both ranges the middle, of times by their logarithms
+// midpoints of both ranges; the geometric mean for times
 constexpr Relaxation kLimb{{{{0.15, 0.7}, {}}}};
 constexpr std::string_view kLimbRange = "part 0.03 … 0.28, time 0.05 … 8.9 s";
 constexpr std::array kRelaxationPresets{
@@ -336,7 +336,7 @@ bool is_letter(char c) {
   return is_upper(c) || (c >= 'a' && c <= 'z');
 }
 
-/// Runs of letters in lower case; "LeftFemur2" is "left", "femur".
+/// Splits a name into runs of letters in lower case; "LeftFemur2" gives "left", "femur".
 std::vector<std::string> words_of(const std::string& name) {
   std::vector<std::string> words;
   char before = ' ';
@@ -350,9 +350,9 @@ std::vector<std::string> words_of(const std::string& name) {
   return words;
 }
 
-// Whatever they lie in: no tissue, and it does not resist.
+// Contents that are not tissue and do not resist, regardless of the structure they are in.
 const std::vector<std::string> kHollowContents{"cyst", "fluid", "effusion", "lumen", "air", "gas", "csf"};
-// Spaces that hold air or fluid.
+// Cavities that hold air or fluid.
 const std::vector<std::string> kHollowStructures{"airway",
                                                  "trachea",
                                                  "bronchus",
@@ -381,21 +381,21 @@ const std::vector<std::string> kHollowStructures{"airway",
                                                  "ventricle body",
                                                  "ventricle trigone",
                                                  "subarachnoid space"};
-// Whatever they lie in: solid, but no preset has its values from such a material.
+// Solid contents without a sourced preset, regardless of the structure they are in.
 const std::vector<std::string> kForeignContents{"implant",  "prosthesis", "endoprosthesis",
                                                 "stent",    "hemorrhage", "haemorrhage",
                                                 "hematoma", "haematoma",  "thrombus"};
-// Tissue that would otherwise be taken for the space within it.
+// Tissues that would otherwise match the cavity they enclose.
 const std::vector<std::string> kUnsourcedStructures{"airway wall"};
 
-/// Precedence of a term, the highest last: what something lies in, what it is made of, what it contains.
+/// Precedence of a term, ascending: enclosing structure, kind of tissue, contents.
 enum class TermRank { kStructure, kKind, kContent };
 
 struct Term {
   std::string text;
   std::vector<std::string> words;
   TermRank rank;
-  const TissuePreset* preset;  ///< null: the term has none
+  const TissuePreset* preset;  ///< Preset; null: none
   bool is_hollow;
 };
 
@@ -416,7 +416,7 @@ std::vector<Term> make_terms() {
   return terms;
 }
 
-/// A term at a place in a name: words [begin, end).
+/// A match of a term in a name: words [begin, end).
 struct TermMatch {
   const Term* term;
   std::size_t begin, end;
@@ -469,7 +469,7 @@ PresetMatch match_preset(const std::string& structure_name) {
   const std::vector<TermMatch> matches = find_terms(words_of(structure_name));
   const TermMatch* best = nullptr;
   for (const TermMatch& match : matches) {
-    // a word counts in the longest term that holds it: the thyroid of "sterno thyroid" is no gland
+    // a word counts only in the longest term that contains it: the thyroid of "sterno thyroid" is not a gland
     if (std::ranges::any_of(matches, [&](const TermMatch& other) { return match.is_within(other); }))
       continue;
     if (!best || match.precedence() > best->precedence()) best = &match;

@@ -18,7 +18,7 @@ std::string preset_of(const std::string& name) {
   return preset ? preset->name : "";
 }
 
-/// The names in a colour table of Slicer's.
+/// The names in a colour table of 3D Slicer.
 std::vector<std::string> colour_table_names(const std::string& path) {
   std::ifstream file(path);
   std::vector<std::string> names;
@@ -63,8 +63,8 @@ TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
   }
 }
 
-// the stiffness that each published modulus gives under a flat punch of 1.5 mm radius, worked out by hand,
-// felt through a spring of 1.5 N/mm
+// expected values: stiffness of each published modulus under a flat punch of 1.5 mm radius, computed by hand,
+// in series with a spring of 1.5 N/mm
 TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
   EXPECT_EQ(stiffness_of("bone"), 1.5);          // 61 kN/mm
   EXPECT_EQ(stiffness_of("ligament"), 1.45);     // 3 * 11 / 0.75 = 44 N/mm
@@ -87,7 +87,7 @@ TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
   EXPECT_EQ(stiffness_of("brain"), 0.008);       // 4 * 0.001895 = 0.0076 N/mm
 }
 
-// what gives way has a modulus that a scene may have; bone alone is rigid
+// every soft preset has a modulus in the range of the key; only bone is rigid
 TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
   const TableSpec& keys = scene_key_tables().tissue;
   for (const TissuePreset& preset : tissue_presets()) {
@@ -99,7 +99,7 @@ TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
   }
 }
 
-// a series that a scene may have, beside a modulus
+// every relaxation is valid in a scene and comes with a modulus
 TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
   const KeySpec& key = *scene_key_tables().tissue.find("relaxation");
   int relax = 0;
@@ -115,8 +115,8 @@ TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
   EXPECT_EQ(relax, 3);
 }
 
-// under the same flat punch the moduli give the stiffnesses, E = K (1 - nu^2) / 2 a, as far as two digits and
-// another nu go
+// under the same flat punch the moduli give the stiffnesses, E = K (1 - nu^2) / 2 a, up to rounding to two
+// digits and a different nu
 TEST(TissuePresets, ModuliAndStiffnessesAreOfTheSameTissue) {
   for (const TissuePreset& preset : tissue_presets()) {
     if (!preset.values.elastic) continue;
@@ -223,7 +223,7 @@ TEST(MatchPreset, KnowsMoreWordsOfAnatomy) {
       {"gland", {"submandibular gland", "Parotid_L", "glandula lacrimalis"}},
       {"lymph node", {"lymph nodes", "LymphNode_3", "axillary lymph node"}},
       {"tumour", {"liver_tumor", "brain tumour core", "Lesion", "lung_nodule", "lesion of the femur", "GTV"}},
-      // a word within another is none
+      // a word inside another word does not match
       {"",
        {"discharge", "discovery", "ribbon", "liverwort", "heartburn", "brainstorm", "skinny", "fatal",
         "boneless", "glandless", "jawline", "veinlet", "lungfish", "fluid in the lung", "optic radiation"}}};
@@ -231,7 +231,7 @@ TEST(MatchPreset, KnowsMoreWordsOfAnatomy) {
     for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
 }
 
-// a word counts in the longest term that holds it
+// a word counts in the longest term that contains it
 TEST(MatchPreset, LooksUpWholeTerms) {
   EXPECT_EQ(match_preset("sterno_thyroid_left").term, "sterno thyroid");
   EXPECT_EQ(preset_of("sterno_thyroid_left"), "muscle");
@@ -254,12 +254,12 @@ TEST(MatchPreset, TellsHollowSpacesFromNamesThatSayNothing) {
     EXPECT_EQ(match_preset(name).preset, nullptr) << name;
   }
   EXPECT_EQ(match_preset("hip_implant").term, "implant");
-  // what lies in a space is what it is made of
+  // the contents of a cavity determine the material
   EXPECT_EQ(preset_of("tumour of the trachea"), "tumour");
   EXPECT_EQ(preset_of("transverse venous sinus"), "vessel");
 }
 
-// each class of TotalSegmentator's that is solid tissue, by its published class map; what is hollow is not
+// each solid class of TotalSegmentator, by its published class map; hollow ones have no preset
 TEST(MatchPreset, LeavesOfTotalSegmentatorWhatIsHollow) {
   for (const char* name : {"gallbladder", "stomach", "esophagus", "trachea", "small_bowel", "duodenum",
                            "colon", "urinary_bladder", "spinal_cord", "kidney_cyst_right"})
@@ -296,7 +296,7 @@ TEST(MatchPreset, LeavesOfTotalSegmentatorWhatIsHollow) {
     EXPECT_NE(preset_of(name), "") << name;
 }
 
-// no structure of the real tables is left without a preset
+// every structure of the real tables has a preset
 TEST(MatchPreset, CoversTheColourTableOfTheKneeAtlas) {
   PALPATE_SHARED_FILE(path, "knee_spl/knee.ctbl");
   const std::vector<std::string> names = colour_table_names(path);
@@ -304,7 +304,7 @@ TEST(MatchPreset, CoversTheColourTableOfTheKneeAtlas) {
   for (const std::string& name : names) EXPECT_NE(preset_of(name), "") << name;
 }
 
-// the embedded scene has every structure of the atlas, in the tissue that its preset says, and no other
+// the embedded scene has exactly the structures of the atlas, in the tissues of their presets
 TEST(EmbeddedScene, KneeIsTheAtlas) {
   PALPATE_SHARED_FILE(path, "knee_spl/knee.ctbl");
   const auto scene = parse_scene(*embedded_scene("knee-atlas"), "knee.toml");

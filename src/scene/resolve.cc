@@ -14,7 +14,7 @@ std::string quoted(const LabelReference& label) {
   return "\"" + std::get<std::string>(label) + "\"";
 }
 
-/// The label map's segments by number and by name.
+/// Index of the label map's segments by number and by name.
 class Index {
  public:
   explicit Index(const LabelMap& labels) {
@@ -23,7 +23,7 @@ class Index {
       by_name_[segment.name].push_back(segment.id);
     }
   }
-  /// Every segment that a reference means: one id, or all that bear the name.
+  /// Ids that a reference denotes: one id, or all segments of that name.
   const std::vector<LabelId>& find(const LabelReference& label) const {
     static const std::vector<LabelId> none;
     if (const auto* number = std::get_if<int>(&label)) {
@@ -39,7 +39,7 @@ class Index {
   std::map<std::string_view, std::vector<LabelId>> by_name_;
 };
 
-/// What the map has instead, shortened to a line.
+/// List of the labels present in the map, truncated to one line.
 std::string known_labels(const LabelMap& labels) {
   constexpr std::size_t kMaxListed = 400;
   if (labels.segments.empty()) return "the label map is empty";
@@ -53,7 +53,7 @@ std::string known_labels(const LabelMap& labels) {
   return list;
 }
 
-/// @param whose  "tissue \"bone\""
+/// @param whose  owner of the reference in the error: "tissue \"bone\""
 Error absent_label(const std::string& whose, const LabelReference& label, std::string where,
                    const LabelMap& labels) {
   std::string meant;

@@ -43,7 +43,7 @@ TissueSettings starting_values(const TableReader& reader) {
   return found->values;
 }
 
-// what it is made of; a key beside a preset overrides that
+// elastic constants; a key overrides the preset's value
 void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& problems) {
   if (const auto modulus_kPa = reader.number("youngs_modulus")) {
     if (!tissue.elastic) tissue.elastic.emplace();
@@ -59,7 +59,7 @@ void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& p
                  "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
 }
 
-// how it relaxes, in place of what its preset says
+// relaxation; replaces the preset's
 void read_relaxation(const TableReader& reader, TissueSettings& tissue, Problems& problems) {
   const auto terms = reader.terms("relaxation");
   if (!terms) return;
@@ -89,7 +89,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   if (!reader.has("name"))
     problems.add_missing(reader.line(), "a tissue without a name", "add: name = \"...\"");
 
-  // what belongs to it
+  // labels
   if (auto labels = reader.labels("labels")) {
     tissue.labels = std::move(labels->references);
     tissue.label_lines = std::move(labels->lines);
@@ -109,7 +109,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
                  "optional is for labels that a map may lack");
   }
 
-  // how it feels
+  // haptic properties
   const auto set = [&](const char* key, double& value) { value = reader.number(key).value_or(value); };
   tissue.felt = reader.flag("felt").value_or(tissue.felt);
   set("stiffness", tissue.stiffness_N_per_mm);
@@ -139,7 +139,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   set("viscosity", tissue.viscosity_N_s_per_mm);
   if (const auto names = reader.names("rests_on")) tissue.rests_on = *names;
 
-  // how it looks
+  // appearance
   if (const auto colour = reader.colour("colour")) tissue.colour = *colour;
   set("opacity", tissue.opacity);
   return tissue;
@@ -176,11 +176,12 @@ void read_force(const TableReader& reader, ForceSettings& force) {
       reader.number("coupling_damping").value_or(force.settings.coupling_damping_N_s_per_mm);
 }
 
-// what a scene has not asked for: those that were written before there was any are felt as they were
+// clears the presets' relaxation unless the tissue sets it, so that scenes written before relaxation existed
+// behave as before
 void take_out_presets_relaxation(const TableReader& top, Scene& scene) {
   const auto tables = top.tables("tissue");
   for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
-    // what is wrong with it has been said
+    // errors of this table have already been reported
     Problems said(scene.source);
     if (!TableReader(tables[n], scene_key_tables().tissue, said).has("relaxation"))
       scene.tissues[n].relaxation = {};
@@ -222,14 +223,14 @@ void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Pro
   tool.capsules.push_back({*from, *to, reader.number("radius").value_or(tool.radius_mm)});
 }
 
-// millimetres as a message says them
+// length in millimetres for messages
 std::string in_mm(double mm) {
   char text[32];
   std::snprintf(text, sizeof text, "%g mm", mm);
   return text;
 }
 
-// what a cylinder or cone has besides its `diameter`: the row of balls from its tip to its far end
+// dimensions of a cylinder or cone besides its `diameter`: the row of spheres from its tip to its far end
 void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings& burr, Problems& problems) {
   const std::string shape = is_cone ? "cone" : "cylinder";
   const auto length_mm = reader.number("length"), tip_mm = reader.number("tip_diameter");
@@ -249,7 +250,7 @@ void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings&
                  "write shape = \"cylinder\" and leave `tip_diameter` out, or change one of them");
     return;
   }
-  // one end would hold the other, and it would be a ball
+  // one end sphere would contain the other
   const double widest_mm = std::max(first_mm, end_mm);
   if (*length_mm <= widest_mm) {
     problems.add(
@@ -263,12 +264,12 @@ void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings&
   burr.length_mm = *length_mm - 0.5 * (first_mm + end_mm);
 }
 
-// what takes away: a burr, or a shaver, which is one that turns slowly and is for what is soft
+// reads a burr, or a shaver: a burr that turns slowly and cuts soft tissue
 void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& problems) {
   BurrSettings burr;
   burr.shaver = is_shaver;
   constexpr double kSecondsPerMinute = 60;
-  // 5.5 mm at 2000 to 2500 1/min cut tendon and meniscus best (docs/guide/burr.md)
+  // resection rate of tendon and meniscus is best at 5.5 mm and 2000 to 2500 1/min (docs/guide/burr.md)
   constexpr double kShaver_mm = 5.5, kShaverSpeed_per_min = 2500, kBurr_mm = 4;
   const std::string kind = is_shaver ? "shaver" : "burr";
   for (const char* key : {"points", "radius", "capsule"})
@@ -327,7 +328,7 @@ struct ReadTool {
   bool is_shaver = false;
 };
 
-// what a device holds; without a table a point
+// reads a tool; without a table it is a point
 ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule,
                    ForceMethod method, Problems& problems) {
   Tool tool;
@@ -346,10 +347,12 @@ ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpe
   return {std::move(tool), is_shaver};
 }
 
-// A shaver takes what has a modulus or says what cutting it takes; the rest, as bone, is kept from it.
-// Protection is of a structure, whatever comes to it: where another tool is a burr the scene has to say.
+// A shaver cuts tissues that have a modulus or an explicit cutting energy; others, such as bone, are
+// protected from it. Protection applies to a structure regardless of the tool, so with a burr as the other
+// tool the scene has to set it explicitly.
 void suit_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene& scene, Problems& problems) {
-  // of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm (docs/guide/burr.md)
+  // cutting energy of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm
+  // (docs/guide/burr.md)
   constexpr double kSoft_mJ_per_mm3 = 5;
   const auto any = [&](bool is_shaver) {
     return std::any_of(tools.begin(), tools.end(),
@@ -359,7 +362,7 @@ void suit_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene
   const auto tables = top.tables("tissue");
   for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
     TissueSettings& tissue = scene.tissues[n];
-    // what is wrong with it has been said
+    // errors of this table have already been reported
     Problems said(scene.source);
     const TableReader reader(tables[n], scene_key_tables().tissue, said);
     if (reader.has("cutting_energy")) continue;
@@ -407,7 +410,7 @@ void read_distances(const TableReader& reader, DistanceSettings& distances) {
   distances.reach_mm = reader.number("reach").value_or(distances.reach_mm);
 }
 
-// one of the patient's directions by name, or a vector that is not zero
+// an anatomical direction by name, or a non-zero vector
 Vector<Patient> unit_direction(const std::variant<std::string, Eigen::Vector3d>& direction) {
   if (const auto* vector = std::get_if<Eigen::Vector3d>(&direction))
     return Vector<Patient>(vector->normalized());
@@ -432,7 +435,7 @@ NoGoSettings read_no_go(const TableReader& reader, Problems& problems) {
   region.keep_away_mm = reader.number("keep_away").value_or(region.keep_away_mm);
   region.stiffness_N_per_mm = reader.number("stiffness").value_or(region.stiffness_N_per_mm);
 
-  // where it is
+  // shape
   constexpr const char* kEither =
       "a region is made of `structures`, or of a plane (`point` and `outward`), or of a ball (`centre` and "
       "`radius`)";
@@ -509,7 +512,7 @@ void check_names(const Scene& scene, Problems& problems) {
   }
 }
 
-/// Walks the supports of a tissue; `path` holds the way down to it.
+/// Depth-first search for a cycle among the supports of a tissue; `path` is the chain of ancestors.
 bool check_cycle(const Scene& scene, int index, std::vector<int>& path, std::vector<bool>& done,
                  Problems& problems) {
   const auto begin = std::find(path.begin(), path.end(), index);
@@ -543,7 +546,7 @@ void check_stiffness_order(const Scene& scene, Problems& problems) {
   }
 }
 
-/// Every tissue needs the volume that it is taken from.
+/// Checks that the volume each tissue is derived from is given.
 void check_volumes(const Scene& scene, int data_line, Problems& problems) {
   if (scene.scan_volume && !scene.scan)
     problems.add(data_line, "[data] has a scan_volume and no scan", "add: scan = \"...\"");
@@ -593,7 +596,8 @@ bool says_elsewhere(const std::filesystem::path& file) {
   return file.is_absolute() || std::find(file.begin(), file.end(), "..") != file.end();
 }
 
-/// Whether the files are there, and where they seem to be; what is in them is for those to say who read them.
+/// Checks that the files exist and do not leave the scene's folder through a link. Their contents are checked
+/// by their readers.
 Result<void> check_files(const Scene& scene) {
   const std::array<std::pair<const std::optional<std::filesystem::path>&, int>, 3> files{
       {{scene.scan, scene.lines.scan}, {scene.labels, scene.lines.labels}, {scene.names, scene.lines.names}}};
@@ -604,7 +608,7 @@ Result<void> check_files(const Scene& scene) {
     if (std::filesystem::status(path, unknown).type() == std::filesystem::file_type::not_found)
       return Error{ErrorKind::kBadInput, "no such file: " + path.string(), scene.where(line),
                    "paths are absolute, or relative to the folder of the scene file"};
-    // what the scene itself says to stand elsewhere is there to be read; where a link leads is not
+    // a path that leaves the folder explicitly is allowed; the target of a link is not
     if (says_elsewhere(*file)) continue;
     if (auto stays = check_stays_in(scene.folder, path); !stays) return stays.error();
   }
@@ -662,7 +666,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_regions(top, scene, problems);
   if (problems.any()) return problems.first();
 
-  // what only the whole scene shows; the later checks need the names to be right
+  // checks across tables; the later ones rely on unique names
   check_names(scene, problems);
   if (top.has("data")) check_volumes(scene, top.line("data"), problems);
   if (problems.any()) return problems.first();

@@ -3,7 +3,7 @@
 
 #include "palpate/scene/scene.h"
 
-// any bytes give a scene whose values are in range, or one error with its line
+// any input gives a scene with all values in range, or one error with its line
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto scene = palpate::parse_scene({reinterpret_cast<const char*>(data), size}, "scene.toml");
   if (!scene) {

@@ -176,7 +176,7 @@ TEST(ParseScene, AWidthBelongsToRamps) {
   EXPECT_FALSE(parse_scene(tissue + "ramp_width = 0.5\n", "t").ok());
 }
 
-// what the documentation says is the default is what an absent key gives
+// the documented default is the value of an absent key
 TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n", "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
@@ -347,7 +347,7 @@ TEST(ParseScene, ABurrMayBeACylinderOrACone) {
   EXPECT_EQ(cone.burr->length_mm, 8 - 0.75 - 1.5);
   EXPECT_EQ(cone.burr->end_radius_mm, 1.5);
   EXPECT_EQ(burr_in_words(cone), "burr: a cone of 3 mm, 1.5 mm at its tip, 8 mm long");
-  // wider at its tip
+  // a cone that is wider at its tip
   EXPECT_EQ(burr_shape(tool_of("shape = 'cone'\ndiameter = 2\nlength = 5\ntip_diameter = 4\n")), "cone");
   const Tool ball = tool_of("shape = 'ball'\ndiameter = 3\n");
   EXPECT_EQ(ball.burr->length_mm, 0);
@@ -378,14 +378,14 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
   EXPECT_EQ(tissue[2].cutting_energy_mJ_per_mm3, 80);
   EXPECT_EQ(tissue[3].protection, Protection::kNone);
   EXPECT_EQ(tissue[4].protection, Protection::kNone);
-  // a burr's scene is as it was
+  // a scene with a burr is unaffected
   const auto burr = parse_scene(tissues + "[tool]\nkind = 'burr'\n", "t");
   ASSERT_TRUE(burr.ok()) << burr.error().message();
   EXPECT_EQ(burr->tissues[0].cutting_energy_mJ_per_mm3, 100);
   EXPECT_EQ(burr->tissues[1].protection, Protection::kNone);
   EXPECT_EQ(burr->tools[0].radius_mm, 2);
 
-  // both: the scene says what is bone's
+  // both tools: the scene has to set protection
   const std::string both =
       "[tool]\nkind = 'shaver'\nshape = 'cylinder'\ndiameter = 4\nlength = 9\n"
       "[second_tool]\nkind = 'burr'\n";
@@ -433,7 +433,7 @@ TEST(ParseScene, TheSecondDeviceMayHoldAToolOfItsOwn) {
   EXPECT_FALSE(scene->tools[1].burr);
   ASSERT_EQ(scene->tools[1].capsules.size(), 1u);
   EXPECT_EQ(scene->tools[1].capsules[0].radius_mm, 1.5) << "its own tool's";
-  // the defaults of [tool], and nothing of what stands there
+  // the defaults of [tool], not the values given there
   const auto plain = parse_scene(
       "[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n[tool]\nname = 'ball'\nradius = 2\n", "t");
   ASSERT_TRUE(plain.ok()) << plain.error().message();
@@ -441,7 +441,7 @@ TEST(ParseScene, TheSecondDeviceMayHoldAToolOfItsOwn) {
   EXPECT_EQ(plain->tools[0].radius_mm, 2);
   EXPECT_EQ(plain->tools[1].name, "point");
   EXPECT_EQ(plain->tools[1].radius_mm, 0);
-  // a burr is felt by the proxy alone, in whichever hand
+  // a burr requires the proxy, in either device
   const auto burrs =
       parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\nkind = 'burr'\ndiameter = 2\n", "t");
   ASSERT_TRUE(burrs.ok()) << burrs.error().message();
@@ -468,7 +468,7 @@ TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
               HasSubstr("t:5: [second_tool]: a capsule without `to`"));
   EXPECT_THAT(fault("[[second_tool.capsule]]\nform = [0, 0, 0]\n"), HasSubstr("[[second_tool.capsule]]"));
   EXPECT_THAT(fault("second_tool = 3\n"), HasSubstr("unknown key \"second_tool\" in [second_tool]"));
-  // of two faults the first one is told
+  // the first of two errors is reported
   EXPECT_THAT(fault("radius = 14\n[tool]\nradius = 13\n"), HasSubstr("radius = 14"));
   const auto twice = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[[second_tool]]\nradius = 1\n", "t");
   ASSERT_FALSE(twice.ok());
@@ -608,17 +608,17 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "preset = 'bome'\n", 4, "unknown preset \"bome\"", "did you mean \"bone\"?"},
         BadScene{"side = 'lefft'\n" TISSUE, 1, "unknown side", "did you mean \"left\"?"},
         BadScene{TISSUE "[preparation]\nengine = 'fft'\n", 5, "unknown engine", "\"direct\" or \"fourier\""},
-        // where nothing is near, the choices stand alone
+        // without a close candidate only the choices are listed
         BadScene{TISSUE "[preparation]\nengine = 'fft'\n", 5, "unknown engine", "engine takes \"direct\""},
         BadScene{"side = 'up'\n" TISSUE, 1, "unknown side", "side takes \"left\""},
         BadScene{TISSUE "zzzzzz = 1\n", 4, "unknown key \"zzzzzz\"", "the keys here are name, preset"},
-        // a mistyped key comes before what is missing because of it
+        // a mistyped key precedes the key it makes missing
         BadScene{"title = 'x'\n[[tissues]]\nname = 'a'\nlabels = [1]\n", 2, "unknown key \"tissues\"",
                  "did you mean tissue?"},
         BadScene{"[[tissue]]\nnam = 'a'\nlabels = [1]\n", 2, "unknown key \"nam\"", "did you mean name?"},
         BadScene{"[[tissue]]\nname = 'a'\nlables = [1]\n", 3, "unknown key \"lables\"",
                  "did you mean labels?"},
-        // the problem that comes first in the file is the one that is told
+        // the first error by line is reported
         BadScene{TISSUE "opacity = 2\nstifness = 1\n", 4, "opacity = 2 is outside 0 ... 1", ""},
         BadScene{TISSUE "stifness = 1\nopacity = 2\n", 4, "unknown key", ""}));
 
@@ -809,7 +809,7 @@ TEST(ParseScene, LimitsTissuesAndSize) {
   EXPECT_THAT(too_long.error().what, HasSubstr("4194305 bytes"));
 }
 
-// work that grows faster than the text would make these run for minutes
+// algorithms worse than linear in the text would run for minutes on these
 TEST(ParseScene, HostileTextsAreRefusedSoon) {
   const auto filled = [](std::string text, const std::function<std::string(int)>& unit) {
     for (int i = 0; text.size() < kMaxSceneBytes - 100; ++i) text += unit(i);
@@ -923,7 +923,7 @@ TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
   }
 }
 
-// what is soft can yield, should somebody change the law, and the scenes that are for it do
+// every soft tissue has a modulus in case the law is changed, and scenes with an elastic law use it
 TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
   for (const std::string name : {"knee", "head", "skull-phantom", "gland-phantom", "palpation-block",
                                  "palpation-dome", "abdominal-wall"}) {

@@ -20,7 +20,7 @@ Eigen::Vector3d vector_of(const std::variant<std::string, Eigen::Vector3d>& dire
   return {found->second[0], found->second[1], found->second[2]};
 }
 
-/// "#95" has to be a number that a label can have.
+/// Whether a text is a name or a valid label number ("#95").
 bool is_structure(const std::string& text) {
   if (text.front() != '#') return true;
   constexpr std::size_t kMaxDigits = 5;
@@ -33,7 +33,7 @@ bool is_structure(const std::string& text) {
   return number <= 65535;
 }
 
-/// A structure or a point; a number that no label has is a problem.
+/// Reads a structure or a point; an invalid label number is an error.
 std::optional<std::variant<std::string, Eigen::Vector3d>> read_place(const TableReader& reader,
                                                                      std::string_view key,
                                                                      Problems& problems) {
@@ -163,7 +163,7 @@ std::string action_names() {
   return names;
 }
 
-/// A step without an action: a mistyped one, or none.
+/// Reports a step whose action is missing or mistyped.
 void add_actionless(const TomlTable& table, Problems& problems) {
   std::vector<std::string_view> names;
   for (const TableSpec& action : script_key_tables().actions) names.push_back(action.heading);
@@ -177,7 +177,8 @@ void add_actionless(const TomlTable& table, Problems& problems) {
   problems.add_missing(table.line, "a step without an action", remedy);
 }
 
-/// Which action a [[step]] is for: the one whose key it has. Problem and nothing unless there is just one.
+/// Index of the action of a [[step]], by its key. Exactly one action is required; otherwise an error is added
+/// and the result is empty.
 std::optional<std::size_t> find_action(const TomlTable& table, Problems& problems) {
   const auto& actions = script_key_tables().actions;
   std::optional<std::size_t> found;
@@ -197,7 +198,7 @@ std::optional<std::size_t> find_action(const TomlTable& table, Problems& problem
   return found;
 }
 
-/// Contact has to be made before it is used, and ended before the next one is made.
+/// Checks that contact is made before it is used, and ended before the next approach.
 void check_order(const Script& script, Problems& problems) {
   const auto& actions = script_key_tables().actions;
   const ApproachStep* touching = nullptr;

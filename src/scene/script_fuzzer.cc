@@ -2,7 +2,7 @@
 
 #include "palpate/scene/scene.h"
 
-// any bytes give a script whose steps can be run in order, or one error with its line
+// any input gives a script whose steps can be run in order, or one error with its line
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto script = palpate::parse_script({reinterpret_cast<const char*>(data), size}, "script.toml");
   if (!script) {

@@ -291,7 +291,7 @@ TEST(EmbeddedScript, KneeHoldsEveryBoneAndCartilage) {
   const auto script = parse_script(*text, "knee.toml");
   ASSERT_TRUE(script.ok()) << script.error().message();
 
-  // what is held, with what force, how long
+  // structure, force and duration of each hold
   std::vector<std::string> held;
   std::string structure;
   double force = 0;
@@ -314,7 +314,7 @@ TEST(EmbeddedScript, KneeHoldsEveryBoneAndCartilage) {
   EXPECT_EQ(slides, 2);
   EXPECT_EQ(rotations, 1);
 
-  // each of them is in a tissue of the embedded scene that is felt
+  // each of them belongs to a touchable tissue of the embedded scene
   const auto scene = parse_scene(*embedded_scene("knee"), "knee.toml");
   ASSERT_TRUE(scene.ok());
   for (const std::string& name : held) {

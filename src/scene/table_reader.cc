@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-/// What a value is, for errors.
+/// Type of a value, for errors.
 std::string found_text(const TomlValue& value) {
   constexpr std::array<const char*, 7> kKinds{"true or false", "a whole number", "a number", "a text",
                                               "a date",        "a list",         "a table"};
@@ -55,7 +55,7 @@ void Problems::add_from(const Problems& part, std::string_view heading) {
 TableReader::TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems)
     : table_(table), spec_(spec), problems_(problems) {
   if (!table_) return;
-  // entries stand in the order of their lines, so the first unknown one is the one to tell
+  // entries are in the order of their lines, so this finds the first unknown key of the file
   const auto unknown = std::find_if(table_->entries.begin(), table_->entries.end(),
                                     [&](const TomlEntry& entry) { return !spec.find(entry.key); });
   if (unknown == table_->entries.end()) return;
@@ -104,7 +104,7 @@ std::optional<std::string> TableReader::text(std::string_view key) const {
   return whole_text(*spec, *value);
 }
 
-// a zero byte would end a file's name, and an empty text names nothing
+// a NUL would truncate a file name, and an empty string names nothing
 std::optional<std::string> TableReader::whole_text(const KeySpec& key, const TomlValue& value) const {
   const auto& text = *value.as<std::string>();
   if (!text.empty() && text.find('\0') == std::string::npos) return text;
@@ -382,7 +382,7 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction
   }
   const auto vector = vector3(*spec, *value, value->line);
   if (!vector) return std::nullopt;
-  // shorter than this a direction is noise, and normalising it could divide by zero; and so by infinity
+  // a shorter vector is noise, and normalising it, or an infinite one, would give NaN
   if (vector->norm() < 1e-6 || !std::isfinite(vector->norm())) {
     problems_.add(value->line, std::string(key) + " points nowhere", remedy_text(*spec));
     return std::nullopt;

@@ -13,18 +13,19 @@
 
 namespace palpate {
 
-/// Collects what is wrong with a text and keeps the problem that comes first in it. What is missing counts
-/// only when nothing that stands there is wrong: a mistyped key is often why something seems to be missing.
+/// Collects the errors of a text and keeps the first by line. Missing keys are reported only if there is no
+/// other error, because a mistyped key is often the reason why another one seems to be missing.
 class Problems {
  public:
   explicit Problems(std::string source) : source_(std::move(source)) {}
 
   void add(int line, std::string what, std::string remedy);
   void add_missing(int line, std::string what, std::string remedy);
-  /// Those of a part that has keys of another one's names: each tells its table.
+  /// Adds the errors of a table that shares key names with another; the heading is added to each for
+  /// disambiguation.
   void add_from(const Problems& part, std::string_view heading);
   bool any() const { return wrong_.has_value() || missing_.has_value(); }
-  /// The first one; only when any().
+  /// First error; requires any().
   const Error& first() const { return wrong_ ? wrong_->error : missing_->error; }
 
  private:
@@ -38,20 +39,20 @@ class Problems {
   std::optional<Problem> wrong_, missing_;
 };
 
-/// Reads one TOML table against its declaration: an unknown key, a wrong type and a value out of range
-/// become problems; a key that is absent or wrong reads as nothing. Asking for a key that is not declared,
-/// or as another type, is a bug.
+/// Reads one TOML table against its declaration. An unknown key, a wrong type and a value out of range are
+/// added to Problems; an absent or invalid key reads as empty. Asking for an undeclared key, or for one as
+/// another type, is a bug.
 class TableReader {
  public:
   struct Labels {
     std::vector<LabelReference> references;
-    std::vector<int> lines;  ///< of each
+    std::vector<int> lines;  ///< Line of each
   };
 
-  /// @param table  null where the text does not have it: every key is absent then
+  /// @param table  null: the table is absent from the text, and so is every key
   TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems);
 
-  std::optional<std::string> text(std::string_view key) const;  ///< kText, kFile
+  std::optional<std::string> text(std::string_view key) const;  ///< Text or path (kText, kFile)
   std::optional<std::string> choice(std::string_view key) const;
   std::optional<bool> flag(std::string_view key) const;
   std::optional<double> number(std::string_view key) const;
@@ -62,17 +63,17 @@ class TableReader {
   std::optional<std::array<double, 2>> interval(std::string_view key) const;
   std::optional<Eigen::Vector3d> point(std::string_view key) const;
   std::optional<std::vector<Eigen::Vector3d>> points(std::string_view key) const;
-  /// Parts as they stand there, finite.
+  /// Terms as written; finite.
   std::optional<std::vector<std::array<double, 2>>> terms(std::string_view key) const;
-  /// A structure's name, or a point.
+  /// Name of a structure, or a point.
   std::optional<std::variant<std::string, Eigen::Vector3d>> place(std::string_view key) const;
-  /// A name from the choices, or a vector.
+  /// One of the choices, or a vector.
   std::optional<std::variant<std::string, Eigen::Vector3d>> direction(std::string_view key) const;
-  const TomlTable* table(std::string_view key) const;  ///< null when absent
+  const TomlTable* table(std::string_view key) const;  ///< Nested table; null: absent
   std::vector<const TomlTable*> tables(std::string_view key) const;
 
   bool has(std::string_view key) const { return find(key, nullptr) != nullptr; }
-  /// Line of a key, or of the table where it is absent.
+  /// Line of a key, or of the table if the key is absent.
   int line(std::string_view key) const;
   int line() const { return table_ ? table_->line : 1; }
 
@@ -89,15 +90,17 @@ class TableReader {
   Problems& problems_;
 };
 
-/// A direction of kPatientDirections by its name, which is one of them.
+/// Vector of a direction of kPatientDirections; the name has to be one of them.
 Vector<Patient> direction_named(std::string_view name);
 
-/// Tables of a kind; the first `most` of them, and a problem, where there are more.
+/// The first `most` tables of an array of tables; adds an error if there are more.
 std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, std::size_t most,
                                          std::string_view remedy, Problems& problems);
-/// The key `name`, which has to be there. @param heading  what the table is, for errors: "a [[region]]"
+/// Reads the required key `name`.
+/// @param heading  description of the table in errors: "a [[region]]"
 std::string name_of_part(const TableReader& reader, std::string_view heading, Problems& problems);
-/// The key `structures`. @param needed  it has to be there
+/// Reads the key `structures`.
+/// @param needed  whether it is required
 std::vector<LabelReference> structures_of(const TableReader& reader, std::string_view heading, bool needed,
                                           Problems& problems);
 

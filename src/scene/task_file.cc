@@ -50,7 +50,7 @@ void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
   }
 }
 
-/// The region that a step names, of the task or, where it is to be taken off, of the plan.
+/// Index of the region that a step names: of the task's, or for kRemove of the plan's.
 std::optional<std::size_t> region_of_step(const TableReader& reader, StepKind kind, const TaskFile& task,
                                           Problems& problems) {
   const bool of_plan = kind == StepKind::kRemove;
@@ -80,7 +80,7 @@ StepKind kind_of_step(const TableReader& reader) {
                             : StepKind::kTouch;
 }
 
-/// Keys that a step has and its kind does not take.
+/// Checks that a step has no keys that its kind does not accept.
 void check_step_keys(const TableReader& reader, const TaskStep& step, const TaskFile& task,
                      Problems& problems) {
   const bool touch = step.kind == StepKind::kTouch;
@@ -150,7 +150,7 @@ void read_forces(const TableReader& top, TaskFile& task, Problems& problems) {
   }
 }
 
-/// What a metric is of, that the task has to have; empty: it has it.
+/// Part of the task file that a metric requires and the task lacks. Empty: none.
 std::string missing_for(Metric metric, const TaskFile& task) {
   const auto any_force = [&](auto member) {
     return std::any_of(task.forces.begin(), task.forces.end(),
@@ -219,7 +219,7 @@ void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
   }
 }
 
-/// The plan that the task names.
+/// Reads the plan that the task names.
 void read_plan_of_task(const TableReader& top, const std::optional<std::filesystem::path>& beside,
                        TaskFile& task, Problems& problems) {
   const auto name = top.text("plan");
@@ -357,9 +357,9 @@ std::string drawn_data_set(const TaskFile& task, std::uint64_t seed) {
     }
     const double most = std::floor((draw.range[1] - draw.range[0]) / draw.step + 1e-9);
     const auto steps = static_cast<std::uint64_t>(std::clamp(most, 0.0, 1e9)) + 1;
-    // of so few values the remainder is even enough, and the same on every machine
+    // the modulo bias is negligible for so few values, and the result is the same on every platform
     const double value = draw.range[0] + draw.step * static_cast<double>(random() % steps);
-    // to a millionth, so that steps do not leave the crumbs of binary fractions
+    // rounded to 1e-6 to remove binary representation errors
     text += "," + draw.key + "=" + number_text(std::round(value * 1e6) / 1e6);
   }
   return text;

@@ -151,7 +151,7 @@ TEST(LoadTask, TakesOffByAPlanBesideIt) {
   EXPECT_EQ(task->steps[0].kind, StepKind::kRemove);
   EXPECT_EQ(task->steps[0].region, 0u);
   EXPECT_EQ(drawn_data_set(*task, 7), "knee-phantom:burr=4") << "a plan is one patient's";
-  // another plan is another task
+  // a changed plan changes the hash of the task
   test::write_text(folder / "hole.toml", std::string(kHole) + "# wider\n");
   EXPECT_NE(load_task(file.string())->text_hash, task->text_hash);
 
@@ -172,7 +172,7 @@ TEST(LoadTask, TakesOffByAPlanBesideIt) {
   test::write_text(folder / "hole.toml",
                    "title = \"Keep away\"\n[[keep_away]]\nstructures = [1]\ndistance = 2\n");
   EXPECT_THAT(wrong("title", "title"), HasSubstr("takes nothing off"));
-  // of bytes alone no file is read
+  // a text without a folder does not read files
   EXPECT_THAT(parse_task(kTakeOff, "task.toml").error().message(),
               HasSubstr("task.toml:3: palpate brings no plan \"hole.toml\" along"));
 }
@@ -203,12 +203,12 @@ TEST(ParseTask, DrawsBySeedWithinTheRange) {
     EXPECT_LE(std::stod(number), 8);
   }
   EXPECT_THAT(words, ElementsAre("femur", "tibia"));
-  EXPECT_GE(values.size(), 58u);  // of 61
+  EXPECT_GE(values.size(), 58u);  // of 61 possible values
   EXPECT_TRUE(values.contains("2.1"));
 }
 
 struct Wrong {
-  const char* before;  // in kWholeTask
+  const char* before;  // substring of kWholeTask
   const char* after;
   const char* told;
 };

@@ -3,7 +3,7 @@
 
 #include "palpate/scene/task_file.h"
 
-// any bytes give a task that can be evaluated as it is, or one error with its line
+// any input gives a task that can be evaluated, or one error with its line
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto task = palpate::parse_task({reinterpret_cast<const char*>(data), size}, "task.toml");
   if (!task) {

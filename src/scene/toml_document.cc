@@ -2,10 +2,10 @@
 
 #include <algorithm>
 
-// toml++ 3.3 is right about TOML and careless about what is not TOML. It recurses once a nested value; no
-// file of ours needs more than four. Some of its assertions stand before lines that handle their failure
-// ("[%" in a header) and become assumptions of the optimiser where NDEBUG is defined. And its tables of
-// whitespace end in "unreachable" for letters that reach it (an accented one after a line's backslash).
+// toml++ 3.3 handles valid TOML correctly but not every invalid text. It recurses for each nested value; none
+// of our files needs more than four. Some assertions precede the code that handles their failure ("[%" in a
+// header) and become optimiser assumptions under NDEBUG. Its whitespace tables end in "unreachable" for some
+// letters (an accented one after a line-ending backslash).
 #define TOML_MAX_NESTED_VALUES 32
 #define TOML_EXCEPTIONS 0
 #undef NDEBUG
@@ -21,16 +21,16 @@
 namespace palpate {
 namespace {
 
-// toml++ 3.3 limits the nesting of values but not the parts of a dotted key: "a.a.a..." nests one table a
-// dot, and destroying a million of them overflows the stack
+// toml++ 3.3 limits the nesting of values but not the number of parts of a dotted key: "a.a.a..." nests one
+// table per dot, and destroying a million of them overflows the stack
 constexpr int kMaxKeyParts = 8;
 
 bool is_bare_key_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
 }
 
-/// The position after the string that opens at `begin`: one of TOML's four kinds. An unterminated one
-/// ends with the line, or with the text.
+/// Position after the string that opens at `begin`, of any of TOML's four kinds. An unterminated string ends
+/// with the line, or with the text.
 std::size_t skip_string(std::string_view text, std::size_t begin) {
   const char quote = text[begin];
   const std::string_view triple(quote == '"' ? "\"\"\"" : "'''");
@@ -41,7 +41,7 @@ std::size_t skip_string(std::string_view text, std::size_t begin) {
       i += 2;
     } else if (multi_line && text.substr(i, 3) == triple) {
       i += 3;
-      // up to two quotes may stand directly before the closing three
+      // up to two quotes may directly precede the closing three
       while (i < text.size() && text[i] == quote) ++i;
       return i;
     } else if (!multi_line && (text[i] == quote || text[i] == '\n')) {
@@ -53,7 +53,7 @@ std::size_t skip_string(std::string_view text, std::size_t begin) {
   return text.size();
 }
 
-/// The line of the first key with more than kMaxKeyParts parts, or 0.
+/// Line of the first key with more than kMaxKeyParts parts, or 0.
 int line_of_too_long_key(std::string_view text) {
   int dots = 0;
   std::size_t i = 0;
@@ -114,7 +114,7 @@ TomlTable convert_table(const toml::table& table) {
   result.entries.reserve(table.size());
   for (const auto& [key, node] : table) {
     TomlValue value = convert(node);
-    // a key's own line is where a person looks for it, also when its value begins further down
+    // errors refer to the line of the key, even if its value starts on a later one
     if (!node.is_table() && !node.is_array_of_tables()) value.line = line_of(key.source());
     result.entries.push_back({std::string(key.str()), std::move(value)});
   }

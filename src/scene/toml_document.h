@@ -8,8 +8,8 @@
 
 #include "palpate/base/result.h"
 
-/// A TOML text as a plain tree in which everything knows its line. The only file behind it is
-/// toml_document.cc, which alone meets the TOML library.
+/// A TOML text as a plain tree in which every node has its line. toml_document.cc is the only source that
+/// includes the TOML library.
 namespace palpate {
 
 struct TomlEntry;
@@ -18,13 +18,13 @@ struct TomlValue;
 using TomlArray = std::vector<TomlValue>;
 
 struct TomlTable {
-  std::vector<TomlEntry> entries;  ///< in order of their lines
-  int line = 0;                    ///< of its header, or where it begins
+  std::vector<TomlEntry> entries;  ///< In order of their lines
+  int line = 0;                    ///< Line of its header, or of its first key
 
   const TomlValue* find(std::string_view key) const;
 };
 
-/// A date or a time: no key of ours takes one.
+/// A date or time; no key accepts one.
 struct TomlDate {};
 
 struct TomlValue {
@@ -42,8 +42,8 @@ struct TomlEntry {
   TomlValue value;
 };
 
-/// @param max_bytes  longer texts are refused
-/// @param source     names the text in errors, which carry the line
+/// @param max_bytes  maximum length of the text
+/// @param source     name of the text in errors, which carry the line
 Result<TomlTable> parse_toml(std::string_view text, std::size_t max_bytes, const std::string& source);
 
 }  // namespace palpate

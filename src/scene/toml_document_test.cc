@@ -52,13 +52,13 @@ TEST(TomlDocument, RefusesTextsThatAreTooLong) {
   EXPECT_FALSE(parse_toml(std::string(101, '\n'), 100, "t").ok());
 }
 
-// found by fuzzing: an assertion of the library stood before its own error message
+// found by fuzzing: an assertion of the library preceded its own error message
 TEST(TomlDocument, RefusesHeadersThatNameNothing) {
   for (const char* text : {"[%step]]", "[[st\x9b", "[[%]]", "[ = ]", "[#]", "[[\n", "[.a]", "[a.]", "[a.%]"})
     EXPECT_FALSE(parse_toml(text, kMiB, "t").ok()) << text;
 }
 
-// found by fuzzing: letters that the library's tables of whitespace do not expect
+// found by fuzzing: letters missing from the library's whitespace tables
 TEST(TomlDocument, LettersBeyondAsciiAreNoWhitespace) {
   for (const char* letter : {"\xc3\xa9", "\xef\xbb\xbe", "\xef\xac\xa6", "\xe2\x81\xa1"}) {
     EXPECT_FALSE(parse_toml(std::string(letter) + " = 1", kMiB, "t").ok());
@@ -70,7 +70,7 @@ TEST(TomlDocument, LettersBeyondAsciiAreNoWhitespace) {
   }
 }
 
-// each of these nests as deep as its size allows; without a guard some overflow the stack
+// each text nests as deeply as its size allows; without the guards some overflow the stack
 TEST(TomlDocument, SurvivesHostileNesting) {
   for (const std::string& unit :
        {std::string("["), std::string("{a="), std::string("[{a="), std::string("a."), std::string("\"a\"."),
@@ -82,7 +82,7 @@ TEST(TomlDocument, SurvivesHostileNesting) {
   }
 }
 
-// the deepest text that the two guards let through is read and freed
+// the deepest text that both guards accept is read and freed
 TEST(TomlDocument, ReadsWhatIsJustNotTooDeep) {
   const std::string key = "a.b.c.d.e.f.g.h";
   std::string text = key + " = 1";

@@ -10,7 +10,7 @@ unsigned byte_at(std::string_view text, std::size_t i) {
   return static_cast<unsigned char>(text[i]);
 }
 
-/// Bytes of the well-formed sequence that begins at i (Unicode 15, table 3-7), or 0.
+/// Length of the well-formed sequence that begins at i (Unicode 15, table 3-7), bytes; 0 if it is malformed.
 std::size_t sequence_length(std::string_view text, std::size_t i) {
   const unsigned first = byte_at(text, i);
   if (first < 0x80) return 1;
@@ -19,7 +19,7 @@ std::size_t sequence_length(std::string_view text, std::size_t i) {
   for (std::size_t j = 1; j < length; ++j) {
     if ((byte_at(text, i + j) & 0xC0) != 0x80) return 0;
   }
-  // overlong forms, surrogates and what lies beyond U+10FFFF show in the second byte
+  // overlong forms, surrogates and code points above U+10FFFF are detected by the second byte
   const unsigned second = byte_at(text, i + 1);
   if (first == 0xE0 && second < 0xA0) return 0;
   if (first == 0xED && second > 0x9F) return 0;

@@ -5,9 +5,9 @@
 
 namespace palpate {
 
-/// True for well-formed UTF-8 (no overlong forms, no surrogates): all that TOML can hold.
+/// Whether the text is well-formed UTF-8 (no overlong forms, no surrogates), as TOML requires.
 bool is_utf8(std::string_view text);
-/// A TOML basic string with its quotes, everything that needs it escaped. `text` is UTF-8.
+/// Quotes and escapes a text as a TOML basic string. `text` is UTF-8.
 std::string toml_string(std::string_view text);
 
 }  // namespace palpate

@@ -29,9 +29,9 @@ namespace {
 
 constexpr auto kFindEvery = std::chrono::milliseconds(100);
 constexpr int kPoll_ms = 20;
-// a stall of the servo is no way that somebody led
+// upper limit of the integration step, so that a stall of the servo does not move the tip
 constexpr double kMaxStep_s = 0.02;
-// of the cap's way, within which it rests
+// dead zone as a fraction of the cap's range
 constexpr double kRest = 0.125;
 constexpr std::uint16_t k3Dconnexion = 0x256f, kLogitech = 0x046d;
 
@@ -48,7 +48,7 @@ struct FoundMouse {
   bool may_read = false;
 };
 
-// by maker, and of Logitech's by name, which made the first ones
+// identified by vendor; Logitech's, who made the first ones, also by name
 std::vector<FoundMouse> find_mice(const std::filesystem::path& root) {
   std::set<std::filesystem::path> events;
   std::error_code failed;
@@ -84,16 +84,16 @@ Error may_not(const FoundMouse& mouse) {
           "spacemouse", udev_cure()};
 }
 
-/// What the cap is at: right, forward, up, and turned about each, -1 to 1.
+/// Deflection of the cap, -1 to 1: right, forward, up, and rotation about each.
 using Deflection = std::array<double, 6>;
 
-// an axis of the kernel's to one of ours: theirs are right, to the user, down
+// mapping of a kernel axis to ours; kernel axes point right, towards the user, down
 struct MouseAxis {
   std::size_t ours;
   double sign;
 };
 std::optional<MouseAxis> axis_of(unsigned code) {
-  // REL_X ... REL_RZ and ABS_X ... ABS_RZ are the same six numbers
+  // REL_X ... REL_RZ and ABS_X ... ABS_RZ have the same six codes
   if (code > 5) return std::nullopt;
   const bool about_right_axis = code % 3 == 0;
   return MouseAxis{code, about_right_axis ? 1.0 : -1.0};
@@ -188,7 +188,7 @@ class SpaceMouseDriver::Core {
           (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * sample_.R_DeviceTool).normalized();
   }
 
-  // ---- the reader's
+  // ---- the reader's thread
   void read_for_ever() {
     while (!end_.load()) {
       if (file_ < 0) {
@@ -213,7 +213,7 @@ class SpaceMouseDriver::Core {
   }
 
   void take(const input_event& event) {
-    // the kernel had no room for all: what was let go meanwhile would move the tip for good
+    // the kernel's buffer overflowed: a lost release would keep the tip moving
     if (event.type == EV_SYN && event.code == SYN_DROPPED) {
       let_go();
       is_dropped_ = true;
@@ -248,9 +248,9 @@ class SpaceMouseDriver::Core {
   const SpaceMouseSettings settings_;
   DeviceInfo info_;
   DeviceSample sample_;
-  // the reader's, once it runs
+  // reader's thread, once it runs
   int file_ = -1;
-  bool is_dropped_ = false;  // until the next report
+  bool is_dropped_ = false;  // events are ignored until the next report
   std::array<std::atomic<double>, 6> deflection_{};
   std::atomic<std::uint32_t> buttons_{0};
   std::atomic<std::int64_t> told_ns_{0};

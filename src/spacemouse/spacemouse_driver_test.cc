@@ -37,7 +37,8 @@ class SeenSample final : public ServoFunction {
   DeviceSample last_;
 };
 
-/// A machine with a SpaceMouse whose events a test writes: a pipe in the place of the kernel's file.
+/// A fake machine with a SpaceMouse: events are written by the test through a pipe in place of the device
+/// file.
 class SpaceMouse : public ::testing::Test {
  protected:
   SpaceMouse() {
@@ -53,7 +54,7 @@ class SpaceMouse : public ::testing::Test {
     std::ofstream(folder_.path() / file) << text << "\n";
   }
   void plug_in() {
-    // a mouse of Logitech's that is none, before it
+    // an ordinary Logitech mouse precedes it
     put("sys/class/input/event3/device/name", "Logitech Optical Mouse");
     put("sys/class/input/event3/device/id/vendor", "046d");
     put("sys/class/input/event7/device/name", "3Dconnexion SpaceMouse Compact");
@@ -104,7 +105,7 @@ TEST_F(SpaceMouse, EachAxisGoesItsWay) {
   settings_.speed_mm_s = 400;
   settings_.turning_rad_s = 4;
   begin();
-  // the kernel's: right, to the user, down
+  // the kernel's axes: right, towards the user, down
   const double signs[] = {1, -1, -1};
   for (unsigned axis = 0; axis < 3; ++axis) {
     const Point<Device> before = seen_.last().tip;
@@ -139,7 +140,7 @@ TEST_F(SpaceMouse, ALightTouchDoesNothingAndTheTipStaysWithinReach) {
   send(EV_ABS, ABS_X, 40);
   std::this_thread::sleep_for(std::chrono::milliseconds(60));
   EXPECT_EQ(seen_.last().tip, Point<Device>());
-  // more than there is
+  // beyond the range
   send(EV_ABS, ABS_X, 2'000'000'000);
   EXPECT_TRUE(soon([&] { return seen_.last().tip.x() == SpaceMouseDriver::kHalfReach_mm; }));
   send(EV_ABS, ABS_X, -2'000'000'000);
@@ -165,7 +166,7 @@ TEST_F(SpaceMouse, ButtonsAreBits) {
   EXPECT_TRUE(soon([&] { return seen_.last().buttons == 2; }));
 }
 
-// the kernel's buffer ran over, and the cap's way back was in it
+// the kernel's buffer overflowed and the cap's release was lost
 TEST_F(SpaceMouse, EventsThatWereDroppedLetItRest) {
   begin();
   send(EV_KEY, BTN_0, 1);
@@ -188,7 +189,7 @@ TEST_F(SpaceMouse, LostItIsAFaultUntilItIsBack) {
   begin();
   send(EV_ABS, ABS_X, 350);
   EXPECT_TRUE(soon([&] { return seen_.last().tip.x() > 0.1; }));
-  // half an event is no kernel's
+  // a partial event is invalid
   const char half[5] = {};
   ASSERT_EQ(::write(events_, half, sizeof half), 5);
   EXPECT_TRUE(soon([&] { return seen_.last().fault && driver_->trouble(); }));

@@ -28,7 +28,7 @@ Normal normal_of(const std::vector<double>& values) {
   return {mean, std::sqrt(squares / (n - 1))};
 }
 
-/// Where two normal densities cross between their means; of groups without spread, midway.
+/// Intersection of two normal densities between their means; the midpoint if either group has no spread.
 double crossing(const Normal& a, const Normal& b) {
   if (!(a.sd > 0) || !(b.sd > 0)) return 0.5 * (a.mean + b.mean);
   const auto difference = [&](double x) {
@@ -37,7 +37,7 @@ double crossing(const Normal& a, const Normal& b) {
   };
   double low = std::min(a.mean, b.mean), high = std::max(a.mean, b.mean);
   const double at_low = difference(low);
-  // of very unequal spreads neither density need win at its own mean
+  // with very different spreads the densities may not intersect between the means
   if ((at_low > 0) == (difference(high) > 0)) return 0.5 * (a.mean + b.mean);
   for (int turn = 0; turn < 200; ++turn) {
     const double middle = 0.5 * (low + high);
@@ -50,7 +50,7 @@ double crossing(const Normal& a, const Normal& b) {
 
 double area_under_curve(std::span<const double> better, std::span<const double> worse, bool more_is_better) {
   if (better.empty() || worse.empty()) return std::numeric_limits<double>::quiet_NaN();
-  // how bad; what is not known is worst
+  // ascending from good to bad; unknown values are worst
   const auto badness = [&](double value) {
     if (std::isnan(value)) return std::numeric_limits<double>::infinity();
     return more_is_better ? -value : value;

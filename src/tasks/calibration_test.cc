@@ -41,19 +41,19 @@ TEST(CutOff, OfExpertsIsTheirQuantile) {
   EXPECT_LT(most->interval[0], 90);
   EXPECT_GT(most->interval[1], 90);
   EXPECT_TRUE(most->is_enough);
-  // the same seed, the same interval
+  // the same seed gives the same interval
   EXPECT_EQ(cut_off(values, {}, false)->interval, most->interval);
 }
 
 TEST(CutOff, OfContrastingGroupsIsWhereTheirDensitiesCross) {
-  // equal spreads: midway
+  // equal spreads: the midpoint
   const auto good = normal_sample(1, 10, 1, 4000), bad = normal_sample(2, 16, 1, 4000);
   const auto found = cut_off(good, bad, false);
   ASSERT_TRUE(found.ok());
   EXPECT_NEAR(found->value, 13, 0.05);
   EXPECT_LT(*found->experts_below, 0.01);
   EXPECT_LT(*found->novices_above, 0.01);
-  // unequal ones, N(0, 1) and N(6, 3): nearer to the narrow one, where (x-6)^2/9 - x^2 + 2 ln 3 = 0
+  // unequal spreads, N(0, 1) and N(6, 3): closer to the narrow one, where (x-6)^2/9 - x^2 + 2 ln 3 = 0
   const auto narrow = normal_sample(3, 0, 1, 20000), wide = normal_sample(4, 6, 3, 20000);
   const double crossing = (-12 + std::sqrt(144 + 32 * (36 + 18 * std::log(3.0)))) / 16;
   EXPECT_NEAR(cut_off(narrow, wide, false)->value, crossing, 0.05);
@@ -83,7 +83,7 @@ TEST(CutOff, SaysWhereThereIsNone) {
   EXPECT_THAT(cut_off(unknown, {}, false).error().what, HasSubstr("no value"));
   EXPECT_THAT(cut_off(higher, five, false).error().what, HasSubstr("no worse"));
   EXPECT_FALSE(cut_off(five, {}, false)->is_enough);
-  // runs that are all alike
+  // groups without spread
   const std::vector<double> same{3, 3, 3}, others{4, 4, 4};
   EXPECT_EQ(cut_off(same, others, false)->value, 3.5);
 }

@@ -10,12 +10,12 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t kMaxEvents = 10000;
-constexpr double kTouch_N = 0.2;     // of coverage and answers
-constexpr double kRest_mm = 1.5;     // within which a tip rests
-constexpr double kMaxForce_N = 1e6;  // beyond it a number is no force
-constexpr double kLook_s = 0.1;      // so often it is looked at how much is taken off
+constexpr double kTouch_N = 0.2;     // minimum force for coverage and answers
+constexpr double kRest_mm = 1.5;     // radius within which a contact point counts as at rest
+constexpr double kMaxForce_N = 1e6;  // larger values are invalid
+constexpr double kLook_s = 0.1;      // minimum interval between evaluations of the removed volume
 
-/// Part of a step from a to b, straight in between, that lies above a threshold.
+/// Fraction of an interval, interpolated linearly from a to b, that is above a threshold.
 double part_above(double a, double b, double threshold) {
   const bool first = a > threshold, last = b > threshold;
   if (first && last) return 1;
@@ -24,7 +24,7 @@ double part_above(double a, double b, double threshold) {
   return first ? crossing : 1 - crossing;
 }
 
-/// Mean over such a step of what lies above a threshold.
+/// Mean excess over a threshold in an interval that is interpolated linearly.
 double mean_excess(double a, double b, double threshold) {
   const double over_a = std::max(0.0, a - threshold), over_b = std::max(0.0, b - threshold);
   return 0.5 * (over_a + over_b) * part_above(a, b, threshold);
@@ -84,7 +84,7 @@ void TaskEvaluator::ForceMeter::see(double force_N, double dt_s,
   last_N = force_N;
 }
 
-// what is no number was not touched
+// contacts with invalid numbers are ignored
 void TaskEvaluator::read_contacts(const TickRecord& tick) {
   const DeviceTick& device = tick.device[0];
   contact_count_ = 0;
@@ -94,7 +94,7 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
                      device.contact_patient_mm[3 * n + 2]},
                     device.contact_N[n]};
     if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMaxForce_N) continue;
-    // within 45 degrees of straight below what is touched first
+    // within 45 degrees of the inward normal at the outermost contact
     if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
       const Eigen::Vector3d way = contact.place_mm - contacts_[0].place_mm;
       const double below_mm = -way.dot(vector_of(device.normal_patient));
@@ -139,7 +139,7 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
   if (begun_ && tick.tick != last_tick_ + 1) missing_s_ += dt_s;
 
   read_contacts(tick);
-  // a tick without a place leaves the tip where it was
+  // without a valid position the tip stays at the last one
   const Eigen::Vector3d tip_mm = vector_of(device.tip_patient_mm);
   constexpr double kFar_mm = 1e6;
   if (tip_mm.allFinite() && tip_mm.cwiseAbs().maxCoeff() < kFar_mm) {
@@ -172,7 +172,7 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
 
 void TaskEvaluator::see_sight(const TickRecord& tick, double dt_s) {
   const bool unseen = contact_count_ > 0 && !contacts_[0].is_seen;
-  // in a tick in which that changes it did half way
+  // trapezoidal rule: a change counts for half the interval
   unseen_s_ += 0.5 * (static_cast<double>(unseen_) + static_cast<double>(unseen)) * dt_s;
   if (unseen && !unseen_) tell(TaskEvent::Kind::kUnseen, 0, tick, touch_N());
   unseen_ = unseen;
@@ -218,7 +218,7 @@ void TaskEvaluator::see_forces(const TickRecord& tick, double dt_s) {
       metrics_[n].see(force_on(task_.metrics[n]), dt_s, {}, {});
 }
 
-// the force on the step's region, what is touched beneath it included
+// force on the step's region, including contacts beneath it
 double TaskEvaluator::touch_of_step(const TaskStep& step) {
   RegionInScene& region = task_.regions[step.region];
   const auto is_in = [&](const Contact& contact) {
@@ -228,14 +228,14 @@ double TaskEvaluator::touch_of_step(const TaskStep& step) {
   for (std::size_t c = 0; c < contact_count_; ++c) {
     const bool own = is_in(contacts_[c]);
     if (own || (contacts_[c].is_beneath && is_in(contacts_[0]))) force_N += contacts_[c].force_N;
-    // covered is covered, whichever step is next
+    // coverage accumulates regardless of the current step
     if (own && step.kind == StepKind::kCover && contacts_[c].force_N >= kTouch_N)
       region.patches.cover(contacts_[c].place_mm);
   }
   return force_N;
 }
 
-// of a step that covers or removes
+// progress of a kCover or kRemove step; empty for other kinds
 std::optional<TaskEvaluator::Share> TaskEvaluator::share_asked(const TaskStep& step) const {
   if (step.kind == StepKind::kRemove)
     return Share{taken_mm3_[step.region], step.coverage * task_.plan->planned_mm3[step.region]};
@@ -258,7 +258,7 @@ void TaskEvaluator::see_steps(const TickRecord& tick, double dt_s) {
                            : force_N >= step.force_N[0] && force_N <= step.force_N[1];
       step_s_[n] = met ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
       step_was_met_[n] = met;
-      // so many steps of a clock add up to hardly less than the time they stand for
+      // tolerance for rounding of the accumulated time
       constexpr double kCrumb_s = 1e-9;
       done = met && step_s_[n] >= step.seconds - kCrumb_s;
     }
@@ -379,17 +379,17 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   score.ticks = ticks_;
   score.time_s = time_s_ - begun_s_;
   score.ended = ended_;
-  // what was cut after the end is not missed
+  // truncation after the end of the run is irrelevant
   score.cut_short = cut_short && !ended_;
   score.missing_s = missing_s_;
   score.hash = hash_;
-  // what nobody saw may have been beyond a limit
+  // a limit may have been exceeded in a missing tick
   score.in_band = ticks_ > 0 && !score.cut_short && missing_s_ == 0;
   const Removal removal = this->removal();
   for (std::size_t n = 0; n < task_.file.metrics.size(); ++n) {
     const TaskMetric& asked = task_.file.metrics[n];
     MetricValue value{asked.metric, n, value_of(n, removal), asked.counts(), false};
-    // comparisons with what is not known are false
+    // comparisons with NaN are false
     value.in_band = (!asked.at_least || value.value >= *asked.at_least) &&
                     (!asked.at_most || value.value <= *asked.at_most);
     if (value.counts && !value.in_band) score.in_band = false;

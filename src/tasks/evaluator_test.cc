@@ -108,7 +108,8 @@ void touch(DeviceTick& device, std::size_t n, LabelId label, double force_N) {
   device.normal_patient = {0, 0, 1};
 }
 
-/// A run of 20 s: a straight way of 100 mm that takes 10 s, then pressing as a sine of 0 ... 10 N at 0.25 Hz.
+/// A run of 20 s: a straight path of 100 mm in 10 s, then a force that varies sinusoidally, 0 ... 10 N at
+/// 0.25 Hz.
 template <class Take>
 void synthetic_run(double rate_hz, const Take& take) {
   const auto count = static_cast<std::uint64_t>(std::llround(20 * rate_hz));
@@ -131,12 +132,12 @@ double value(const TaskScore& score, Metric metric) {
 }
 
 TEST(Evaluator, GivesClosedFormsAtEveryRate) {
-  // F = 10 sin^2(pi u / 10), u = 0 ... 10 s: mean 5; above L for the part 1 - 2 asin(sqrt(L / 10)) / pi of
+  // F = 10 sin^2(pi u / 10), u = 0 ... 10 s: mean 5; above L for a fraction 1 - 2 asin(sqrt(L / 10)) / pi of
   // the time
   const auto part_above = [](double limit) {
     return 1 - 2 * std::asin(std::sqrt(limit / 10)) / std::numbers::pi;
   };
-  // integral of 10 sin^2 - L above L: 5 w - L w + (25 / pi) sin(pi w / 5 ...) in closed form over the
+  // integral of 10 sin^2 - L above L: 5 w - L w + (25 / pi) sin(pi w / 5 ...), in closed form over the
   // crossing times
   const double a = 10 / std::numbers::pi * std::asin(std::sqrt(0.85));
   const auto primitive = [](double u) {
@@ -155,7 +156,7 @@ TEST(Evaluator, GivesClosedFormsAtEveryRate) {
     EXPECT_NEAR(value(score, Metric::kForceInBand) / (part_above(1) - part_above(3)), 1, 1e-3);
     EXPECT_NEAR(value(score, Metric::kLongestInBand) / (5 * (part_above(1) - part_above(3))), 1, 1e-3);
     EXPECT_NEAR(value(score, Metric::kExcessImpulse) / excess, 1, 1e-3);
-    EXPECT_NEAR(value(score, Metric::kProtectedTime), 1, 1.001 / rate_hz);  // to a tick
+    EXPECT_NEAR(value(score, Metric::kProtectedTime), 1, 1.001 / rate_hz);  // to within a tick
     EXPECT_EQ(value(score, Metric::kStepsDone), 1);
     EXPECT_FALSE(score.in_band);  // 10 N
     EXPECT_EQ(score.missing_s, 0);
@@ -226,7 +227,7 @@ TEST(Evaluator, IsTheSameWithinAHundredthAtEveryRate) {
   std::vector<TaskScore> scores;
   for (const double rate_hz : kRates_Hz) {
     TaskEvaluator evaluator(in_scene(kTask));
-    // a hand that shakes at 9 Hz by a tenth of a millimetre
+    // tremor of 0.1 mm at 9 Hz
     synthetic_run(rate_hz, [&](TickRecord tick) {
       tick.device[0].tip_patient_mm[1] += 0.1 * std::sin(2 * std::numbers::pi * 9 * tick.time_s);
       ASSERT_TRUE(evaluator.see(tick).ok());
@@ -247,9 +248,9 @@ TEST(Evaluator, WhatIsTouchedBearsWhatLiesBeneath) {
     TickRecord tick = tick_at(n, 1000);
     touch(tick.device[0], 0, kMeniscus, 2);
     touch(tick.device[0], 1, 9, 1.5);
-    tick.device[0].contact_patient_mm = {1, 1, 1, 0, 0, -4};  // below, the normal being z
+    tick.device[0].contact_patient_mm = {1, 1, 1, 0, 0, -4};  // beneath; the normal is z
     touch(tick.device[0], 2, 10, 4);
-    tick.device[0].contact_patient_mm[6] = 5;  // beside it
+    tick.device[0].contact_patient_mm[6] = 5;  // next to it
     tick.device[0].contact_patient_mm[8] = 1;
     ASSERT_TRUE(evaluator.see(tick).ok());
   }
@@ -258,7 +259,7 @@ TEST(Evaluator, WhatIsTouchedBearsWhatLiesBeneath) {
 
 TEST(Evaluator, AStepNeedsItsForceWithoutABreak) {
   TaskEvaluator evaluator(in_scene(kTask));
-  // 0.4 s, a tick too hard, 0.4 s
+  // 0.4 s in the band, one tick above it, 0.4 s in the band
   for (std::uint64_t n = 0; n < 801; ++n) {
     TickRecord tick = tick_at(n, 1000);
     touch(tick.device[0], 0, kMeniscus, n == 400 ? 3.7 : 3);
@@ -321,8 +322,8 @@ name = "unseen_time"
 name = "steps_done"
 )";
 
-/// A run of 12 s: touching for 10 of them, at a place that swings by a sine of 4 s below a scope that looks
-/// down from 50 mm above.
+/// A run of 12 s with 10 s of contact, at a point that oscillates sinusoidally with a period of 4 s below a
+/// scope that looks down from 50 mm above.
 template <class Take>
 void watched_run(double rate_hz, double swing_mm, const Take& take) {
   const auto count = static_cast<std::uint64_t>(std::llround(12 * rate_hz));
@@ -342,7 +343,7 @@ TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
   for (const double rate_hz : kRates_Hz) {
     TaskEvaluator evaluator(in_scene(kScopeTask));
     std::vector<std::uint64_t> unseen;
-    // a sine of twice the border is beyond it in two thirds of the time
+    // an oscillation of twice the field's radius is outside for two thirds of the time
     watched_run(rate_hz, 2 * border_mm, [&](const TickRecord& tick) {
       const bool was = evaluator.touches_unseen();
       ASSERT_TRUE(evaluator.see(tick).ok());
@@ -355,7 +356,7 @@ TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
     for (const TaskEvent& event : score.events)
       if (event.kind == TaskEvent::Kind::kUnseen) told.push_back(event.tick);
     EXPECT_EQ(told, unseen) << "the tick in which it goes out of view";
-    // it is in view for two thirds of a second at a time
+    // it is visible for two thirds of a second at a time
     EXPECT_FALSE(score.done[0]);
     TaskEvaluator still(in_scene(kScopeTask));
     watched_run(rate_hz, 0.99 * border_mm,
@@ -370,7 +371,7 @@ TEST(Evaluator, AScopeNeedsASecondDevice) {
   EXPECT_THAT(evaluator.see(tick_at(0, 1000)).error().what, HasSubstr("two devices"));
 }
 
-/// Of what two balls have in common, d apart.
+/// Volume of the intersection of two balls with centres d apart.
 double common_mm3(double a, double b, double d) {
   return std::numbers::pi * std::pow(a + b - d, 2) * (d * d + 2 * d * (a + b) - 3 * (a - b) * (a - b)) /
          (12 * d);
@@ -379,7 +380,7 @@ double ball_mm3(double r) {
   return 4.0 / 3 * std::numbers::pi * r * r * r;
 }
 
-/// A task by a plan in the ball with a burr.
+/// A removal task with a plan, in the ball with a burr.
 class TakeOff : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -421,7 +422,8 @@ name = "depth_past_plan"
     PALPATE_CHECK(found.ok());
     return *std::move(found);
   }
-  /// A second in which a ball of 4 mm is taken, 6 mm beside the planned one's middle, at half of it.
+  /// A second in which a ball of radius 4 mm is removed at half time, 6 mm from the centre of the planned
+  /// one.
   static Recording run(double rate_hz) {
     Recording run;
     run.header.rate_hz = rate_hz;
@@ -462,10 +464,10 @@ TEST_F(TakeOff, VolumesAndDepthAreThoseOfGeometryAtEveryRate) {
     EXPECT_NEAR(value(made, Metric::kRemovedInPlan) / in_mm3, 1, 0.02);
     EXPECT_NEAR(value(made, Metric::kRemovedOutside) / (ball_mm3(4) - in_mm3), 1, 0.02);
     EXPECT_NEAR(value(made, Metric::kProtectedRemoved) / ball_mm3(4), 1, 0.02);
-    // 6 + 4 - 5, by places that are 0.15 and 0.225 mm apart
+    // 6 + 4 - 5; sampled at points that are 0.15 and 0.225 mm apart
     EXPECT_NEAR(value(made, Metric::kDepthPastPlan), 5, 0.15);
     EXPECT_LE(value(made, Metric::kDepthPastPlan), 5);
-    // it is looked at when something is cut, in that tick
+    // evaluated in the tick of the cut
     ASSERT_TRUE(made.done[0]);
     EXPECT_EQ(made.events[0].tick, static_cast<std::uint64_t>(rate_hz / 2));
   }
@@ -479,7 +481,7 @@ TEST_F(TakeOff, WhatIsToldAfterItsTicksDoesNotCount) {
   EXPECT_FALSE(before.done[0]);
   EXPECT_GT(value(with, Metric::kRemovedOutside), 100) << "what is gone is gone";
   EXPECT_EQ(with.events[0].tick, 600u);
-  // what is undone is there again
+  // undone removal does not count
   recording.events.push_back(change(700, 3, ModelChange::kUndo));
   EXPECT_EQ(value(score(recording), Metric::kRemovedInPlan), 0);
   EXPECT_GT(value(score(recording, {0, 699}), Metric::kRemovedInPlan), 1);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::array<std::array<int, 3>, 6> kFaces{
     {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
-constexpr double kBoundary = 1 << 20;  // cubes each way, beyond which no patient reaches
+constexpr double kBoundary = 1 << 20;  // limit of cube indices per axis, far beyond any patient
 
 std::uint64_t key_of(const Eigen::Vector3d& cube) {
   const auto part = [](double v) {
@@ -20,7 +20,7 @@ std::uint64_t key_of(const Eigen::Vector3d& cube) {
   return part(cube[0]) | part(cube[1]) << 21 | part(cube[2]) << 42;
 }
 
-/// Calls visit(i, j, k, place) for every voxel of some labels.
+/// Calls visit(i, j, k, place) for every voxel of the given labels.
 template <class Visit>
 void for_each_voxel(const Bricks<LabelId>& labels, const std::vector<bool>& has, const Visit& visit) {
   const auto X = labels.geometry().X_PatientVoxel();
@@ -44,7 +44,7 @@ std::optional<Eigen::Vector3d> centroid(const Bricks<LabelId>& labels, const std
 
 Eigen::Vector3d farthest(const Bricks<LabelId>& labels, const std::vector<bool>& has,
                          const Eigen::Vector3d& direction) {
-  // the middle of all that are as far, so that the order of voxels does not decide
+  // the mean of all extreme voxels, so that the result does not depend on their order
   double most = -std::numeric_limits<double>::infinity();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0;
@@ -69,7 +69,7 @@ const Surface* surface_of(const Model& model, LabelId label) {
   return nullptr;
 }
 
-/// Where what some structures have in a part of the patient is looked at.
+/// Suggested view of the voxels of some structures within bounds.
 template <class Bounds>
 RegionView view_of_part(const Model& model, const std::vector<bool>& has, const Bounds& bounds) {
   RegionView view;
@@ -89,7 +89,7 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
       const LabelId beside = labels.anywhere(i + face[0], j + face[1], k + face[2]);
       if ((beside < has.size() && has[beside]) || !is_free(beside)) continue;
       const Eigen::Vector3d out = axes * Eigen::Vector3d(face[0], face[1], face[2]);
-      // by its area, which is the volume of a voxel over its height
+      // weighted by the face area, which is the voxel volume divided by its height
       outward += out / out.squaredNorm();
       faces += 1 / out.norm();
     }
@@ -99,13 +99,13 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
   for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
     if (bounds(place)) view.radius_mm = std::max(view.radius_mm, (place - view.middle_mm).norm());
   });
-  // of a closed surface all ways cancel
+  // normals of a closed surface cancel out
   constexpr double kMinShare = 0.05;
   if (outward.norm() > kMinShare * faces) view.outward = outward.normalized();
   return view;
 }
 
-/// Errors: no tool that takes anything, structures that are not there, nothing to be taken.
+/// Resolves the plan of a task. Errors: no tool that cuts, absent structures, an empty region.
 Result<TaskPlan> look_up_task_plan(const TaskFile& task, const Model& model, const Progress& progress) {
   if (!model.cuts())
     return Error{ErrorKind::kBadInput,
@@ -129,8 +129,8 @@ Result<TaskPlan> look_up_task_plan(const TaskFile& task, const Model& model, con
   return found;
 }
 
-// the faces between a region's structures and what is none of them, in points no farther apart than half a
-// patch, each drawn onto the smooth surface that is felt
+// adds the faces between the region's structures and other labels, sampled at most half a patch apart and
+// projected onto the smooth contact surface
 void add_patches(const Model& model, RegionInScene& region) {
   const Bricks<LabelId>& labels = *model.labels;
   const GridGeometry& grid = labels.geometry();

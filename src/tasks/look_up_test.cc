@@ -12,8 +12,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// A slab of 20 x 10 x 2 mm of structure 1, one of 4 x 4 x 4 mm of structure 2 above its left end, in voxels
-/// of 0.5 mm.
+/// A slab of 20 x 10 x 2 mm of structure 1 and a block of 4 x 4 x 4 mm of structure 2 above its left end, in
+/// voxels of 0.5 mm.
 Model slab() {
   GridGeometry grid;
   grid.dims = {60, 40, 30};
@@ -47,13 +47,13 @@ Result<TaskInScene> with_region(const std::string& region) {
 }
 
 TEST(LookUp, APatchIsASquareMillimetreOfSurface) {
-  // faces on the borders of cubes fall to either side: the top, which faces at z = 2 put into cubes above,
-  // has 20 x 10
+  // faces on cube boundaries may be assigned to either side: the top, with faces at z = 2 assigned to the
+  // cubes above, has 20 x 10
   const auto found =
       with_region("structures = [\"slab\"]\nplane_point = [0, 0, 1.6]\nplane_normal = \"superior\"");
   ASSERT_TRUE(found.ok());
   SurfacePatches top = found->regions[0].patches;
-  // and the rim's faces from 1.6 to 2 are cubes of their own below it, or beside it
+  // the rim's faces from 1.6 to 2 are separate cubes below it or next to it
   EXPECT_GE(top.count(), 200u);
   EXPECT_LE(top.count(), 200u + 2 * 60 + 8);
 }
@@ -89,12 +89,12 @@ TEST(RegionView, LooksWhereTheRegionIsFree) {
     PALPATE_CHECK(found.ok());
     return view_of(found->regions[0], model);
   };
-  // the slab's sides cancel, its lower face is not in the half
+  // the slab's sides cancel, and its lower face is not in this half
   const RegionView upper = view("structures = [1]\nhalf = \"superior\"");
   EXPECT_TRUE(upper.middle_mm.isApprox(Eigen::Vector3d(10, 5, 1.5), 1e-9)) << upper.middle_mm.transpose();
   EXPECT_TRUE(upper.outward.isApprox(Eigen::Vector3d::UnitZ(), 1e-9)) << upper.outward.transpose();
   EXPECT_NEAR(upper.radius_mm, Eigen::Vector3d(9.75, 4.75, 0.25).norm(), 1e-9);
-  // of all of it every way cancels
+  // over the whole surface the normals cancel
   EXPECT_EQ(view("structures = [1, 2]").outward.norm(), 0);
   RegionInScene ball;
   ball.centre_mm = Eigen::Vector3d(1, 2, 3);
@@ -114,7 +114,7 @@ TEST(SurfacePatches, AreToldInTheOrderInWhichTheyWereAdded) {
   EXPECT_EQ((std::array{all[0].covered, all[1].covered, all[2].covered}), (std::array{false, true, false}));
 }
 
-// the oracle: every patch whose cube comes within half a millimetre of any contact
+// reference: every patch whose cube is within half a millimetre of any contact
 TEST(SurfacePatches, CoversWhatIsNear) {
   std::mt19937_64 random(test::test_seed());
   std::uniform_real_distribution<double> place(-5, 5);
@@ -129,7 +129,7 @@ TEST(SurfacePatches, CoversWhatIsNear) {
   std::vector<bool> covered(cubes.size());
   for (int n = 0; n < 200; ++n) {
     Eigen::Vector3d at(place(random), place(random), place(random));
-    if (n % 10 == 0) at = at.array().round();  // on borders of cubes
+    if (n % 10 == 0) at = at.array().round();  // on cube boundaries
     patches.cover(at);
     for (std::size_t c = 0; c < cubes.size(); ++c) {
       const Eigen::Vector3d off =

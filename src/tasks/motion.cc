@@ -9,8 +9,9 @@ namespace palpate {
 namespace {
 
 constexpr double kOmega = 2 * std::numbers::pi * LowPass::kCutoff_Hz;
-constexpr double kDecay = kOmega / std::numbers::sqrt2;  // real and imaginary part of both poles
-constexpr double kLag_s = std::numbers::sqrt2 / kOmega;  // behind a ramp
+// absolute value of the real and imaginary parts of both poles
+constexpr double kDecay = kOmega / std::numbers::sqrt2;
+constexpr double kLag_s = std::numbers::sqrt2 / kOmega;  // steady-state lag behind a ramp
 
 }  // namespace
 
@@ -19,7 +20,7 @@ void LowPass::begin(const Eigen::Vector3d& u) {
   v_.setZero();
 }
 
-// a ramp's steady state, and what decays of the rest
+// steady-state response to a ramp, plus the decaying homogeneous solution
 LowPass::State LowPass::after(const Eigen::Vector3d& u, double dt_s, double after_s) const {
   const Eigen::Vector3d slope = (u - u_) / dt_s;
   const Eigen::Vector3d off = x_ - (u_ - slope * kLag_s), off_v = v_ - slope;
@@ -51,7 +52,7 @@ void MotionMeter::see(double time_s, const Eigen::Vector3d& tip_mm, bool touchin
     return;
   }
   const double dt_s = time_s - time_s_;
-  // the grid's times within this step; a gap of more than a minute is left out of it
+  // grid times within this interval; a gap of more than a minute is excluded
   constexpr double kLongest_s = 60;
   if (dt_s < kLongest_s) {
     while (true) {

@@ -27,7 +27,7 @@ Eigen::Vector3d circle(double t, double radius_mm, double hz) {
   return {radius_mm * std::cos(a), radius_mm * std::sin(a), 3};
 }
 
-// the oracle: the same equation in steps so small that their order does not matter
+// reference: the same equation integrated in steps small enough for the order of the method not to matter
 TEST(LowPass, IsTheSolutionOfItsEquation) {
   std::mt19937_64 random(11);
   std::normal_distribution<double> normal;
@@ -60,7 +60,7 @@ TEST(LowPass, IsTheSolutionOfItsEquation) {
 }
 
 TEST(Motion, LengthAndSmoothnessOfACircleAreItsOwn) {
-  // a point on a circle: way R w T; jerk R w^3 and speed R w throughout, so that the dimensionless jerk is (w
+  // point on a circle: path R w T; jerk R w^3 and speed R w throughout, so that the dimensionless jerk is (w
   // T)^4
   constexpr double kRadius_mm = 10, kHz = 0.5, kLength_s = 80;
   const double omega = 2 * std::numbers::pi * kHz;
@@ -82,9 +82,9 @@ TEST(Motion, AMoveOfLeastJerkHasItsDimensionlessJerk) {
       return Eigen::Vector3d(kWay_mm * s * s * s * (10 - 15 * s + 6 * s * s), 0, 0);
     });
     EXPECT_NEAR(meter.path_mm(), kWay_mm, 1e-3 * kWay_mm);
-    // without what comes before jerk counts: the part of 0.3 s with the jerk of the beginning
+    // jerk is only accumulated after the settling time: subtract the first 0.3 s
     const double sigma = MotionMeter::kSettled_s / kLength_s;
-    const auto integral_to = [](double s) {  // of (60 - 360 s + 360 s^2)^2
+    const auto integral_to = [](double s) {  // integral of (60 - 360 s + 360 s^2)^2
       return 3600 * s - 21600 * s * s + 57600 * s * s * s - 64800 * s * s * s * s + 25920 * s * s * s * s * s;
     };
     const double T = kLength_s - MotionMeter::kSettled_s;
@@ -96,7 +96,7 @@ TEST(Motion, AMoveOfLeastJerkHasItsDimensionlessJerk) {
 }
 
 TEST(Motion, AnEncodersFlickerIsNoWay) {
-  // a resting tip that flickers by a step of 0.03 mm: 30 mm/s of way without the filter
+  // a resting tip that jitters by 0.03 mm: 30 mm/s of path length without the filter
   std::mt19937_64 random(5);
   double unfiltered = 0, last = 0;
   MotionMeter meter;
@@ -130,7 +130,7 @@ TEST(Motion, AGapOfHoursTakesNoHours) {
   meter.see(0, {0, 0, 0}, false);
   meter.see(0.001, {1, 0, 0}, false);
   meter.see(1e9, {2, 0, 0}, false);
-  // and what comes after it is a way again
+  // motion after the gap is evaluated again
   for (int n = 1; n <= 2000; ++n) meter.see(1e9 + n * 0.01, {2 + std::sin(n * 0.1), 0, 0}, false);
   EXPECT_TRUE(std::isfinite(meter.smoothness()));
   EXPECT_TRUE(std::isfinite(meter.path_mm()));

@@ -9,9 +9,9 @@
 namespace palpate {
 namespace {
 
-// farther away than this nobody looks
+// maximum viewing distance
 constexpr double kFarthest_mm = 500;
-// where no patient is
+// larger coordinates are invalid
 constexpr double kNowhere_mm = 1e6;
 
 Point<Patient> held_at(const DeviceTick& device) {
@@ -46,14 +46,14 @@ bool ScopeSight::sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) c
   if (!(eye.eigen().cwiseAbs().maxCoeff() < kNowhere_mm) || !(look.norm() > 0.5)) return false;
   if (!(far_mm > 0 && far_mm < kFarthest_mm)) return false;
   if (way.dot(look) < std::cos(ScopeOptics::kHalfField_deg * std::numbers::pi / 180) * far_mm) return false;
-  // the eye itself has to be in the open, however near the place is
+  // the eye itself has to be outside tissue, however near the point is
   const Vector<Patient> ahead = way * (1 / far_mm);
   for (double at_mm = 0; at_mm == 0 || at_mm < far_mm - touched_mm_; at_mm += step_mm_)
     if (is_solid(eye + ahead * at_mm)) return false;
   return true;
 }
 
-// the nearest voxel says where it is worth while to interpolate
+// the nearest voxel is tested first, to avoid interpolation in free space
 bool ScopeSight::is_solid(const Point<Patient>& at) const {
   const Point<Voxel> p = X_VoxelPatient_ * at;
   const auto felt = [&](int i, int j, int k) {

@@ -23,7 +23,8 @@ std::array<double, 3> numbers(const Eigen::Vector3d& v) {
   return {v[0], v[1], v[2]};
 }
 
-/// A tick in which the second device's scope looks from an eye along a direction, both in the patient.
+/// A tick in which the second device's scope looks from an eye point along a direction, both in the patient
+/// frame.
 TickRecord looking(const Model& model, const ScopeOptics& optics, const Eigen::Vector3d& eye,
                    const Eigen::Vector3d& look, const Eigen::Quaterniond& turned) {
   TickRecord tick;
@@ -52,13 +53,13 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
     const Eigen::Quaterniond held = held_to_look(optics, look, upper);
     EXPECT_NEAR(held.norm(), 1, 1e-12);
     EXPECT_LT((held * look_of(optics) - look.eigen()).norm(), 1e-12);
-    // the shaft is as far to that side as its angle to where it looks lets it be
+    // the shaft is as close to that side as its angle to the viewing direction allows
     const Eigen::Vector3d shaft = held * Eigen::Vector3d::UnitZ();
     const Eigen::Vector3d across = (upper.eigen() - upper.dot(look) * look.eigen()).normalized();
     const double lean = optics.lean_deg * kDegree;
     EXPECT_LT((shaft - (across * std::sin(lean) - look.eigen() * std::cos(lean))).norm(), 1e-7);
   }
-  // straight from there any way is right
+  // looking straight away from that side, any rotation is valid
   const Eigen::Quaterniond down = held_to_look({30, 8}, Vector<World>(0, 0, -1), Vector<World>(0, 0, 1));
   EXPECT_LT((down * look_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
@@ -88,7 +89,7 @@ TEST(ScopeSight, DoesNotSeeWhatLiesBehindWhatIsFelt) {
     const Eigen::Vector3d out = some_way(random), aside = out.cross(some_way(random)).normalized();
     const double far_mm = 18 + n % 30;
     const Eigen::Vector3d eye = far_mm * out;
-    // of a ball that is seen which is on this side of the planes that touch it and go through the eye
+    // on a visible ball: the part on this side of the tangent planes through the eye
     const double border = std::acos(testing::kBoneRadius_mm / far_mm);
     for (const double beyond : {-0.2, 0.2}) {
       const double angle = border + beyond;
@@ -98,11 +99,11 @@ TEST(ScopeSight, DoesNotSeeWhatLiesBehindWhatIsFelt) {
       const TickRecord tick = looking(model, {30, 8}, eye, look, Eigen::Quaterniond::Identity());
       EXPECT_EQ(sight.sees(tick, place), beyond < 0) << far_mm;
     }
-    // fat, which is not felt, stands before nothing
+    // fat, which is not touchable, does not occlude
     const TickRecord across = looking(model, {30, 8}, 23 * out, -out, Eigen::Quaterniond::Identity());
     EXPECT_TRUE(sight.sees(across, testing::kBoneRadius_mm * out));
     EXPECT_FALSE(sight.sees(across, -testing::kBoneRadius_mm * out));
-    // from within nothing is seen, however near
+    // from inside tissue nothing is visible, however near
     const TickRecord within = looking(model, {30, 8}, 14 * out, out, Eigen::Quaterniond::Identity());
     EXPECT_FALSE(sight.sees(within, 14.2 * out));
   }

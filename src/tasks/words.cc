@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMaxNamed = 3;  // in an event
+constexpr std::size_t kMaxNamed = 3;  // maximum number of names in an event text
 
 std::string short_number(double value) {
   char text[40];

@@ -5,16 +5,16 @@
 
 #include "verification/accuracy_bench.h"
 
-// Every shape on every grid is voxelised and prepared as a scene would, and felt by every method; then
-// sampled exactly, which leaves storage and interpolation alone. Measured are
-//   direction    -gradient / |gradient| against the surface's own normal at that point, degrees
-//   magnitude    the value against what the method's own filter makes of the solid without voxels, percent of
-//                full force; of a signed distance the distance itself, micrometres
-//   choppiness   how far the force moves in 0.01 mm along paths at constant depth, percent of full force.
+// Every shape is voxelised on every grid, prepared as a scene would be and sampled by every method; it is
+// then also sampled exactly, which isolates storage and interpolation. Quantities:
+//   direction    angle between -gradient / |gradient| and the exact surface normal at that point, degrees
+//   magnitude    value minus that of the method's own filter applied to the exact solid, percent of full
+//                force; for a signed distance the error of the distance, micrometres
+//   choppiness   change of the force over 0.01 mm along paths at constant depth, percent of full force
 namespace palpate {
 namespace {
 
-// all of one method together
+// groups the figures by method
 void sort_by_method(std::vector<Figure>& figures) {
   std::stable_sort(figures.begin(), figures.end(), [](const Figure& a, const Figure& b) {
     return a.name.substr(0, a.name.find('/')) < b.name.substr(0, b.name.find('/'));

@@ -6,12 +6,12 @@
 
 namespace palpate {
 
-/// How far every method's force is from the truth: direction and magnitude at random points near known
-/// surfaces, and how it changes along them, from prepared binary volumes and from exactly sampled ones.
-/// Errors: kInterrupted; kBadInput where there is not enough memory.
+/// Errors of every method's force relative to the exact one: direction and magnitude at random points near
+/// analytic surfaces, and changes along these, for prepared binary volumes and for exactly sampled ones.
+/// Errors: kInterrupted; kBadInput for insufficient memory.
 Result<std::vector<Figure>> run_accuracy(const Progress& progress);
 
-/// Most that a figure of the suite may be; nothing for figures without a limit.
+/// Limit of a figure of the suite; empty: no limit.
 std::optional<double> accuracy_limit(const std::string& figure);
 
 }  // namespace palpate

@@ -18,12 +18,12 @@ namespace palpate {
 namespace {
 
 constexpr double kSigma_mm = 1.5, kNarrowSigma_mm = 1.0;
-// where the truth is a quadrature over lines
+// number of points where the reference is a quadrature over lines
 constexpr std::size_t kQuadraturePoints = 1000;
 constexpr std::size_t kPaths = 64;
 constexpr int kPathSteps = 300;
 
-// At random across the surface, from the first of the case's points.
+// Random paths on the surface, starting at the first of the case's points.
 std::vector<std::vector<Point<Patient>>> paths_on(const AccuracyCase& shape) {
   std::vector<std::vector<Point<Patient>>> paths;
   if (!shape.with_paths) return paths;
@@ -62,7 +62,7 @@ struct Quantity {
 };
 constexpr Quantity kMagnitude{"magnitude", "percent", 100}, kDistance{"distance", "um", 1000};
 
-// The figures of one shape on one grid. The first error, an interruption among them, ends it.
+// Figures of one shape on one grid. It stops at the first error or an interruption.
 class GridBench {
  public:
   GridBench(const ShapeTruth& truth, const std::string& on, const GridGeometry& grid,
@@ -72,7 +72,7 @@ class GridBench {
   void add_voxelised() {
     const auto solid = kept(VoxelisedSolid::make(truth_.shape.shape, grid_));
     if (!solid) return;
-    // as a scene makes them, and with everything else that it may say of a method
+    // prepared as by a scene, with all other settings that a scene can give a method
     if (auto model = kept(solid->prepared(kSigma_mm, 2))) {
       for (const ForceMethodInfo& info : kDirectMethods)
         add_method(std::string(info.name) + on_, *model, info.method, values_of(info.method, truth_.wide));
@@ -83,7 +83,7 @@ class GridBench {
       model->method_settings.normals = NormalEncoding::kOctahedral24;
       add_method("stored-normals-oct24" + on_, *model, ForceMethod::kStoredNormals, truth_.wide.field);
     }
-    // the Gaussian sphere does not know this sigma
+    // the Gaussian sphere does not use this sigma
     if (const auto model = kept(solid->prepared(kNarrowSigma_mm, 2)))
       for (const ForceMethodInfo& info : kDirectMethods)
         if (info.method != ForceMethod::kGaussianSphere)
@@ -146,19 +146,19 @@ class GridBench {
     return *std::move(result);
   }
 
-  // a distance's gradient points outward, a ramp's inward
+  // the gradient of a distance points outward, that of a ramp inward
   static FieldSample as_ramp(const FieldSample& distance) { return {distance.value, -distance.gradient}; }
 
   AccuracyValues values_of(ForceMethod method, const SmoothedTruth& truth) const {
     if (method == ForceMethod::kSmoothSphere) return truth.smooth_sphere;
     if (method != ForceMethod::kGaussianSphere) return truth.field;
-    // one voxel wide
+    // a width of one voxel
     return weighted_solid(
         truth_.shape, {AxisWeight::gaussian(grid_.spacing_mm[0]), AxisWeight::gaussian(grid_.spacing_mm[1]),
                        AxisWeight::gaussian(grid_.spacing_mm[2])});
   }
 
-  // Without values for choppiness alone.
+  // Adds the figures of a method; without values only choppiness.
   void add_method(const std::string& path, const Model& model, ForceMethod method,
                   const AccuracyValues& values, WithChoppiness with_choppiness = kWithChoppiness) {
     if (!goes_on()) return;
@@ -181,7 +181,8 @@ class GridBench {
     add_spread(figures_, path + "/" + quantity.name, quantity.unit, std::move(error));
   }
 
-  // of the Gaussian sphere also the steps in which the nearest voxel changes apart from the others
+  // Adds choppiness; for the Gaussian sphere, steps in which the nearest voxel changes are reported
+  // separately.
   void add_choppiness(const std::string& path, const Sampler& sample, ForceMethod method) {
     const Transform<Voxel, Patient> X_VoxelPatient = grid_.X_PatientVoxel().inverse();
     std::vector<double> all, at_half_voxels, between;

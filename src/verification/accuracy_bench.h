@@ -8,30 +8,30 @@
 
 namespace palpate {
 
-/// What the value should be at the first of a case's points.
+/// Exact values at the first of a case's points.
 using AccuracyValues = std::vector<double>;
 
-/// What smoothing with a width makes of a shape, without voxels.
+/// Exact values of a shape smoothed with a given width, without voxels.
 struct SmoothedTruth {
   double sigma_mm = 0;
-  AccuracyValues field;          ///< a perfect Gaussian filter
-  AccuracyValues smooth_sphere;  ///< the smooth sphere's own kernel
+  AccuracyValues field;          ///< By an ideal Gaussian filter
+  AccuracyValues smooth_sphere;  ///< By the kernel of the smooth sphere
 };
 
-/// Everything that one shape is compared with, on every grid.
+/// Reference values of one shape, for all grids.
 struct ShapeTruth {
   explicit ShapeTruth(AccuracyCase felt);
 
   AccuracyCase shape;
-  std::vector<Eigen::Vector3d> normals;            ///< the surface's own, at its points
-  std::vector<std::vector<Point<Patient>>> paths;  ///< across it, for choppiness
+  std::vector<Eigen::Vector3d> normals;            ///< Exact surface normals at the points
+  std::vector<std::vector<Point<Patient>>> paths;  ///< Paths on the surface, for choppiness
   SmoothedTruth wide, narrow;
-  AccuracyValues profile;   ///< of the exactly sampled ramp
-  AccuracyValues distance;  ///< mm
+  AccuracyValues profile;   ///< For the exactly sampled ramp
+  AccuracyValues distance;  ///< Signed distance, mm
 };
 
-/// Every method's figures for one shape on a grid of that spacing; `on` ("sphere-20mm/0.3x0.3x0.3") is the
-/// middle of their names. Errors: those of preparing the volumes, kInterrupted.
+/// Figures of every method for one shape on a grid of that spacing. `on` ("sphere-20mm/0.3x0.3x0.3") is the
+/// middle part of their names. Errors: those of preparing the volumes, kInterrupted.
 Result<std::vector<Figure>> measure_on_grid(const ShapeTruth& truth, const std::string& on,
                                             const Eigen::Vector3d& spacing_mm, const Progress& progress);
 

@@ -12,9 +12,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kSphere_mm = 20, kCylinder_mm = 10, kMajor_mm = 20, kMinor_mm = 8;
-constexpr double kMargin_mm = 9;  // four sigma of 1.5 mm, the band and more than a voxel's diagonal
+constexpr double kMargin_mm = 9;  // four sigma of 1.5 mm, the band, and more than a voxel's diagonal
 
-// An orthonormal frame with no axis along the grid's; its third column is the shapes' axis.
+// An orthonormal frame oblique to the grid; its third column is the axis of the shapes.
 const Eigen::Matrix3d& tilted() {
   static const Eigen::Matrix3d frame =
       shortest_rotation(Vector3d::UnitZ(), Vector3d(0.36, 0.48, 0.8)).toRotationMatrix();
@@ -50,7 +50,7 @@ AccuracyCase sphere_case(int points) {
 
 AccuracyCase cylinder_case(int points) {
   const double along = 10;
-  // longer than any diagonal of the volume: its caps lie outside
+  // longer than any diagonal of the volume, so that its caps are outside
   const Point<Patient> end(100 * tilted().col(2)), start(-100 * tilted().col(2));
   return {"cylinder-10mm", Shape::cylinder(start, end, kCylinder_mm), kCylinder_mm + along + kMargin_mm,
           scatter(points, 2,
@@ -87,7 +87,7 @@ AccuracyCase torus_case(int points) {
       kMajor_mm + kMinor_mm + kMargin_mm,
       scatter(points, 4,
               [](AccuracyRandom& random) {
-                // evenly over the surface: less of it lies near the axis
+                // uniform on the surface: the area element is proportional to the distance from the axis
                 double around = 0;
                 do {
                   around = random.between(0, 2 * std::numbers::pi);

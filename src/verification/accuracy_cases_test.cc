@@ -31,7 +31,7 @@ TEST(AccuracyCases, PointsAreFarFromTheVolumesBorder) {
       const Point<Voxel> voxel = X_VoxelPatient * p;
       for (int a = 0; a < 3; ++a) {
         const double inwards = std::min(voxel[a], grid.dims[static_cast<std::size_t>(a)] - 1 - voxel[a]);
-        // four sigma and the central difference's own voxel
+        // four sigma and the voxel of the central difference
         EXPECT_GT(inwards * grid.spacing_mm[a], 4 * 1.5 + grid.spacing_mm[a]) << shape.name;
       }
     }
@@ -47,7 +47,7 @@ TEST(AccuracyCases, SmoothedSolidFallsAlongTheNormalAndIsHalfNearTheSurface) {
       const double slope =
           (shape.smoothed(on_surface + 1e-3 * n, 1.0) - shape.smoothed(on_surface - 1e-3 * n, 1.0)) / 2e-3;
       EXPECT_NEAR(slope, -1 / std::sqrt(2 * std::acos(-1.0)), 0.02) << shape.name;
-      // no slope aside
+      // the tangential slope is zero
       const Vector<Patient> aside(n.eigen().unitOrthogonal());
       const double drift = shape.smoothed(p + 1e-3 * aside, 1.0) - shape.smoothed(p - 1e-3 * aside, 1.0);
       EXPECT_NEAR(drift / 2e-3, 0, 2e-3) << shape.name;

@@ -61,7 +61,7 @@ Volume<float> ExactSolid::ramp(double sigma_mm) const {
   Volume<float> ramp(distance_mm_.geometry());
   std::transform(distance_mm_.voxels().begin(), distance_mm_.voxels().end(), ramp.voxels().begin(),
                  [&](float distance) {
-                   // beyond, what is missing is less than a float's step
+                   // beyond that the difference is less than float precision
                    if (std::abs(distance) > 6 * sigma_mm) return distance < 0 ? 1.f : 0.f;
                    return static_cast<float>(smoothed_half_space(distance, sigma_mm));
                  });

@@ -7,13 +7,13 @@
 
 namespace palpate {
 
-/// A solid voxelised by its voxels' centres, label 1, and what a scene's preparation makes of it.
+/// A solid voxelised by voxel centres with label 1, and the model that scene preparation makes of it.
 class VoxelisedSolid {
  public:
   static Result<VoxelisedSolid> make(const Shape& shape, const GridGeometry& grid);
 
-  /// Ready for every method, the field smoothed with `sigma_mm` and stored in 1 or 2 bytes a voxel.
-  /// Errors: those of gaussian_smooth.
+  /// Model that is ready for every method, with the field smoothed with `sigma_mm` and stored with 1 or 2
+  /// bytes per voxel. Errors: those of gaussian_smooth.
   Result<Model> prepared(double sigma_mm, int bytes_per_voxel) const;
 
  private:
@@ -22,17 +22,17 @@ class VoxelisedSolid {
   std::shared_ptr<const Bricks<LabelId>> labels_;
 };
 
-/// The same surface sampled exactly at every voxel's centre: neither voxelised nor filtered, so that what is
-/// left of an error is storage and interpolation.
+/// The same surface sampled exactly at every voxel centre, neither voxelised nor filtered, so that the
+/// remaining error is that of storage and interpolation.
 class ExactSolid {
  public:
   ExactSolid(const Shape& shape, const GridGeometry& grid);
 
-  /// The normal distribution of -distance / sigma, 1 inside: what a flat surface becomes.
+  /// Normal distribution function of -distance / sigma, 1 inside: exact for a flat surface.
   Volume<float> ramp(double sigma_mm) const;
-  /// The same as fractions of 255 or 65535.
+  /// The ramp quantised to multiples of 1/255 or 1/65535.
   Field ramp_field(double sigma_mm, int bytes_per_voxel) const;
-  /// The signed distance in steps of 0.0005 mm, held to 16 mm on either side.
+  /// Signed distance in steps of 0.0005 mm, clamped to 16 mm on either side.
   SignedField distance_field() const;
 
  private:

@@ -5,7 +5,7 @@
 
 #include "verification/accuracy.h"
 
-// The whole suite, as `palpate verify accuracy` runs it.
+// The whole suite, as run by `palpate verify accuracy`.
 namespace palpate {
 namespace {
 
@@ -29,7 +29,7 @@ TEST(AccuracyGate, EveryFigureIsThereOnceAndKeepsItsLimit) {
     EXPECT_TRUE(std::isfinite(figure.value) && figure.value >= 0) << figure.name;
     EXPECT_GE(figure.n, 300u) << figure.name;
     EXPECT_TRUE(figure.ok()) << figure.name << " " << figure.value << " > " << figure.limit.value_or(0);
-    // a limit so wide that nothing breaks it would be none
+    // limits have to be tight
     if (figure.limit) {
       EXPECT_LE(*figure.limit, 1.3 * figure.value + 0.02) << figure.name;
     }
@@ -41,8 +41,8 @@ TEST(AccuracyGate, EveryFigureIsThereOnceAndKeepsItsLimit) {
       EXPECT_EQ(figure.limit.has_value(), figure.name.ends_with("/p99")) << figure.name;
     }
   }
-  // 22 ways of 12 shapes and spacings with direction and magnitude or distance, 10 with choppiness of two
-  // shapes on three spacings, of the Gaussian spheres also at and between half voxels
+  // 22 variants with direction and magnitude or distance on 12 combinations of shape and spacing; 10 with
+  // choppiness of two shapes on three spacings, for the Gaussian spheres also at and between half voxels
   EXPECT_EQ(values.size(), 22u * 12 * 6 + 10u * 6 * 2 + 2u * 6 * 4);
   expect_mean_p99_max_in_order(values);
 }

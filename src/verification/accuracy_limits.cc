@@ -15,8 +15,8 @@ struct Limit {
   double mean, p99;
 };
 
-// What was measured when the method was built, and a tenth more: the suite has no chance in it, so a
-// figure that moves by more means that the method changed.
+// Measured values at the time the method was implemented, plus 10 %. The suite is deterministic, so a larger
+// value indicates a change of the method.
 constexpr std::array kLimits = std::to_array<Limit>({
     {"trilinear/sphere-20mm/0.28x0.28x1.0/direction", 0.713, 4.543},
     {"trilinear/sphere-20mm/0.28x0.28x1.0/magnitude", 0.281, 2.890},
@@ -116,8 +116,8 @@ constexpr std::array kLimits = std::to_array<Limit>({
     {"trilinear-u8/torus-20-8mm/0.3x0.3x0.3/magnitude", 0.100, 0.399},
 });
 
-// The same of what came later, by method and shape (then what stands between spacing and quantity): direction
-// in degrees, mean and p99, on the three spacings in turn.
+// The same for methods added later, by method and shape (followed by the part of the name between spacing and
+// quantity): direction in degrees, mean and p99, for the three spacings in order.
 struct Direction {
   double mean, p99;
 };
@@ -228,7 +228,7 @@ constexpr std::array kChoppinessLimits = std::to_array<ChoppinessLimits>({
     {"trilinear-u8/torus-20-8mm", {0.117, 0.098, 0.134}},
 });
 
-// method/shape/spacing[/more]/quantity without its spacing and quantity
+// parts of the name method/shape/spacing[/more]/quantity, without spacing and quantity
 struct Place {
   std::string shape;
   std::size_t spacing;

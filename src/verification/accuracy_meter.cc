@@ -38,7 +38,7 @@ std::vector<Point<Patient>> constant_depth_path(const Shape& shape, const Point<
   for (int n = 0; n < count; ++n) {
     ahead = (ahead - ahead.dot(normal) * normal).normalized();
     Point<Patient> next = path.back() + Vector<Patient>(step_mm * ahead);
-    // back to the depth: the distance is exact, so one correction along the normal is
+    // restore the depth: the distance is exact, so a single correction along the normal suffices
     normal = shape.normal(next).eigen();
     next += Vector<Patient>((depth - shape.distance_mm(next)) * normal);
     path.push_back(next);

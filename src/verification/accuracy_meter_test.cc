@@ -71,7 +71,7 @@ TEST(ConstantDepthPath, KeepsItsDepthAndItsStepsOnATorus) {
     EXPECT_NEAR(torus.distance_mm(path[n]), depth, 1e-8);
     EXPECT_NEAR((path[n] - path[n - 1]).norm(), kStep, 1e-7);
   }
-  // straight ahead: it turns with the surface, not on it
+  // geodesic: the path bends only along the normal
   for (std::size_t n = 1; n + 1 < path.size(); ++n) {
     const Vector3d bend = (path[n + 1] - path[n]).eigen() - (path[n] - path[n - 1]).eigen();
     const Vector3d normal = torus.normal(path[n]).eigen();
@@ -80,7 +80,7 @@ TEST(ConstantDepthPath, KeepsItsDepthAndItsStepsOnATorus) {
 }
 
 TEST(ForceChanges, FollowFromAKnownGradient) {
-  // the value climbs evenly, the direction stays: |g . u| a step along u
+  // linear value and constant direction: |g . u| per step along u
   const Vector<Patient> gradient(0.1, -0.05, 0.2);
   const Sampler ramp = [&](const Point<Patient>& p) {
     return FieldSample{0.5 + gradient.dot(p - Point<Patient>()), gradient};
@@ -99,7 +99,7 @@ TEST(ForceChanges, OfAPerfectBallAreItsCurvaturesAlone) {
     return FieldSample{smoothed_ball(p.eigen().norm(), 20, 1.5), Vector<Patient>(-p.eigen())};
   };
   const auto path = constant_depth_path(Shape::sphere({}, 20), {radius, 0, 0}, {0, 1, 1}, kStep, 500);
-  // a constant force that turns by step / radius
+  // a constant force that rotates by step / radius
   const double expected = 100 * smoothed_ball(radius, 20, 1.5) * kStep / radius;
   for (const double change : force_changes_percent(ball, path)) EXPECT_NEAR(change, expected, 1e-6);
 }
@@ -115,7 +115,7 @@ TEST(ForceChanges, NoticeAJumpOfTheValueAndOfTheDirection) {
   };
   EXPECT_NEAR(jump_of({0.5, {1, 0, 0}}, {0.53, {1, 0, 0}}), 3, 1e-9);
   EXPECT_NEAR(jump_of({0.5, {1, 0, 0}}, {0.5, {0, 2, 0}}), 50 * std::numbers::sqrt2, 1e-9);
-  // no direction, no force
+  // without a gradient there is no direction, and no force
   EXPECT_NEAR(jump_of({0.5, {1, 0, 0}}, {0.5, {0, 0, 0}}), 50, 1e-9);
 }
 

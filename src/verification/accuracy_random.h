@@ -8,7 +8,7 @@
 
 namespace palpate {
 
-/// The same sequence with every standard library, which its distributions are not.
+/// Random numbers that are identical with every standard library, unlike those of its distributions.
 class AccuracyRandom {
  public:
   explicit AccuracyRandom(std::uint64_t seed) : engine_(seed) {}

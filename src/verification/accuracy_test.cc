@@ -13,8 +13,8 @@
 #include "palpate/base/force_method.h"
 #include "verification/accuracy_bench.h"
 
-// The founding work's voxels with every shape, and the plane on all three spacings; accuracy_gate_test.cc
-// runs the suite itself.
+// The original voxel size with every shape, and the plane on all three spacings; accuracy_gate_test.cc runs
+// the whole suite.
 namespace palpate {
 namespace {
 
@@ -70,7 +70,7 @@ void expect_limits_kept() {
     EXPECT_TRUE(figure.ok()) << name << " " << figure.value << " > " << figure.limit.value_or(0);
 }
 
-// What the project asks for, whatever was measured.
+// Requirements of the project, independent of the measured values.
 void expect_limits_as_asked() {
   const std::string exact = founding("b-spline-exact-int16", "sphere-20mm", "direction/");
   EXPECT_LE(accuracy_limit(exact + "mean").value(), 0.05);
@@ -83,8 +83,8 @@ void expect_limits_as_asked() {
                   1);
 }
 
-// A difference over +-h shortens the gradient along axis i by the profile's mean slope over h n_i: unequal
-// spacings turn it. On exact samples of a plane that is all that is wrong, most at the surface.
+// A difference over +-h reduces the gradient along axis i to the profile's mean slope over h n_i, so unequal
+// spacings rotate it. On exact samples of a plane this is the only error, and it is largest at the surface.
 double turned_by_differences_deg(const Eigen::Vector3d& spacing, double sigma) {
   const Eigen::Vector3d n(0.36, 0.48, 0.8);
   Eigen::Vector3d gradient;
@@ -103,20 +103,21 @@ void expect_exact_plane_turned_by_differences_alone() {
 }
 
 void expect_exact_plane_errs_by_interpolation_alone() {
-  // at most h^2 / 8 of the profile's second derivative, which is at most 0.242 / sigma^2, and half a stored
-  // step
+  // at most h^2 / 8 times the second derivative of the profile, which is at most 0.242 / sigma^2, plus half a
+  // quantisation step
   const double most = 100 * (0.242 / (1.5 * 1.5) * 0.3 * 0.3 / 8 + 0.5 / 65535);
   EXPECT_LT(value("trilinear-exact-u16/tilted-plane/0.3x0.3x0.3/magnitude/max"), most);
   EXPECT_GT(value("trilinear-exact-u16/tilted-plane/0.3x0.3x0.3/magnitude/max"), 0.5 * most);
 }
 
-// On a plane the interpolant of exact distances is exact: what is left is half a step, in micrometres.
+// On a plane the interpolant of exact distances is exact: the remaining error is half a quantisation step, in
+// micrometres.
 void expect_exact_distances_of_a_plane_off_by_half_a_step() {
   for (const AccuracySpacing& spacing : accuracy_spacings())
     EXPECT_LE(value("trilinear-exact-distance-int16/tilted-plane/" + spacing.name + "/distance/max"), 0.26);
 }
 
-// The value of stored normals is off by the weights that it interpolates with, voxelised or not.
+// The error of stored normals is dominated by the interpolation weights, voxelised or not.
 void expect_exact_samples_better_than_voxelised() {
   for (const char* shape : {"sphere-20mm", "cylinder-10mm", "torus-20-8mm"}) {
     for (const char* method : {"trilinear", "b-spline", "stored-normals"}) {
@@ -140,7 +141,7 @@ void expect_more_bits_better() {
                                        {"trilinear-u8", "trilinear"},
                                        {"b-spline-u8", "b-spline"},
                                        {"stored-normals-oct16", "stored-normals-oct24"}}) {
-      // normals that differ by tenths of a degree are averaged away on a flat side
+      // on a flat side normals that differ by tenths of a degree average out
       if (std::string_view(coarse) == "stored-normals-oct16" && std::string_view(shape) == "tilted-plane")
         continue;
       EXPECT_GT(value(founding(coarse, shape, "direction/mean")),
@@ -150,7 +151,7 @@ void expect_more_bits_better() {
   }
 }
 
-// The analytic gradient has no difference to flatten it.
+// The analytic gradient is not flattened by finite differences.
 void expect_spline_better_than_differences() {
   for (const char* shape : kShapes)
     EXPECT_LT(value(founding("b-spline-exact-int16", shape, "direction/mean")),
@@ -166,7 +167,7 @@ void expect_narrower_worse() {
           << method << shape;
 }
 
-// 100 f / radius of curvature of a force that does not jump: nothing can be smoother.
+// 100 f / radius of curvature for a continuous force is the lower bound.
 void expect_smooth_methods_change_as_the_surface_curves() {
   const double of_sphere = 100 * 0.5 * 0.01 / 20;
   for (const char* method : {"trilinear", "b-spline", "smooth-sphere"}) {
@@ -175,19 +176,19 @@ void expect_smooth_methods_change_as_the_surface_curves() {
   }
 }
 
-// Between half voxels the published sphere is smooth; there the window moves by a plane of voxels.
+// The published sphere is smooth between half voxels; at half voxels its window moves by a plane of voxels.
 void expect_gaussian_sphere_to_jump_at_half_voxels_alone() {
   for (const char* method : {"gaussian-sphere", "gaussian-sphere-sigma-2"}) {
     const double jumps = value(founding(method, "sphere-20mm", "choppiness-at-half-voxels/max"));
     EXPECT_GT(jumps, 5 * value(founding(method, "sphere-20mm", "choppiness-between/max")));
     EXPECT_EQ(jumps, value(founding(method, "sphere-20mm", "choppiness/max")));
   }
-  // the largest weight that enters or leaves: a plane of the window 2.5 voxels away, half of it full
+  // largest weight that enters or leaves: a plane of the window 2.5 voxels away, half of it full
   EXPECT_GT(value(founding("gaussian-sphere-sigma-2", "sphere-20mm", "choppiness-at-half-voxels/max")),
             value(founding("gaussian-sphere", "sphere-20mm", "choppiness-at-half-voxels/max")));
 }
 
-// one test, because the figures take seconds
+// a single test, because the figures take seconds
 TEST(Accuracy, FiguresKeepTheirLimitsAndAreAsPhysicsSays) {
   expect_every_method_measured();
   expect_limits_kept();

@@ -10,11 +10,11 @@
 namespace palpate {
 namespace {
 
-constexpr double kGaussianReach = 5.5;  // in sigma: beyond lies less than 4e-8 of a Gaussian
+constexpr double kGaussianReach = 5.5;  // in units of sigma; the tail beyond is less than 4e-8 of a Gaussian
 constexpr int kNodes = 20;
 
-// Where along a line of which both ends' distances differ in sign the surface is crossed: by false position,
-// halving the weight of an end that stays (Illinois).
+// Root of the distance on a line segment whose ends have different signs, by the Illinois variant of false
+// position.
 template <class Distance>
 double crossing(const Distance& distance, double a, double at_a, double b, double at_b) {
   double x = a;
@@ -34,13 +34,13 @@ double crossing(const Distance& distance, double a, double at_a, double b, doubl
   return x;
 }
 
-// Integral of the weight over the part of the line that lies inside.
+// Integral of the weight over the part of the line inside the solid.
 template <class Distance>
 double weight_inside(const Distance& distance, const AxisWeight& weight) {
   const double reach = weight.reach_mm(), min_step = reach / 256;
   double sum = 0, x = -reach, at_x = distance(x);
   while (x < reach) {
-    // nothing is crossed within the distance
+    // sphere tracing: there is no crossing within the distance
     const double next = std::min(x + std::max(std::abs(at_x), min_step), reach), at_next = distance(next);
     if ((at_x < 0) != (at_next < 0)) {
       const double passed = weight.integral(crossing(distance, x, at_x, next, at_next));
@@ -87,7 +87,7 @@ double smoothed_solid(const Shape& shape, const Point<Patient>& p, const std::ar
   const auto weight_of = [&](Eigen::Index axis) { return weights[static_cast<std::size_t>(axis)]; };
   const AxisWeight w_along = weight_of(along), w_aside = weight_of(aside), w_across = weight_of(across);
 
-  // over the lines
+  // quadrature over the lines
   double sum = 0;
   for (std::size_t i = 0; i < kNodes; ++i) {
     for (std::size_t j = 0; j < kNodes; ++j) {

@@ -38,7 +38,7 @@ TEST(AxisWeight, IntegratesItsDensityToOne) {
     EXPECT_EQ(weight.integral(-weight.reach_mm()), 0);
     EXPECT_EQ(weight.integral(weight.reach_mm()), 1);
     EXPECT_EQ(weight.density(1.001 * weight.reach_mm()), 0);
-    // R = 3 sigma has a Gaussian's second moment
+    // with R = 3 sigma the second moment equals that of the Gaussian
     EXPECT_NEAR(second_moment, weight.reach_mm() == 4.5 ? 1.5 * 1.5 : 0.7 * 0.7, 1e-5);
   }
 }
@@ -69,7 +69,7 @@ TEST(SmoothedSolid, OfUnequalGaussiansIsAHalfSpacesOwnWidth) {
         smoothed_half_space(distance, across), 1e-6);
 }
 
-// Nothing in common with the lines: the weights summed over a lattice of points inside.
+// Independent reference: the weights summed over a lattice of points inside.
 double lattice_sum(const Shape& shape, const Point<Patient>& p, const std::array<AxisWeight, 3>& weights,
                    int count) {
   double sum = 0;
@@ -113,13 +113,13 @@ TEST(SmoothedSolid, OfACompactWeightIsOneInsideAndZeroOutside) {
   const Shape ball = Shape::sphere({}, 20);
   EXPECT_NEAR(smoothed_solid(ball, {12.1, 0, 0}, compact(4.5)), 1, 1e-9);
   EXPECT_EQ(smoothed_solid(ball, {0, 24.6, 0}, compact(4.5)), 0);
-  // a wall across an axis is the weight's own integral
+  // for a half-space normal to an axis the result is the integral of the weight
   const Shape wall = Shape::half_space({}, {0, 1, 0});
   EXPECT_NEAR(smoothed_solid(wall, {3, 1.2, -7}, compact(4.5)), AxisWeight::compact(4.5).integral(-1.2),
               1e-7);
 }
 
-// A thin plate is crossed twice within the reach, and a line may miss it.
+// A thin plate has two crossings within the reach, and a line may miss it.
 TEST(SmoothedSolid, SeesBothSidesOfAThinSolid) {
   const Shape plate = Shape::box({}, {50, 50, 0.25});
   const AxisWeight weight = AxisWeight::gaussian(1);

@@ -7,10 +7,10 @@
 namespace palpate {
 namespace {
 
-// below it the slope is rounding and has no direction, as for the force methods
+// a smaller gradient is rounding error without a direction, as for the force methods
 constexpr double kFlat_per_mm = 1e-6;
 
-// of the eight voxels around a place that is given in voxels; 0 outside
+// trilinear interpolation at a point in voxel coordinates; 0 outside
 template <class T>
 double value_at(const Bricks<T>& voxels, const Eigen::Vector3d& place) {
   std::array<int, 3> first{};

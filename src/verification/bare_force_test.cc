@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-// the two share nothing but the field
+// independent implementations with only the field in common
 TEST(BareForce, IsTheForceOfTheTrilinearMethod) {
   constexpr unsigned kSeed = 11;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
@@ -26,10 +26,10 @@ TEST(BareForce, IsTheForceOfTheTrilinearMethod) {
   int pushed = 0;
   for (const Field* field : {&*model.field, &in_eight_bits}) {
     for (int n = 0; n < 3000; ++n) {
-      // some outside the volume, which ends at 30 mm
+      // some points are outside the volume, which ends at 30 mm
       const Point<Patient> tip(place(random), place(random), place(random));
       FieldSample sample = sample_central_differences(*field, tip);
-      // a slope of rounding alone has any direction
+      // a gradient that is only rounding error has an arbitrary direction
       if (sample.gradient.norm() < 1e-6) sample.gradient = {};
       const Vector<Patient> expected = normal_force(sample, 3);
       EXPECT_LT((bare_force_N(*field, 3, tip) - expected).norm(), 1e-9) << tip.eigen().transpose();

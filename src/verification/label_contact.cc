@@ -27,7 +27,7 @@ const NamedGrid kGrids[] = {{"0.36x0.36x0.7", {0.36, 0.36, 0.7}},
                             {"0.625x0.625x0.9", {0.625, 0.625, 0.9}}};
 constexpr double kRadii_mm[] = {0, 0.5, 1.5, 3};
 
-// labels by place, the box around the origin
+// label map by position, in a box around the origin
 Volume<LabelId> labelled(const Eigen::Vector3d& size_mm, const Eigen::Vector3d& spacing_mm,
                          const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
   GridGeometry grid;
@@ -46,7 +46,7 @@ Volume<LabelId> labelled(const Eigen::Vector3d& size_mm, const Eigen::Vector3d& 
   return labels;
 }
 
-// what a scene feels of labels 1, 2, ..., prepared as a scene is
+// contact surfaces of labels 1, 2, ..., prepared as for a scene
 Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
                                                 const std::vector<double>& stiffness_N_per_mm) {
   auto model = std::make_shared<Model>();
@@ -65,7 +65,7 @@ Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
   return (*ready)->surfaces;
 }
 
-/// A tip that is led about without friction.
+/// A tip that is moved along a path without friction.
 class Led {
  public:
   Led(const std::vector<ContactSurface>& surfaces, double radius_mm)
@@ -119,10 +119,10 @@ struct Terrace {
   }
 };
 
-/// A half space that is tilted to the slices.
+/// A half-space with a surface oblique to the slices.
 struct TiltedPlane {
   std::vector<ContactSurface> surfaces;
-  Eigen::Vector3d up, along, middle;  ///< along: its steepest line
+  Eigen::Vector3d up, along, middle;  ///< `along`: direction of steepest ascent
 };
 
 Result<TiltedPlane> tilted_plane(const Eigen::Vector3d& spacing_mm, double tilt_deg, AccuracyRandom& random) {
@@ -143,7 +143,7 @@ Result<TiltedPlane> tilted_plane(const Eigen::Vector3d& spacing_mm, double tilt_
   return plane;
 }
 
-// 16 mm along its steepest line, 1 mm below it
+// 16 mm in the direction of steepest ascent, at a depth of 1 mm
 Terrace terrace(const TiltedPlane& plane, double radius_mm) {
   Led tool(plane.surfaces, radius_mm);
   constexpr double kHalfWay_mm = 8, kBefore_mm = 1;
@@ -172,7 +172,7 @@ struct TerraceLimits {
   std::optional<double> drag_percent = 1;
 };
 
-// what is wanted; at 2 degrees a step between two slices is 20 to 30 mm long
+// required limits; at 2 degrees a step between two slices is 20 to 30 mm long
 TerraceLimits limits_of(double tilt_deg, const NamedGrid& grid) {
   const bool coarse = grid.spacing_mm.x() > 0.6;
   if (tilt_deg < 5) return {35, 2.5, std::nullopt};
@@ -215,7 +215,7 @@ Result<void> add_terraces(const LabelContactEffort& effort, const Progress& prog
 
 // ---- seams
 
-// 1 mm deep across the seam of two labels with one flat top, and along it
+// slides at a depth of 1 mm across the seam of two labels with a common flat top, and along it
 Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
   // by quantity
   std::array<std::vector<Figure>, 3> found;
@@ -234,7 +234,7 @@ Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
                                }),
                       {1, 1});
       if (!surfaces) return surfaces.error();
-      // voxels end midway between the last centre below 0 and the first above
+      // the voxel boundary is midway between the last centre below 0 and the first above
       const double top_mm = 0.5 * grid.spacing_mm.z();
       for (const double radius_mm : kRadii_mm)
         for (const double heading : {0.0, 0.7, 1.4}) {
@@ -264,14 +264,14 @@ Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
   return {};
 }
 
-// ---- what lies beneath
+// ---- layers beneath
 
 struct Beneath {
   const char* name;
   double soft_N_per_mm, thick_mm;
 };
 
-// into soft tissue on bone of 1.5 N/mm, from above, 5 mm into the bone
+// presses into soft tissue on bone of 1.5 N/mm, from above, 5 mm into the bone
 Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) {
   constexpr double kBone_N_per_mm = 1.5, kIntoBone_mm = 5;
   for (const Beneath& soft :
@@ -279,7 +279,7 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
     if (progress.stopped()) return Progress::interrupted();
     double off_percent = 0, share_off_percent = 0;
     std::uint64_t n = 0;
-    // slices on which both borders lie midway between centres
+    // grid on which both interfaces are midway between slice centres
     const Eigen::Vector3d spacing_mm(0.36, 0.36, 0.5);
     const auto surfaces = surfaces_of(labelled({26, 26, 2 * (soft.thick_mm + 12)}, spacing_mm,
                                                [&](const Eigen::Vector3d& p) {
@@ -294,12 +294,12 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
       tool.at({0, 0, 5});
       for (double deep_mm = -3; deep_mm < soft.thick_mm + kIntoBone_mm; deep_mm += 0.05) {
         const ProxyResult& result = tool.at({0, 0, 0.25 + radius_mm - deep_mm});
-        // where a border is off by its 0.05 mm, stiffness times that is much of a small force
+        // near an interface its error of 0.05 mm times the stiffness is a large fraction of a small force
         if (deep_mm < 1 || std::abs(deep_mm - soft.thick_mm) < 0.5) continue;
         const double in_soft_mm = std::min(deep_mm, soft.thick_mm), in_bone_mm = deep_mm - in_soft_mm;
         const double soft_N = soft.soft_N_per_mm * in_soft_mm, bone_N = kBone_N_per_mm * in_bone_mm;
         off_percent = std::max(off_percent, 100 * std::abs(result.force_N.norm() / (soft_N + bone_N) - 1));
-        // label 1 is surface 0
+        // surface 0 is label 1
         double told = 0;
         for (int part = 0; part < result.felt_parts; ++part)
           if (result.felt[static_cast<std::size_t>(part)].structure == 0)
@@ -368,7 +368,8 @@ Result<SheetPresses> press_sheet(const Sheet& sheet, int presses, std::uint64_t 
   for (int n = 0; n < presses; ++n) {
     const Eigen::Vector3d askew =
         right * random.between(-0.35, 0.35) + ahead * random.between(-0.35, 0.35) - sheet.up;
-    const Eigen::Vector3d way = askew.normalized() * random.between(0.1, 0.5);  // a millisecond's
+    // displacement per millisecond
+    const Eigen::Vector3d way = askew.normalized() * random.between(0.1, 0.5);
     const int timing = static_cast<int>(random.between(0, 3));
     Eigen::Vector3d tip =
         right * random.between(-2, 2) + ahead * random.between(-2, 2) + sheet.up * (sheet.thick_mm + 1.5);

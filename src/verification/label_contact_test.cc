@@ -28,7 +28,7 @@ TEST(LabelContact, CanBeInterrupted) {
   EXPECT_EQ(figures.error().kind, ErrorKind::kInterrupted);
 }
 
-// how many presses on sheets; PALPATE_TEST_PRESSES says another number
+// number of presses on sheets; overridden by PALPATE_TEST_PRESSES
 int sheet_presses(int usually) {
   const char* asked = std::getenv("PALPATE_TEST_PRESSES");
   return asked != nullptr ? std::atoi(asked) : usually;
@@ -36,7 +36,7 @@ int sheet_presses(int usually) {
 
 struct PressedSheets {
   label_contact::SheetPresses presses;
-  int sheets = 0, leaky = 0, open = 0, open_and_not_leaky = 0;  // open: something went through
+  int sheets = 0, leaky = 0, open = 0, open_and_not_leaky = 0;  // `open`: something passed through
 };
 
 PressedSheets press_sheets(int voxels, label_contact::Joined joined, int presses) {
@@ -79,7 +79,7 @@ TEST(Sheets, WhatLetsSomethingThroughIsToldOf) {
   for (const int voxels : {1, 2}) {
     const PressedSheets all = press_sheets(voxels, label_contact::Joined::kByEdges, sheet_presses(400));
     EXPECT_EQ(all.open_and_not_leaky, 0);
-    // there is something to be told of
+    // the test is not vacuous
     if (voxels == 1) {
       EXPECT_GT(all.open, all.sheets / 2);
     }

@@ -9,13 +9,14 @@ namespace {
 
 constexpr double kRates_hz[] = {1000, 2000, 4000, 8000, 10000};
 constexpr double kDefaultSeconds = 3, kMinSeconds = 0.05, kMaxSeconds = 3600;
-// who else runs changes less within two of these than it does from second to second
+// short blocks, because the load on the machine varies less between adjacent blocks than from second to
+// second
 constexpr double kMaxBlock_s = 0.25;
 
 constexpr double kMaxLatenessRatio = 1.2;
-// fewer ticks tell of a p99 by fewer than ten of them
+// with fewer ticks a p99 is based on fewer than ten samples
 constexpr std::uint64_t kMinTicksForLimits = 1000;
-// of the founding force alone, written out plainly
+// limit relative to the reference implementation of the founding force
 constexpr double kMaxTickRatio = 15;
 
 constexpr int kRounds = 9;
@@ -43,7 +44,7 @@ void add_ratio(std::vector<Figure>& figures, const std::string& name, const Late
   figures.push_back({name, pair.servo_us / pair.bare_us, "ratio", n, limit});
 }
 
-// the servo loop refuses a rate and a spin by itself, once the scene is loaded
+// validated before the scene is loaded, although the servo loop rejects invalid values itself
 std::optional<Error> out_of_range(const SuiteOptions& options) {
   const double seconds = options.seconds.value_or(kDefaultSeconds);
   if (seconds >= kMinSeconds && seconds <= kMaxSeconds) return std::nullopt;
@@ -58,7 +59,7 @@ Result<PaceFigures> measure_pace(const LoadedScene& loaded, const PalpationPath&
   const std::string stage = number(settings.rate_hz / 1000) + " kHz beside a bare loop";
   for (int block = 0; block < blocks; ++block) {
     progress.report(stage, static_cast<double>(block) / blocks);
-    // what grows or falls all the while is met first by the one and then by the other
+    // alternating order cancels linear drifts
     for (const bool servo : {block % 2 == 0, block % 2 != 0}) {
       const auto measured = servo ? meter->servo_block(seconds / blocks, progress)
                                   : meter->bare_block(seconds / blocks, progress);
@@ -69,14 +70,13 @@ Result<PaceFigures> measure_pace(const LoadedScene& loaded, const PalpationPath&
   return meter->figures();
 }
 
-// what the direct methods read knows nothing of what a burr takes away
+// the field of the direct methods does not change when a burr removes tissue
 bool can_be_felt_by(ForceMethod method, const Model& model) {
   if (method == ForceMethod::kProxy) return true;
   return !model.cuts() && check_force_field(model, method).ok();
 }
 
-// the same figures of tick and whole update side by side, by each method that can be chosen; one at a time is
-// ready
+// figures of the tick and of the whole update for each selectable method; one method is prepared at a time
 Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, const PalpationPath& path,
                                                  const Progress& progress) {
   std::vector<Figure> figures;
@@ -110,7 +110,7 @@ Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, cons
   return figures;
 }
 
-// figures of all rates, those of one kind together, as tables want them
+// groups the figures of all rates by kind, as required by the table
 std::vector<Figure> sorted_by_kind(const std::vector<Figure>& figures) {
   const auto kind_of = [](const Figure& figure) {
     return figure.name.find("/share/") != std::string::npos   ? 1
@@ -132,7 +132,7 @@ double lateness_ratio_limit(double bare_us, double compute_us) {
 std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace) {
   const std::string base = number(rate_hz / 1000) + "-kHz";
   const bool limited = std::min(pace.ticks, pace.bare_ticks) >= kMinTicksForLimits;
-  // what an ordinary thread gets depends on who else runs
+  // the lateness of a thread without real-time priority depends on other load
   const bool lateness_limited = limited && pace.scheduling.realtime;
   std::vector<Figure> figures;
 

@@ -5,21 +5,22 @@
 
 namespace palpate {
 
-/// How the servo keeps time on this machine, beside a bare loop, and how fast it could go: notes and figures
+/// Timing of the servo on this machine relative to a bare loop, and its free-running speed: notes and figures
 /// of the suite `latency`.
 Result<SuiteReport> run_latency(const SuiteOptions& options, const Progress& progress, const Warn& warn);
 
-/// The same of a scene that is loaded; options.scene is ignored.
+/// Same for a loaded scene; options.scene is ignored.
 Result<SuiteReport> measure_latency(const LoadedScene& loaded, const SuiteOptions& options,
                                     const Progress& progress = {});
 
 /// The figures of one rate.
 std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace);
 
-/// Most that lateness of the servo may be of the bare loop's: a fifth more, or what a tick takes where that
-/// is more; no scheduler is better than the one, and nobody feels the other.
+/// Limit of the ratio of the servo's lateness to the bare loop's: 1.2, or the ratio that results from the
+/// duration of a tick if that is greater. Schedulers do not reproduce lateness any better than the former,
+/// and the latter is imperceptible.
 /// @param bare_us     > 0
-/// @param compute_us  of a tick in the same blocks
+/// @param compute_us  duration of a tick in the same blocks
 double lateness_ratio_limit(double bare_us, double compute_us);
 
 }  // namespace palpate

@@ -14,20 +14,20 @@
 namespace palpate {
 namespace {
 
-// updates between two emptyings of the ring: far less than it holds
+// updates between two drains of the ring, far fewer than its capacity
 constexpr std::size_t kBatch = 500;
 constexpr double kRate_hz = 4000;
 constexpr auto kPoll = std::chrono::milliseconds(5);
 
-// of the calling thread alone: who else runs on the machine does not count, only what he leaves of the caches
+// processor time of the calling thread, so that other threads only matter by their effect on the caches
 std::int64_t busy_ns() noexcept {
   timespec busy{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &busy);
   return static_cast<std::int64_t>(busy.tv_sec) * 1'000'000'000 + busy.tv_nsec;
 }
 
-/// Plays a path to the servo as fast as the servo takes it. Until it is given the ring, and when it has
-/// played all rounds, it keeps the loop's own pace.
+/// Feeds a path to the servo without waiting. Before it gets the ring, and after all rounds, it keeps the
+/// loop's own pace.
 class PathDriver final : public DeviceDriver {
  public:
   PathDriver(const PalpationPath& path, int rounds)
@@ -42,7 +42,7 @@ class PathDriver final : public DeviceDriver {
 
   void go(SpscRing<TickRecord>& ring) { ring_.store(&ring); }
   bool done() const { return done_.load(); }
-  /// ns an update, once done().
+  /// Time per update in each round, ns; valid once done().
   const std::vector<double>& round_ns() const { return round_ns_; }
 
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
@@ -64,7 +64,7 @@ class PathDriver final : public DeviceDriver {
     servo.update({&sample, 1}, commands_);
   }
 
-  // the whole path once; ns an update
+  // plays the whole path once; returns ns per update
   double play(ServoFunction& servo) noexcept {
     std::int64_t timed_ns = 0;
     for (std::size_t begin = 0; begin < samples_.size(); begin += kBatch) {
@@ -110,7 +110,7 @@ std::vector<double> time_ticks(const Model& model, const PalpationPath& path, Fo
 
 TickCost time_ticks_beside_bare(const Model& model, const PalpationPath& path, ForceMethod method,
                                 int rounds) {
-  // a slice of each takes about as long
+  // slice lengths are chosen so that both take about the same time
   constexpr std::size_t kSlice = 250;
   constexpr int kRepeats = 4;
   Parameters parameters = path.parameters;
@@ -139,7 +139,7 @@ TickCost time_ticks_beside_bare(const Model& model, const PalpationPath& path, F
       ratios.push_back(ticks_ns.back() / bares_ns.back());
     }
   }
-  // looked at, so that it is computed
+  // prevents the computation from being optimised away
   PALPATE_CHECK(sum_N.all_finite());
   return {median(ticks_ns), median(bares_ns), median(ratios)};
 }
@@ -174,7 +174,7 @@ Result<std::vector<double>> time_updates(std::shared_ptr<const Model> model, con
   PathDriver driver(path, rounds);
   LoopSettings settings;
   settings.rate_hz = kRate_hz;
-  // a real-time thread that never sleeps is held back by the kernel
+  // the kernel throttles a real-time thread that never sleeps
   settings.realtime = false;
   auto loop = ServoLoop::start(std::move(model), driver, parameters, {path.workspace}, settings);
   if (!loop) return loop.error();

@@ -5,17 +5,17 @@
 #include "loading/test_loading.h"
 #include "verification/latency.h"
 
-/// The gate of continuous integration: the servo is no later than a loop with nothing in it. A program of its
-/// own, whose short blocks of the two in turn meet the same machine.
+/// Gate of continuous integration: the servo's lateness does not exceed that of an empty loop. A separate
+/// program, with short alternating blocks of both.
 namespace palpate {
 namespace {
 
 constexpr double kRate_hz = 1000, kBlock_s = 0.2;
-// a look after so many pairs; what a machine that is busy elsewhere does to a few of them, more outweigh
+// number of pairs per evaluation and of evaluations; disturbances of single pairs are outweighed
 constexpr int kPairs = 8, kLooks = 3;
 
-// p50 and p99 alone: what lies beyond is the hypervisor's. An ordinary thread's p99 belongs to whoever else
-// runs.
+// only p50 and p99: higher percentiles are dominated by the hypervisor. Without real-time priority the p99
+// depends on other load.
 bool keeps_up(const PaceFigures& pace) {
   const auto within = [&](const LatenessPair& pair) {
     return pair.servo_us <= pair.bare_us * lateness_ratio_limit(pair.bare_us, pace.compute.p50_us);

@@ -15,19 +15,19 @@ namespace palpate {
 namespace {
 
 constexpr double kWarmUp_s = 0.2;
-// how often the calling thread wakes up, in both kinds of block
+// wake-up interval of the calling thread, in both kinds of block
 constexpr auto kMeterPoll = std::chrono::milliseconds(5);
-// how far ahead the hand is told where to go: it never has to wait for the calling thread
+// lead time of the commanded hand positions, so that the hand never waits for the calling thread
 constexpr double kAhead_s = 0.02;
 
-// where the clock cannot tell that a loop was late
+// resolution limit of the clock
 constexpr double kLeast_us = 1e-3;
 
 LatenessPair pair_of(double servo_us, double bare_us) {
   return {servo_us, std::max(bare_us, kLeast_us)};
 }
 
-// the pair whose ratio so many parts of all do not reach; of two the greater one. None: zeros
+// pair at a quantile of the ratios, rounded up; zeros if there are none
 LatenessPair pair_at(std::vector<LatenessPair> pairs, double part) {
   if (pairs.empty()) return {};
   const auto place = pairs.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(pairs.size()));
@@ -41,10 +41,10 @@ std::int64_t ns_of(double seconds) {
   return std::llround(seconds * 1e9);
 }
 
-// A proxy is felt only by a tip that was free before: a stroke begins so long before the touch.
+// The proxy only couples to a tip that has been in free space, so a stroke starts this long before contact.
 constexpr double kLeadIn_s = 0.1;
 
-// leads a hand into the touching part of a path and along it, to and fro, in real time
+// moves a hand along the contact part of a path, back and forth, in real time
 class Stroke {
  public:
   static Point<World> start(const PalpationPath& path) {
@@ -53,7 +53,7 @@ class Stroke {
   Stroke(const PalpationPath& path, SimulatedDriver& driver, const WorkspaceMapping& mapping)
       : path_(path), driver_(driver), mapping_(mapping), start_ns_(monotonic_ns()) {}
 
-  // false: interrupted
+  // returns false if interrupted
   bool keep_on_for(double seconds, const Progress& progress) {
     const std::int64_t end_ns = monotonic_ns() + ns_of(seconds);
     while (monotonic_ns() < end_ns) {
@@ -107,7 +107,7 @@ class Meter final : public PaceMeter {
   std::atomic<bool> counting_{false};
 
   LatencyHistogram compute_, lateness_, bare_lateness_;
-  LatencyHistogram servo_block_, bare_block_;  // the last of each, until they are a pair
+  LatencyHistogram servo_block_, bare_block_;  // the latest of each, until they form a pair
   std::uint64_t ticks_ = 0, touching_ = 0;
   double on_time_ticks_ = 0, due_ticks_ = 0;
   std::vector<LatenessPair> pairs_p50_, pairs_p99_;
@@ -148,7 +148,7 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   counting_ = false;
   const LoopHealth health = loop.health();
   loop.stop();
-  // joins the recorder's thread: what it has counted is then ours to read
+  // joins the recorder's thread, so that its counters can be read
   recorder->reset();
   if (!whole) return Progress::interrupted();
   lateness_.merge(servo_block_);
@@ -157,7 +157,7 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   return {};
 }
 
-// on the recorder's thread
+// called on the recorder's thread
 void Meter::see(const TickRecord& record) {
   if (!counting_) return;
   compute_.add(ns_of(record.compute_s));

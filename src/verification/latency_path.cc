@@ -8,8 +8,8 @@ namespace {
 
 constexpr double kMaxPathSeconds = 600;
 
-// the scene's own script; the object is not turned, so that a path is a list of points; every structure is
-// stroked before it is left
+// the scene's own script with the rotations removed, so that the path is a list of points, and with a stroke
+// on every structure before it is left
 Result<Script> stroking_script(const Model& model) {
   auto script = parse_script(default_script_text(model), "embedded script");
   if (!script) return script.error();
@@ -29,7 +29,7 @@ Result<Script> stroking_script(const Model& model) {
   return stroking;
 }
 
-// keeps the longest run of ticks in contact
+// finds the longest run of ticks in contact
 class LongestTouch {
  public:
   void see(bool contact, std::size_t tick) {

@@ -16,7 +16,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::loaded_ball;
 
-// made once: a run takes a moment
+// loaded once, because a run takes a moment
 const LoadedScene& felt_ball() {
   static const LoadedScene loaded = loaded_ball();
   return loaded;
@@ -37,12 +37,12 @@ TEST(PalpationPath, StrokesTheStructureInOneLongTouch) {
   ASSERT_EQ(path.states.size(), path.intended.size());
   ASSERT_LT(path.touch_begin, path.touch_end);
   ASSERT_LE(path.touch_end, path.states.size());
-  // pressing, holding and stroking take more than a second, and the way there is free
+  // pressing, holding and stroking take more than a second, and the approach is in free space
   EXPECT_GT(static_cast<double>(path.touch_end - path.touch_begin) / path.rate_hz, 1.0);
   EXPECT_GT(path.in_contact, 0.1);
   EXPECT_LT(path.in_contact, 1.0);
 
-  // 5 mm of surface are felt, and nowhere does the tip lie far from it
+  // contact over 5 mm of surface, with the tip close to it everywhere
   const Transform<Patient, World> X_PatientWorld = felt_ball().model->X_WorldPatient.inverse();
   double farthest_mm = 0;
   for (std::size_t t = path.touch_begin; t < path.touch_end; ++t) {
@@ -76,11 +76,11 @@ TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
     ASSERT_TRUE(meter->bare_block(kSeconds).ok());
   }
   const PaceFigures figures = meter->figures();
-  // a busy machine skips points in time and starts and ends blocks late; it makes no ticks up
+  // on a loaded machine points in time are skipped and blocks start and end late, but no ticks are added
   EXPECT_GT(figures.ticks, 0u);
   EXPECT_GE(static_cast<double>(figures.ticks + figures.skipped + figures.dropped),
             2 * kSeconds * 1000 * 0.8);
-  // as of BareLoop: more only where a block's last points were skipped
+  // for BareLoop: more only if the last points of a block were skipped
   EXPECT_GE(figures.bare_ticks + figures.bare_skipped, 400u);
   EXPECT_LE(figures.bare_ticks, 400u);
   EXPECT_EQ(figures.dropped, 0u);
@@ -151,11 +151,11 @@ TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
     ASSERT_EQ(ticks.size(), 3u);
     ASSERT_TRUE(updates.ok());
     ASSERT_EQ(updates->size(), 3u);
-    // of the fastest, which nobody else has slowed down
+    // minimum over the rounds, the least disturbed one
     const double tick_ns = *std::min_element(ticks.begin(), ticks.end());
     const double update_ns = *std::min_element(updates->begin(), updates->end());
     EXPECT_GT(tick_ns, 0);
-    // a longer tick varies by more than what the update adds to it
+    // for slower methods the variation of the tick exceeds the additional cost of the update
     if (info.method == ForceMethod::kTrilinear) {
       EXPECT_GT(update_ns, tick_ns);
     }
@@ -189,7 +189,7 @@ TEST(LatencyLimit, IsAFifthMoreOrWhatATickTakes) {
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(10, 2), 1.2);
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(1, 2), 3);
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(0.1, 2), 21);
-  // a machine of a tenth of the speed is no worse
+  // the limit is independent of the machine's speed
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(1, 2), lateness_ratio_limit(10, 20));
 }
 
@@ -226,7 +226,7 @@ TEST(PaceFigures, BreakALimitForTheProgramsOwnDoingOnly) {
   EXPECT_FALSE(with([](PaceFigures& p) { p.min_p50.servo_us = 25; }));
   EXPECT_FALSE(with([](PaceFigures& p) { p.min_p99.servo_us = 49; }));
 
-  // the machine's doing
+  // attributable to the machine
   EXPECT_TRUE(with([](PaceFigures& p) { p.lateness.p999_us = p.lateness.max_us = 1e5; }));
   EXPECT_TRUE(with([](PaceFigures& p) { p.skipped = p.late.steal = 100; }));
   EXPECT_TRUE(with([](PaceFigures& p) { p.on_time = 0.5; }));
@@ -236,7 +236,7 @@ TEST(PaceFigures, BreakALimitForTheProgramsOwnDoingOnly) {
     p.min_p50 = {0.1, 0.06};
     p.min_p99 = {1.9, 1};
   })) << "less than a tick takes is no difference";
-  // a machine of a hundredth of the speed
+  // a machine with a hundredth of the speed
   EXPECT_TRUE(with([](PaceFigures& p) {
     for (Percentiles* of : {&p.compute, &p.lateness, &p.bare_lateness})
       for (double* us : {&of->p50_us, &of->p99_us, &of->p999_us, &of->max_us}) *us *= 100;
@@ -277,7 +277,7 @@ TEST(Latency, MeasuresWhatItWasAskedFor) {
   for (const auto& [name, figure] : figures) {
     EXPECT_TRUE(std::isfinite(figure.value)) << name;
     EXPECT_TRUE(name.starts_with("2-kHz/") || name.starts_with("free-running/")) << name;
-    // on a slower machine every time is longer
+    // absolute times depend on the machine and have no limit
     if (figure.limit) {
       EXPECT_TRUE(figure.unit == "ratio" || figure.unit == "times" || figure.unit == "ticks") << name;
     }

@@ -17,25 +17,26 @@ constexpr std::uint64_t kRemovalSeed = 21;
 constexpr double kBurrRadius_mm = 2, kBurrTurns_per_s = 1000, kBoneEnergy_mJ_per_mm3 = 100;
 constexpr double kBoneStiffness_N_per_mm = 2;
 constexpr double kCarvedEvery_s = 0.02;
-// of which a place each says whether it was swept
+// cell size of the Monte Carlo estimate of the swept volume, with one point per cell
 constexpr double kCell_mm = 0.12;
 
-/// What a hand does with a burr.
+/// Motion of a hand with a burr.
 struct BurrStroke {
-  double along_mm_s = 0;  ///< it is led so fast along x, whatever holds it; 0: it drills
+  double along_mm_s = 0;  ///< Prescribed speed along x, regardless of the force; 0: drilling
   double turns_per_s = kBurrTurns_per_s;
   double energy_mJ_per_mm3 = kBoneEnergy_mJ_per_mm3;
   double rate_hz = 1000;
 };
 
 struct Taken {
-  double reckoned_mm3 = 0, work_mJ = 0;  ///< by the law
-  double swept_mm3 = 0;                  ///< of the material, by all sweeps together
-  double edit_N = 0, tick_N = 0;         ///< greatest change of force at a new version, in other ticks
-  bool held = true;                      ///< the proxy was never let go
+  double reckoned_mm3 = 0, work_mJ = 0;  ///< Volume and work predicted by the removal law
+  double swept_mm3 = 0;                  ///< Volume of material in the union of all sweeps
+  /// maximum change of the force at a new surface version, and in other ticks
+  double edit_N = 0, tick_N = 0;
+  bool held = true;  ///< Whether the proxy stayed coupled
 };
 
-/// A hand of 100 g with 10 N s/m that presses with 2 N and leans on nothing else.
+/// A hand of 100 g with a damping of 10 N s/m that presses with 2 N and has no other support.
 class BurrHand {
  public:
   BurrHand(std::shared_ptr<const Surface> block, const BurrStroke& stroke)
@@ -84,7 +85,7 @@ class BurrHand {
     }
   }
 
-  // the next version of the surface, as a thread of its own would make it; false where there is nothing new
+  // makes the next version of the surface, as a separate thread would; false if nothing was swept
   bool carve() {
     const std::uint64_t count = finished_sweeps(burr_state_);
     const std::span<const Sweep> pending = burr_state_.pending().first(count - burr_state_.first);
@@ -110,7 +111,8 @@ class BurrHand {
       high = high.max(sweep.from.eigen().array().max(sweep.to.eigen().array()) + sweep.radius_mm);
     }
     std::vector<SweptShape> shapes(sweeps_.begin(), sweeps_.end());
-    // a place in every cell, at random there: no plane of the block meets a plane of places
+    // stratified sampling with a random point in each cell, so that no plane of the block coincides with a
+    // plane of points
     const Eigen::Array3i cells = ((high - low) / kCell_mm).ceil().cast<int>();
     const Eigen::Array3d size_mm = (high - low) / cells.cast<double>();
     AccuracyRandom random(kRemovalSeed);
@@ -121,7 +123,7 @@ class BurrHand {
           const double x = i + random.between(0, 1), y = j + random.between(0, 1),
                        z = k + random.between(0, 1);
           const Point<Patient> place(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
-          // its felt surface, which a sharp edge of labels moves
+          // material by the contact surface, which differs from the labels at sharp edges
           if (carved_.made()->distance_mm(place) >= 0) continue;
           taken += std::any_of(shapes.begin(), shapes.end(),
                                [&](const SweptShape& shape) { return shape.depth_mm(place) > 0; });

@@ -7,12 +7,11 @@
 
 namespace palpate {
 
-/// What a burr takes out of a block of bone, prepared from labels: drilled straight in and milled along, at
-/// several rates of ticks and on several grids, carved while it is felt; with limits. The same in every run.
-/// Errors: kInterrupted.
+/// Removal of bone from a block, prepared from labels, by a burr that drills and mills, at several tick rates
+/// and on several grids, with carving during contact; with limits. Deterministic. Errors: kInterrupted.
 Result<std::vector<Figure>> removal_figures(const Progress& progress);
 
-/// The suite "removal".
+/// Runs the suite "removal".
 Result<SuiteReport> run_removal(const Progress& progress);
 
 }  // namespace palpate

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// even numbers of voxels, where these are not turned
+// an even number of voxels on the grids that are not rotated
 constexpr double kHalfBlock_mm = 10.2, kDepth_mm = 8.4;
 
 }  // namespace
@@ -16,14 +16,14 @@ constexpr double kHalfBlock_mm = 10.2, kDepth_mm = 8.4;
 Result<std::shared_ptr<const Surface>> bone_block(const BlockGrid& on, const Progress& progress) {
   const Eigen::Matrix3d direction =
       Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-  // a corner of it, from its middle, and a millimetre
+  // half diagonal of the block, plus a millimetre
   const double half_mm = std::hypot(kHalfBlock_mm, kHalfBlock_mm, 0.5 * kDepth_mm) + 1;
   const int half = static_cast<int>(half_mm / on.voxel_mm);
   GridGeometry grid;
   grid.dims = {2 * half, 2 * half, 2 * half};
   grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
   grid.direction = direction;
-  // the block has the middle between eight voxels
+  // the block's centre is between eight voxels
   const Eigen::Vector3d first = Eigen::Vector3d::Constant((0.5 - half) * on.voxel_mm);
   grid.origin = Point<Patient>(Eigen::Vector3d(direction * first) + Eigen::Vector3d(0, 0, -0.5 * kDepth_mm));
   Volume<LabelId> labels(grid);

@@ -9,7 +9,7 @@
 #include "palpate/base/result.h"
 #include "palpate/sampling/surface.h"
 
-/// The block of bone that burrs are verified on.
+/// The block of bone for the verification of burrs.
 namespace palpate {
 
 struct BlockGrid {
@@ -17,14 +17,14 @@ struct BlockGrid {
 };
 inline constexpr BlockGrid kBlockGrids[] = {{0.6, 0}, {0.6, 0.5}, {0.3, 0}, {0.3, 0.5}};
 inline constexpr double kTickRates_Hz[] = {500, 1000, 2000, 4000, 10000};
-/// How often the block is carved.
+/// Interval at which the surface is carved.
 inline constexpr double kCarvedEvery_s = 0.02;
 
-/// The surface of a block below z = 0, prepared from labels on a grid that stands at an angle to it. Errors:
+/// Surface of a block below z = 0, prepared from labels on a grid rotated relative to it. Errors:
 /// kInterrupted.
 Result<std::shared_ptr<const Surface>> bone_block(const BlockGrid& on, const Progress& progress);
 
-/// Greatest difference of some values, of their mean.
+/// Range of some values relative to their mean.
 class Spread {
  public:
   void add(double value) {

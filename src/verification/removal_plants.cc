@@ -60,7 +60,7 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     const std::string path = std::string("removal/") + device + "/" + grip;
     const auto ticks = [](double seconds) { return static_cast<std::uint64_t>(seconds * kCuttingRate_hz); };
     const double step_mm = exploration.device.encoder_step_m * 1e3;
-    // what an encoder step hides
+    // energy within one encoder step, which cannot be observed
     const double hidden_mJ = explored.largest_force_N * 2 * step_mm;
     energies.push_back({path + "/given-out", 0 - explored.min_mJ, "mJ", ticks(times.explored_s), hidden_mJ});
     energies.push_back({path + "/put-in", explored.last_mJ, "mJ", ticks(times.explored_s), {}});

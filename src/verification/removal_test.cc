@@ -21,7 +21,7 @@ TEST(RemovalFigures, KeepTheirLimits) {
   }
 }
 
-// palpate verify removal does all of it
+// a part of `palpate verify removal`
 TEST(LedVolumes, AreThoseOfGeometry) {
   const auto figures = led_volumes_figures({.all = false}, {});
   ASSERT_TRUE(figures.ok());
@@ -31,7 +31,7 @@ TEST(LedVolumes, AreThoseOfGeometry) {
                              << *figure.limit;
 }
 
-// likewise
+// a part of `palpate verify removal`
 TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
   const auto figures = cutting_plants_figures({.explored_s = 2.5, .pressed_s = 2, .settled_s = 2.5}, {});
   ASSERT_TRUE(figures.ok());

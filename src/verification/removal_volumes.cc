@@ -11,41 +11,41 @@
 #include "verification/accuracy_random.h"
 #include "verification/removal_block.h"
 
-/// The volumes that geometry says, of heads that are led through the half-space below z = 0. All ways begin
-/// above, and nowhere is the head wider lower down, so that the way in takes nothing more.
+/// Geometric volumes of heads that move through the half-space z < 0. All paths start above it, and no head
+/// is wider further down, so that the entry removes nothing more.
 namespace palpate {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// A head, in the order in which a burr has it.
+/// A head, with the parameters of a burr.
 struct LedHead {
-  double tip_mm, end_mm, row_mm;  // radii, and from middle to middle
+  double tip_mm, end_mm, row_mm;  // radii, and distance between the centres of both ends
   Vector<Patient> spindle;
 };
 
-/// What a tip is led through, and what is gone then.
+/// A path of the tip and the volume removed by it.
 struct LedThrough {
   const char* name;
   LedHead head;
   std::vector<Point<Patient>> corners;
   double expected_mm3;
-  double max_off_percent;              // of the carved surface
-  double max_counted_off_percent = 1;  // of RemovedVolume
+  double max_off_percent;              // limit of the error of the carved surface
+  double max_counted_off_percent = 1;  // limit of the error of RemovedVolume
 };
 
-// a ball whose middle goes along in the surface: half of its way
+// ball with its centre moving in the surface: half of its swept volume
 double half_way_mm3(double radius_mm, double way_mm) {
   return kPi * radius_mm * radius_mm / 2 * way_mm + 2.0 / 3 * kPi * std::pow(radius_mm, 3);
 }
 
-// of a circle, beyond a chord that is so far from its middle
+// area of a circular segment beyond a chord at a distance from the centre
 double segment_mm2(double radius_mm, double chord_mm) {
   return radius_mm * radius_mm * std::acos(chord_mm / radius_mm) -
          chord_mm * std::sqrt(radius_mm * radius_mm - chord_mm * chord_mm);
 }
 
-// by Simpson's rule
+// Simpson's rule
 template <class F>
 double integral(double from, double to, const F& f) {
   constexpr int kSteps = 400;
@@ -55,9 +55,9 @@ double integral(double from, double to, const F& f) {
   return sum * step / 3;
 }
 
-// a ball's passes side by side, its middle so high above the surface
+// parallel passes of a ball with its centre at a height above the surface
 double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, double apart_mm) {
-  // across the passes, the deepest of them
+  // cross-section of adjacent passes: their lower envelope
   const double cap_mm3 = kPi * std::pow(radius_mm - above_mm, 2) * (2 * radius_mm + above_mm) / 3;
   const double gap_mm2 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
     return std::sqrt(radius_mm * radius_mm - y * y) - above_mm;
@@ -69,15 +69,15 @@ double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, 
          (passes - 1) * gap_mm3;
 }
 
-// A head that stands upright, its first middle so deep, and then goes aside: at every height a disc, or its
-// way. Up to where the ball at its tip touches the cone that ball, then the cone.
+// An upright head with the centre of its tip at a depth, then moved sideways: the section at each height is a
+// disc or its sweep. Up to the tangent circle of ball and cone it is the ball's, above it the cone's.
 double upright_mm3(const LedHead& head, double deep_mm, double way_mm) {
   const double slope = (head.end_mm - head.tip_mm) / head.row_mm, cosine = std::sqrt(1 - slope * slope);
   const double touches_mm = -slope * head.tip_mm;
   const auto slice_mm2 = [&](double radius_mm) {
     return kPi * radius_mm * radius_mm + 2 * radius_mm * way_mm;
   };
-  // by the angle from the bottom, where the radius has no steep end
+  // integrated over the polar angle, in which the integrand is smooth at the bottom
   const double ball_mm3 = integral(0, std::acos(slope), [&](double angle) {
     return slice_mm2(head.tip_mm * std::sin(angle)) * head.tip_mm * std::sin(angle);
   });
@@ -104,7 +104,7 @@ std::vector<LedThrough> led_ways() {
     plane.insert(plane.end(), pass.begin(), pass.end());
     plane.push_back(pass.back() + up * 2);
   }
-  // a head that lies across its way, from the middle
+  // a head perpendicular to its path, offset from its centre
   const auto beside = [](std::vector<Point<Patient>> corners, const Vector<Patient>& by) {
     for (Point<Patient>& corner : corners) corner += by;
     return corners;
@@ -125,11 +125,11 @@ std::vector<LedThrough> led_ways() {
 
 struct ExactBlock {
   std::shared_ptr<const Surface> surface;
-  Model model;  // of its labels
+  Model model;  // model with the labels
 };
 
-// A block below z = 0 whose distances are exact: one of labels is rounded at its edges, and its sides move by
-// up to half a voxel for that.
+// A block below z = 0 with exact distances. The surface of a labelled block is rounded at its edges, and its
+// sides are displaced by up to half a voxel.
 ExactBlock exact_block(const BlockGrid& on) {
   constexpr double kHalf_mm = 8, kBlockDeep_mm = 9, kReach_mm = 4, kStep_mm = 1.0 / 2048, kSteepest = 1.05;
   const int half = static_cast<int>(std::ceil(std::hypot(kHalf_mm, kHalf_mm, kBlockDeep_mm) / on.voxel_mm));
@@ -162,13 +162,13 @@ ExactBlock exact_block(const BlockGrid& on) {
   return block;
 }
 
-/// What is gone after a way.
+/// Volume removed by a path.
 struct GoneOfBlock {
-  double surface_mm3 = 0;  // of the carved surface
-  double counted_mm3 = 0;  // RemovedVolume
+  double surface_mm3 = 0;  // by the carved surface
+  double counted_mm3 = 0;  // by RemovedVolume
 };
 
-/// A burr whose tip goes where it is led, in bone that hardly holds it.
+/// A burr whose tip follows a prescribed path, in bone with negligible cutting resistance.
 class LedTip {
  public:
   LedTip(const ExactBlock& block, const LedThrough& led, double rate_hz)
@@ -194,7 +194,7 @@ class LedTip {
       const Point<Patient> from = tip_;
       for (long n = 1; n <= ticks; ++n)
         tick_at(from + way * (static_cast<double>(n) / static_cast<double>(ticks)));
-      // where it turns it lags behind no more
+      // wait until the proxy has caught up at the corner
       for (long n = 0; n < std::lround(kRests_s / options_.dt_s); ++n) tick_at(corner);
     }
     carve();
@@ -239,7 +239,7 @@ class LedTip {
     for (int k = 0; k < cells[2]; ++k)
       for (int j = 0; j < cells[1]; ++j)
         for (int i = 0; i < cells[0]; ++i) {
-          // at random in every cell: no plane of the block meets a plane of places
+          // stratified random points, so that no plane of the block coincides with a plane of points
           const double x = i + random.between(0, 1), y = j + random.between(0, 1),
                        z = k + random.between(0, 1);
           const Point<Patient> place(Eigen::Vector3d(low_ + Eigen::Array3d(x, y, z) * size_mm));

@@ -8,12 +8,12 @@
 namespace palpate {
 
 struct LedVolumes {
-  bool all = true;  ///< false: two of the ways, at two rates, on one grid
+  bool all = true;  ///< False: only two of the paths, at two rates, on one grid
 };
-/// What burrs take out of a block of exact distances whose tips are led on given ways, beside the volume that
-/// geometry says: of a ball a groove and a plane milled in passes, of cylinders and cones ways along the axis
-/// and across it. Measured on the carved surface and as RemovedVolume counts it, at several rates of ticks
-/// and on several grids; with limits. The same in every run. Errors: kInterrupted.
+/// Volumes removed by burrs whose tips follow prescribed paths through a block of exact distances, compared
+/// with the geometric volume: for a ball a groove and a plane milled in passes, for cylinders and cones paths
+/// along the axis and across it. Measured on the carved surface and by RemovedVolume, at several tick rates
+/// and on several grids; with limits. Deterministic. Errors: kInterrupted.
 Result<std::vector<Figure>> led_volumes_figures(const LedVolumes& which, const Progress& progress);
 
 }  // namespace palpate

@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kReach = 7.5;  // in sigma: beyond, a Gaussian weighs less than 1e-13
+constexpr double kReach = 7.5;  // in units of sigma; beyond, the density of a Gaussian is below 1e-13
 constexpr int kIndicatorNodes = 48;
 
 template <class Integrand>
@@ -26,8 +26,8 @@ double gaussian(double x, double sigma) {
   return std::exp(-0.5 * x * x / (sigma * sigma)) / (sigma * std::sqrt(2 * std::numbers::pi));
 }
 
-// Integral over |x| < radius of gaussian(x - at) * section(sqrt(radius^2 - x^2)). With x = radius sin(t) the
-// chord's square root is smooth.
+// Integral over |x| < radius of gaussian(x - at) * section(sqrt(radius^2 - x^2)). The substitution x = radius
+// sin(t) removes the singularity of the square root.
 template <class Section>
 double integrate_chords(double at, double radius, double sigma, const Section& section) {
   const auto angle = [&](double x) { return std::asin(std::clamp(x / radius, -1.0, 1.0)); };
@@ -45,7 +45,7 @@ double smoothed_half_space(double distance, double sigma) {
 
 double smoothed_ball(double r, double radius, double sigma) {
   const double scale = 1 / (sigma * std::numbers::sqrt2);
-  // near the centre the general form is 0 / 0
+  // the general form is 0 / 0 near the centre
   if (r < 1e-4 * sigma) {
     return std::erf(radius * scale) - 2 * radius * gaussian(radius, sigma);
   }
@@ -60,7 +60,7 @@ double smoothed_disc(double rho, double radius, double sigma) {
 }
 
 double smoothed_torus(double rho, double z, double major_radius, double minor_radius, double sigma) {
-  // at each height the section is a ring
+  // the section at each height is an annulus
   return integrate_chords(z, minor_radius, sigma, [&](double half_width) {
     return smoothed_disc(rho, major_radius + half_width, sigma) -
            smoothed_disc(rho, major_radius - half_width, sigma);

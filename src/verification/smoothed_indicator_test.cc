@@ -18,8 +18,8 @@ double weight(double x, double sigma) {
   return std::exp(-0.5 * x * x / (sigma * sigma)) / (sigma * std::sqrt(2 * std::numbers::pi));
 }
 
-// Sums Gaussian weights over a fine lattice of points inside a solid: slow, and nothing in common with the
-// formulas. Along z the lattice is replaced by the exact integral between the solid's crossings.
+// Slow, independent reference: sums Gaussian weights over a fine lattice of points inside a solid. Along z
+// the sum is replaced by the exact integral between the solid's crossings.
 double lattice_sum(
     const Vector3d& p, double sigma,
     const std::function<std::vector<std::pair<double, double>>(double x, double y)>& crossings) {
@@ -37,7 +37,7 @@ double lattice_sum(
   return sum;
 }
 
-// The disc by its series: a Poisson number of steps outwards, then an incomplete gamma function.
+// Series of the disc: a Poisson-distributed number of radial steps, then an incomplete gamma function.
 double disc_series(double rho, double radius, double sigma) {
   const double a = 0.5 * rho * rho / (sigma * sigma), x = 0.5 * radius * radius / (sigma * sigma);
   double poisson = std::exp(-a), power = std::exp(-x), tail = power, sum = 0;
@@ -110,7 +110,7 @@ TEST(SmoothedIndicator, TorusEqualsASumOverItsPoints) {
     return rest <= 0 ? std::vector<std::pair<double, double>>{}
                      : std::vector{std::pair{-std::sqrt(rest), std::sqrt(rest)}};
   };
-  // what the lattice itself errs by at the rim
+  // error of the lattice itself at the rim
   for (const auto& [rho, z] :
        {std::pair{8.5, 0.0}, {3.5, 0.0}, {6.0, 2.5}, {7.5, 1.5}, {0.0, 0.0}, {6.0, 0.0}}) {
     EXPECT_NEAR(smoothed_torus(rho, z, major, minor, sigma),
@@ -128,7 +128,7 @@ TEST(SmoothedIndicator, LargeShapesBecomeHalfSpaces) {
   }
 }
 
-// First order in curvature: the value on a surface of mean curvature H differs from 1/2 by sigma H / sqrt(2
+// First order in curvature: on a surface of mean curvature H the value differs from 1/2 by sigma H / sqrt(2
 // pi).
 TEST(SmoothedIndicator, CurvatureLowersTheValueOnTheSurface) {
   const double sigma = 0.5, factor = sigma / std::sqrt(2 * std::numbers::pi);

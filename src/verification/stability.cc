@@ -15,14 +15,14 @@ namespace palpate {
 namespace {
 
 constexpr const char* kDevices[] = {"premium-1.5", "touch"};
-constexpr std::uint64_t kTouches = 3;  // speeds of impact
+constexpr std::uint64_t kTouches = 3;  // impact speeds per case
 
 StabilityCase case_of(const char* device, const char* grip, double rate_hz, double delay_s) {
   return {*find_plant_device(device), *find_plant_hand(grip), rate_hz, delay_s};
 }
 
-// Every grip that the recommended stiffness counts, at 1 kHz with each delay, then at each other rate with
-// one sample of delay.
+// Every grip that is covered by the recommended stiffness: at 1 kHz with each delay, then at each other rate
+// with a delay of one sample.
 std::vector<StabilityCase> all_cases() {
   std::vector<StabilityCase> cases;
   for (const char* device : kDevices)
@@ -35,8 +35,8 @@ std::vector<StabilityCase> all_cases() {
   return cases;
 }
 
-// Another simulation of the same plant, by the stiffness in N/m at which a limit cycle first appeared, in
-// steps of 5 to 10 %.
+// Independent simulation of the same plant: stiffness in N/m at which a limit cycle first appeared, in steps
+// of 5 to 10 %.
 struct Reference {
   StabilityCase held;
   double critical_N_per_m;
@@ -56,7 +56,7 @@ std::vector<Reference> references() {
           {case_of("premium-1.5", "light-grip", 4000, 0.25e-3), 10819}};
 }
 
-// how far the critical stiffnesses found are from the reference, signed
+// signed deviation of the critical stiffnesses from the reference
 std::vector<Figure> reference_figures(const std::vector<Figure>& found) {
   std::vector<Figure> figures;
   for (const Reference& reference : references()) {

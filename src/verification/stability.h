@@ -5,14 +5,14 @@
 
 namespace palpate {
 
-/// How stiff a wall the simulated hands and devices hold without a limit cycle, beside theory and the table
-/// of reference: the figures and notes of the suite `stability`. Errors: kInterrupted.
+/// Maximum stiffness of a wall that simulated hands and devices hold without a limit cycle, compared with
+/// theory and a reference table: figures and notes of the suite `stability`. Errors: kInterrupted.
 Result<SuiteReport> run_stability(const Progress& progress);
 
-/// The figures of one case: critical and settling stiffness, what is recommended of it and what is passive.
+/// Figures of one case: critical and settling stiffness, the recommended and the passive fraction of it.
 Result<std::vector<Figure>> stiffness_figures(const StabilityCase& held, const Progress& progress);
 
-/// "premium-1.5/light-grip/1kHz/delay-1ms"
+/// Name of a case, e.g. "premium-1.5/light-grip/1kHz/delay-1ms"
 std::string name_of(const StabilityCase& held);
 
 }  // namespace palpate

@@ -11,10 +11,11 @@ namespace {
 constexpr double kBuzzRate_hz = 1000, kDelay_s = 1e-3;
 constexpr double kGap_mm = 3, kPlate_mm = 15, kSpacing_mm = 0.6;
 constexpr double kHold_N = 1, kInside_mm = 5;
-// in the middle between the plates no method pushes to either side; what the hand begins before the wall with
+// offset from the middle of the gap, where the methods push to neither side, and starting distance from the
+// wall
 constexpr double kOffMiddle_mm = 0.2, kBeforeWall_mm = 3;
 
-// where before the plate's outer face or below it the method pushes with kHold_N
+// x position relative to the plate's outer face at which the method generates kHold_N
 double held_depth_x_mm(const Model& model, ForceMethod method) {
   const double face_mm = kGap_mm / 2 + kPlate_mm;
   if (method == ForceMethod::kProxy) return face_mm - kHold_N / model.greatest_stiffness_N_per_mm();
@@ -30,7 +31,7 @@ double held_depth_x_mm(const Model& model, ForceMethod method) {
   return x_mm;
 }
 
-/// Figures by their unit.
+/// Figures grouped by unit.
 class BuzzFigures {
  public:
   void add(const std::string& path, const Buzz& buzz) {
@@ -68,7 +69,7 @@ std::vector<ForceMethodInfo> methods_on(PreparationMethod preparation) {
 
 Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, PreparationMethod preparation,
                                                 const Progress& progress) {
-  // faces lie between voxels; the plates go on as far as no method looks for their ends
+  // faces are between voxels; the plates extend beyond the range of every method
   GridGeometry grid;
   grid.dims = {79, 41, 41};
   grid.spacing_mm = Eigen::Vector3d::Constant(kSpacing_mm);
@@ -111,7 +112,7 @@ std::vector<HeldPlace> places_on_plates(const Model& model, ForceMethod method, 
 
 namespace {
 
-// every method on one preparation, at all places with both grips
+// every method with one preparation, at all positions with both grips
 Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation, const Progress& progress,
                        BuzzFigures& figures) {
   const auto stiffness = recommended_stiffness_N_per_mm(device, kBuzzRate_hz, kDelay_s, progress);
@@ -140,7 +141,7 @@ Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation,
 }  // namespace
 
 Result<std::vector<Figure>> buzz_figures(const Progress& progress) {
-  // one unit after the other, as tables want them
+  // grouped by unit, as required by the table
   BuzzFigures figures;
   for (const char* name : {"premium-1.5", "touch"})
     for (const PreparationMethod preparation :

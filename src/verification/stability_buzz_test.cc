@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// the last second at a place of the plates, 1 N/mm
+// last second at a position on the plates, 1 N/mm
 HeldTip held(ForceMethod method, const char* grip, const std::string& place_name,
              PreparationMethod preparation = PreparationMethod::kUnionGaussian) {
   static const auto union_model = two_plates(1, PreparationMethod::kUnionGaussian),
@@ -28,7 +28,7 @@ TEST(BuzzOnPlates, AWallIsHeldQuietlyAtOneNewtonByEveryMethod) {
   for (const ForceMethodInfo& info : kForceMethods) {
     const HeldTip tip = held(info.method, "firm-grip", "wall");
     EXPECT_TRUE(tip.quiet()) << info.name;
-    // as far as Coulomb friction, an encoder step and where the prepared face lies allow
+    // within Coulomb friction, an encoder step and the position of the prepared face
     EXPECT_NEAR(tip.buzz.force_N, 1, 0.1) << info.name;
   }
 }
@@ -41,14 +41,14 @@ TEST(BuzzOnPlates, ARampIsHeldQuietlyAtOneNewtonAndLeavesTheGapAlone) {
     EXPECT_TRUE(wall.quiet()) << info.name;
     EXPECT_NEAR(wall.buzz.force_N, 1, 0.1) << info.name;
     const HeldTip gap = held(info.method, "light-grip", "gap", PreparationMethod::kInwardRamp);
-    // outside, a spline swings by some thousandths where the ramp begins
+    // outside, a spline overshoots by some thousandths where the ramp begins
     EXPECT_LT(gap.buzz.force_N, 0.005) << info.name;
     EXPECT_EQ(gap.buzz.peak_to_peak_um, 0) << info.name;
   }
 }
 
 TEST(BuzzOnPlates, BetweenThemAWideUnionGivesOutEnergy) {
-  // smoothed wider than their gap, it pushes from side to side: the founding fault
+  // motivating defect: smoothed wider than the gap, the field pushes from side to side
   const HeldTip tip = held(ForceMethod::kTrilinear, "light-grip", "gap");
   EXPECT_FALSE(tip.quiet());
   EXPECT_GT(tip.buzz.energy_mJ, 0);

@@ -20,15 +20,15 @@ namespace {
 
 constexpr double kFrictionLimit_percent = 2, kDriftLimit_um = 1, kMissedLimit_percent = 10;
 constexpr double kDt_s = 1e-3;
-constexpr double kLowered_mm = 0.05;  // a tick
-// of a tip that sticks: the cone is 1.6 mm wide at the depth to which it is pressed
+constexpr double kLowered_mm = 0.05;  // per tick
+// sticking tip: the friction cone has a radius of 1.6 mm at this depth
 constexpr double kStickStatic = 0.8, kStickDynamic = 0.7, kStickDepth_mm = 2;
 constexpr double kTremor_mm = 0.05, kTremor_hz[] = {9.5, 8};
 constexpr int kPlanesATremor = 4;
-// to and fro, told to the tick ten times a second; moves what is touched by 0.5 mm at most
+// alternating rotation, commanded to the tick ten times a second; moves the contact by at most 0.5 mm
 constexpr double kTurn_rad = 0.03, kTurn_s = 2;
 constexpr int kTicksATurn = 100;
-constexpr double kFace_mm = 16.5;  // of the outer face of the plates
+constexpr double kFace_mm = 16.5;  // position of the plates' outer face
 // presses
 constexpr double kMost_N = 8.5, kFastest_mm = 0.5, kWidest_mm = 3, kEvery_mm = 0.01, kTouch_N = 0.05;
 
@@ -36,11 +36,11 @@ Vector<Patient> random_direction(AccuracyRandom& random) {
   return Vector<Patient>(random.direction());
 }
 
-/// A half-space whose border goes through the origin, and a point or a sphere above it.
+/// A half-space with its boundary through the origin, and a point or a sphere above it.
 struct Plane {
   explicit Plane(AccuracyRandom& random)
       : up(random_direction(random)), along(up.cross(random_direction(random)).normalized()) {
-    // the voxels of a knee
+    // voxel size of a knee
     static constexpr double kHalf_mm = 9, kReach_mm = 6;
     GridGeometry grid;
     grid.spacing_mm = {0.277, 0.277, 1.0};
@@ -62,14 +62,14 @@ struct Plane {
         for (int i = 0; i < grid.dims[0]; ++i)
           volume.at(i, j, k) = in_steps((X_PatientVoxel * Point<Voxel>(i, j, k) - Point<Patient>()).dot(up));
     const SignedField field(volume, {kSurfaceStep_mm, 0, in_steps(kReach_mm)});
-    // rounding makes it a little steeper; the volume's border is not come near
+    // rounding increases the slope a little; the volume's boundary is not approached
     const double steepest = 1 + kSurfaceStep_mm * grid.spacing_mm.cwiseInverse().norm();
     felt.surface = std::make_shared<const Surface>(field, field, steepest);
     // half of all tools are points
     sphere.radius_mm = std::max(0.0, random.between(-1.5, 1.5));
   }
 
-  /// Negative height: below.
+  /// Moves the tool; a negative height is below the surface.
   void lead(double height_mm, double along_mm, double across_mm = 0) {
     const Point<Patient> tip = Point<Patient>() + up * (sphere.radius_mm + height_mm) + along * along_mm +
                                up.cross(along) * across_mm;
@@ -79,7 +79,7 @@ struct Plane {
     for (double height_mm = 1; height_mm > -depth_mm; height_mm -= kLowered_mm) lead(height_mm, 0);
     lead(-depth_mm, 0);
   }
-  /// Of the force along the surface to that across it.
+  /// Ratio of the tangential to the normal force.
   double ratio() const {
     const double normal_N = force_N.dot(up);
     return (force_N - up * normal_N).norm() / normal_N;
@@ -111,7 +111,7 @@ Result<std::vector<Figure>> friction_figures(int planes, const Progress& progres
     const double depth_mm = random.between(0.5, 2.5);
     plane.press(depth_mm);
 
-    // pulled aside until it comes loose, or should have long ago
+    // pull sideways until it slips, or should have slipped long before
     const double step_mm = mu_static * depth_mm / kStepsToSlip;
     double way_mm = 0, most = 0;
     for (int step = 0; plane.state.sticking && step < 2 * kStepsToSlip; ++step) {
@@ -130,23 +130,23 @@ Result<std::vector<Figure>> friction_figures(int planes, const Progress& progres
       {"stability/friction/dynamic/worst", dynamic_percent, "percent", n * kSlidden, kFrictionLimit_percent}};
 }
 
-// of the tip at a time, in two directions; begins in the middle
+// displacement of the tip in two directions at a time; starts at zero
 std::array<double, 2> tremor_mm(double time_s) {
   return {kTremor_mm * std::sin(2 * std::numbers::pi * kTremor_hz[0] * time_s),
           kTremor_mm * std::sin(2 * std::numbers::pi * kTremor_hz[1] * time_s)};
 }
 
-/// What a proxy does that should stick where it is.
+/// Displacement of a proxy that should stick.
 struct Drift {
   double farthest_mm = 0;
-  std::uint64_t loose = 0;  ///< ticks in which it did not stick: then it drifts for another reason
+  std::uint64_t loose = 0;  ///< Ticks in which it did not stick, so that its displacement is not drift
   void add(const ProxyState& proxy, const Point<Patient>& begun) {
     farthest_mm = std::max(farthest_mm, (proxy.position - begun).norm());
     loose += !proxy.coupled || proxy.contacts == 0 || !proxy.sticking;
   }
 };
 
-// on a plane that rests
+// on a plane at rest
 void tremble(AccuracyRandom& random, long ticks, Drift& drift) {
   Plane plane(random);
   plane.felt.static_friction = kStickStatic;
@@ -160,7 +160,7 @@ void tremble(AccuracyRandom& random, long ticks, Drift& drift) {
   }
 }
 
-// on an object that turns about an axis while the tip trembles in World
+// on an object that rotates about an axis while the tip trembles in world coordinates
 void turn(const Model& plates, AccuracyRandom& random, long ticks, Drift& drift) {
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
@@ -227,7 +227,7 @@ Result<std::vector<Figure>> drift_figures(const ContactEffort& effort, const Pro
   return lengths;
 }
 
-/// The position's voxels, read in double by code of its own.
+/// Independent interpolation of the distance field, in double.
 class DistanceOracle {
  public:
   explicit DistanceOracle(const SignedField& field)
@@ -258,11 +258,12 @@ class DistanceOracle {
 
 struct Pressed {
   bool touched = false;
-  double deepest_mm = -std::numeric_limits<double>::infinity();  ///< of its whole way; below 0: above
+  /// Maximum over its whole path; negative: above the surface
+  double deepest_mm = -std::numeric_limits<double>::infinity();
 };
 
-/// From the free place before the structure nearest to `target`, inside it, along a random line: askew
-/// towards it and then aside, never harder than a random force nor faster than kFastest_mm a tick.
+/// Presses from the free point nearest to `target`, which is inside the structure, along a random line:
+/// oblique to the surface and then sideways, limited to a random force and to kFastest_mm per tick.
 Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
   constexpr double kBefore_mm = 0.5, kMaxAskew = 0.6, kFurther_mm = 6;
@@ -305,7 +306,7 @@ Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Po
   return pressed;
 }
 
-// "medial meniscus" is one part of a figure's name
+// "medial meniscus" has to be one part of a figure's name
 std::string part_of_name(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](char c) { return c == ' ' || c == '_' || c == '/'; }, '-');
@@ -342,7 +343,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
   const auto prepared = prepare_surfaces(*label_bricks(labels), structures, {}, progress);
   if (!prepared) return prepared.error();
 
-  // one unit after the other, as tables want them
+  // grouped by unit, as required by the table
   std::vector<Figure> depths, parts;
   const int count = static_cast<int>(structures.size()), presses = (effort.presses + count - 1) / count;
   AccuracyRandom random(kContactSeed);

@@ -27,7 +27,7 @@ TEST(StabilityContact, KeepsItsLimits) {
     deepest += figure.name.ends_with("/deepest") && figure.unit == "mm" && figure.limit == 0.05;
     const bool is_missed = figure.name.ends_with("/missed");
     missed += is_missed && figure.unit == "percent" && figure.limit == 10;
-    // of ten presses more may miss by chance
+    // with only ten presses, more may miss by chance
     EXPECT_TRUE(is_missed ? figure.value <= 50 : figure.ok()) << figure.value << " " << figure.unit;
     EXPECT_GT(figure.n, 0u);
   }

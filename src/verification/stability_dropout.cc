@@ -14,10 +14,10 @@ namespace palpate {
 namespace {
 
 constexpr double kDropTick_s = 1e-3;
-// the hand presses for so long before, and is watched for so long afterwards
+// durations of pressing before the interruption and of observation after it
 constexpr double kPressed_s = 2.5, kWatched_s = 1;
 constexpr double kBack = 0.8;
-// how old a pose is that nothing may be sent on, and how long a force that returns is looked at
+// age of a pose from which on no force may be sent, and duration for which the returning force is observed
 constexpr double kSilent_s = 10e-3, kReturning_s = 0.1;
 
 }  // namespace
@@ -31,7 +31,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
   parameters.method = ForceMethod::kProxy;
   parameters.device[0] = device_parameters(plant.info(), workspace);
 
-  // from 1 mm above the wall to where its spring and the hand's balance at the force
+  // from 1 mm above the wall to the equilibrium of the wall's and the hand's springs at this force
   const double hand_N_per_mm = dropout.hand.stiffness_N_per_m * 1e-3;
   const double depth_mm = dropout.press_N / dropout.stiffness_N_per_mm +
                           (dropout.press_N + dropout.device.coulomb_N) / hand_N_per_mm;
@@ -69,7 +69,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
     if (dropout.by != Return::kTick && n >= pressed + dropped) {
       const double asked_N = record.device[0].unclamped_force_N;
       sent.force_N = up * (dropout.by == Return::kAtOnce ? asked_N : last_N + kMaxKick_N);
-      // it has turned, and sinks no more by what it gained in its fall
+      // the tip has reversed: the bound excludes sinking by the momentum of the fall
       if (out.dot(plant.true_velocity_mm_s()) > 0) break;
     }
 
@@ -90,7 +90,7 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
   constexpr double kDelay_s = 1e-3, kMaxSink_mm = 0.6, kMaxBack_ms = 100;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
-  // one unit after the other, as tables want them
+  // grouped by unit, as required by the table
   std::vector<Figure> lengths, times, forces;
   for (const char* name : {"premium-1.5", "touch"}) {
     const PlantDevice device = *find_plant_device(name);
@@ -105,7 +105,7 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
       const DroppedOut at_once = drop_out(**wall, dropout);
       dropout.by = Return::kWithoutKick;
       const DroppedOut without_kick = drop_out(**wall, dropout);
-      // a hand whose floor is above it cannot keep it
+      // a hand that cannot meet it even in the ideal case is exempt
       const bool can = without_kick.sink_mm <= kMaxSink_mm;
       const std::string path =
           "stability/dropout/" + device.name + "/" + hand.name + "/" + loop_name(1 / kDropTick_s, kDelay_s);

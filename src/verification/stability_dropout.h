@@ -9,40 +9,42 @@
 
 namespace palpate {
 
-/// Who sends the force from the first fresh pose on.
+/// Source of the force after a fresh pose arrives.
 enum class Return {
   kTick,
-  /// nobody could do more than a wall does: all of its force at once
+  /// Bound: the whole force of the wall at once
   kAtOnce,
-  /// nobody could do more without a kick: kMaxKick_N more in each tick, whatever the wall asks for
+  /// Bound without a kick: the force increases by at most kMaxKick_N per tick
   kWithoutKick,
 };
 inline constexpr double kMaxKick_N = 0.2;
 
-/// A hand that presses on flat_wall(), and poses that fail to come for a while, at 1 kHz through the real
-/// tick.
+/// A hand that presses on flat_wall() and an interruption of the poses, at 1 kHz through the real tick.
 struct Dropout {
   PlantDevice device;
   PlantHand hand;
-  double stiffness_N_per_mm = 1;  ///< that the hand feels
+  double stiffness_N_per_mm = 1;  ///< As felt at the device
   double delay_s = 0;
-  double time_s = 0.02;       ///< for which no fresh pose comes
-  double press_N = 1;         ///< that the hand bears besides the device's Coulomb friction
-  Return by = Return::kTick;  ///< another one shows how little the tip could sink; only sink_mm is told then
+  double time_s = 0.02;  ///< Duration without fresh poses
+  double press_N = 1;    ///< Force of the hand in addition to the device's Coulomb friction
+  /// Other than kTick: lower bound of the tip's sinking; only sink_mm is evaluated then
+  Return by = Return::kTick;
 };
 
-/// What the hand notices of it.
+/// Effect of the interruption.
 struct DroppedOut {
-  double before_N = 0;  ///< that the wall gave
-  double sink_mm = 0;   ///< how far the true tip fell
-  double back_s = 0;    ///< from the first fresh pose until the wall gives four fifths of that, for good
-  double kick_N = 0;    ///< largest growth of the force in a tick of the first 100 ms
-  bool silent = false;  ///< nothing was sent on poses of 10 ms and more
+  double before_N = 0;  ///< Force of the wall before it
+  double sink_mm = 0;   ///< Drop of the true tip
+  /// Time from the first fresh pose until the force stays above four fifths of before_N
+  double back_s = 0;
+  double kick_N = 0;    ///< Largest increase of the force in a tick of the first 100 ms
+  bool silent = false;  ///< Whether no force was sent for poses that were 10 ms old or older
 };
 DroppedOut drop_out(const Model& wall, const Dropout& dropout);
 
-/// Of 20 ms at 1 N, at what is recommended for 1 ms of delay, every device and documented hand, and how
-/// little each could sink while a pose of 10 ms and more gives no force. Errors: kInterrupted.
+/// Figures of an interruption of 20 ms at 1 N, at the stiffness recommended for a delay of 1 ms, for every
+/// device and documented hand, with the lower bound of sinking given that poses older than 10 ms generate no
+/// force. Errors: kInterrupted.
 Result<std::vector<Figure>> dropout_figures(const Progress& progress);
 
 }  // namespace palpate

@@ -31,8 +31,8 @@ TEST(StabilityDropout, AHandThatPressesIsHeldAgainSoonAfterAShortOne) {
     }
 }
 
-// Zero from 10 ms of age on, and no more than 0.2 N more in a tick, cost each hand so much whatever else is
-// done; the tick is within a tenth of a millimetre of that.
+// Zero force from an age of 10 ms on and an increase of at most 0.2 N per tick cause a minimum of sinking for
+// each hand; the tick is within a tenth of a millimetre of it.
 TEST(StabilityDropout, AHandSinksHardlyMoreThanZeroAndNoKickCost) {
   for (const char* device : {"premium-1.5", "touch"})
     for (const char* hand : {"light-grip", "firm-grip", "whole-arm"}) {

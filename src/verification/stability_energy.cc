@@ -22,22 +22,23 @@ namespace {
 
 constexpr double kEnergyRate_hz = 1000;
 constexpr double kWallSpacing_mm = 0.6, kUserLimit_N = 3;
-// where the hand wants to be next: so far from the surface, that much to the side of where it was
+// next target of the hand: range of heights above the surface, and maximum lateral angle from the previous
+// one
 constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMaxAside_rad = 0.6;
 constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
-// before that it waits for the force to have come in
+// the hand waits until the force is ramped in
 constexpr double kBegin_s = 0.6;
 constexpr double kPressed_N = 1, kSwingMean_s = 0.04;
-// how often what a burr swept is cut away
+// interval at which tissue swept by a burr is removed
 constexpr double kCutEvery_s = 0.02;
-// on a plane, so far from its middle
+// maximum distance from the centre of the plane
 constexpr double kMaxOnPlane_mm = 6;
-// the object turns to another random rotation ten times a second
+// the object rotates to another random orientation ten times a second
 constexpr double kTurning_s = 0.1;
 constexpr double kMaxObjectTurn_rad = 0.03;
-// of what is given out without the controller
+// fraction of the energy generated without the controller
 constexpr double kMaxGivenOut_percent = 5;
-// ticks that come at any time, for so long; the stiffest of the presets' tissues
+// random tick lengths, duration of that run, and the stiffest tissue of the presets
 constexpr double kJitter = 0.5, kUnpunctual_s = 20, kTissue_N_per_mm = 1.5;
 
 double between(std::mt19937_64& random, double low, double high) {
@@ -52,12 +53,12 @@ Eigen::Vector3d any_direction(std::mt19937_64& random) {
   return direction.normalized();
 }
 
-// where a hand presses on the plane, which it comes down on evenly
+// target of a hand that presses on the plane, which it approaches at constant speed
 class PressingHand {
  public:
   explicit PressingHand(double depth_mm) : depth_mm_(depth_mm) {}
   Point<Patient> start() const { return Point<Patient>(kHighest_mm, 0, 0); }
-  // as evenly
+  // presses deeper at the same speed
   void press_deeper(double by_mm) {
     from_mm_ = -depth_mm_;
     depth_mm_ += by_mm;
@@ -75,7 +76,7 @@ class PressingHand {
   double elapsed_s_ = 0, begin_s_ = kBegin_s, from_mm_ = kHighest_mm;
 };
 
-// places about the ball or the plane, one after the other, with a bell of speed between them
+// random targets around the ball or on the plane, with a bell-shaped speed profile between them
 class RandomHand {
  public:
   RandomHand(std::uint64_t seed, bool flat)
@@ -114,13 +115,13 @@ class RandomHand {
   double time_s_ = kBegin_s, elapsed_s_ = 0;
 };
 
-// of the second half of the run
+// mean over the second half of the run
 double second_half(const std::vector<double>& values) {
   const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   return std::accumulate(half, values.end(), 0.0) / static_cast<double>(values.end() - half);
 }
 
-// from the middle of the run on
+// peak-to-peak deviation from the running mean, from the middle of the run on
 double swing_of(const std::vector<double>& places_mm, double rate_hz) {
   const auto half = static_cast<std::ptrdiff_t>(std::lround(0.5 * kSwingMean_s * rate_hz));
   const auto count = static_cast<std::ptrdiff_t>(places_mm.size());
@@ -199,7 +200,7 @@ Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, Ti
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration) {
   SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
   WorkspaceSettings workspace;
-  // of a ball of 1 N/mm; what yields has its own
+  // the gain scales a ball of 1 N/mm; deformable tissue has its own stiffness
   const bool yields_by_itself = is_elastic(ball.tissue_law);
   workspace.force_gain = yields_by_itself ? 1 : exploration.stiffness_N_per_mm;
   WorkspaceMapping mapping(plant.info(), workspace);
@@ -225,7 +226,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   };
   plant.reset(on_device(exploration.presses ? pressing_hand.start() : random_hand.start()));
 
-  // a command acts so many ticks after it was given
+  // commands act after a delay of this number of ticks
   const int delay = static_cast<int>(std::lround(exploration.delay_s * exploration.rate_hz));
   std::deque<Vector<World>> line(static_cast<std::size_t>(delay));
   SessionState state;
@@ -235,7 +236,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
   VirtualClockYieldSolver yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
-  std::vector<double> places_mm, forces_N;  // across the plane
+  std::vector<double> places_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
@@ -262,7 +263,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*felt, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 
-    // the object turns at the end of the tick, under the force that acts then
+    // the object rotates at the end of the tick, under the force that acts then
     const Point<World> tip_in_world(plant.true_tip().eigen());
     const Transform<Patient, World> X_PatientWorld_turned = pose_of(ball, state.rotation_felt);
     const Point<Patient> now = X_PatientWorld_turned * tip_in_world;
@@ -284,7 +285,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
 
     const bool touches = acted.norm() > 0;
     const bool controlled = (record.device[0].flags & kFlagPassivity) != 0;
-    // the controller may take all of a force
+    // the controller may reduce a force to zero
     touching += touches || controlled;
     damped += controlled;
     result.contacts += touches && !touched;
@@ -306,7 +307,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
   if (!ball) return ball.error();
   if (!wall) return wall.error();
 
-  // one unit after the other, as tables want them
+  // grouped by unit, as required by the table
   std::vector<Figure> energies, parts, depths;
   const auto add = [&](const Exploration& exploration, const std::string& path, bool bound, bool limited) {
     Exploration free = exploration;
@@ -314,7 +315,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     const Model& model = exploration.flat ? **wall : **ball;
     const ExploredEnergy with = explore_energy(model, exploration), without = explore_energy(model, free);
     const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s * exploration.rate_hz));
-    // what an encoder step hides
+    // energy within one encoder step, which cannot be observed
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
     const auto limit = [](bool holds, double most) { return holds ? std::optional(most) : std::nullopt; };
     energies.push_back({path + "/given-out/without", 0 - without.min_mJ, "mJ", n, {}});
@@ -364,7 +365,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           }
         }
     }
-  // as stiff as tissues are, where a device holds that; fewer seconds of more ticks
+  // at tissue stiffness, where the device holds it; a shorter run at higher rates
   for (const char* device : {"premium-1.5", "touch"})
     for (const double rate_hz : {250.0, 10000.0}) {
       progress.report(std::string("exploring at other rates: ") + device, rate_hz / 20000);

@@ -33,7 +33,7 @@ void expect_little_given_out(const std::string& device_name, const std::string& 
       EXPECT_GE(with.min_mJ, 0.05 * without.min_mJ);
       EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
       EXPECT_GT(with.damped, 0);
-      // the contact is still one: the hand wants to be up to 6 mm deep
+      // the contact is not disabled: the hand aims up to 6 mm deep
       EXPECT_LE(with.damped, max_damped);
       EXPECT_GT(with.contacts, 20);
       EXPECT_GT(with.largest_force_N, 0.9 * without.largest_force_N);
@@ -45,14 +45,14 @@ TEST(StabilityEnergy, WithTheControllerAPremiumGivesOutNoMoreThanAnEncoderHides)
   for (const char* grip : {"light-grip", "firm-grip"}) expect_little_given_out("premium-1.5", grip, 0.6, 0.1);
 }
 
-// one step of its encoder is more than its greatest force: what it owes makes the wall softer
+// an encoder step exceeds its maximum force; the energy deficit softens the wall
 TEST(StabilityEnergy, WithTheControllerATouchGivesOutNoMoreThanAnEncoderHides) {
   expect_little_given_out("touch", "firm-grip", 0.6, 0.1);
   expect_little_given_out("touch", "light-grip", 1, 0.6);
 }
 
 TEST(StabilityEnergy, SoItIsOnATurningObjectAndTwiceAsStiff) {
-  // a lightly held Premium, 20 s; twice the recommended stiffness is more than a hand holds
+  // a lightly held Premium, 20 s; at twice the recommended stiffness no hand is stable
   const auto ball = exploration_ball();
   ASSERT_TRUE(ball) << ball.error().message();
   const PlantDevice device = *find_plant_device("premium-1.5");
@@ -77,7 +77,7 @@ TEST(StabilityEnergy, SoItIsOnATurningObjectAndTwiceAsStiff) {
 }
 
 TEST(StabilityEnergy, TheControllerMakesNoQuietContactBuzz) {
-  // held with 0.8 N, which both devices bear for ever, at the recommended stiffness
+  // held with 0.8 N, below the continuous rating of both devices, at the recommended stiffness
   constexpr double kHold_N = 0.8, kBefore_mm = 3;
   const auto ball = exploration_ball();
   ASSERT_TRUE(ball);
@@ -130,7 +130,7 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
   }
 }
 
-// As stiff as tissues are, where a device holds that: at 250 Hz a Premium holds 0.83 N/mm.
+// At tissue stiffness, where the device holds it: at 250 Hz a Premium holds 0.83 N/mm.
 TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
   double given_out_mJ = 0;
   const auto ball = exploration_ball(), wall = flat_wall();
@@ -159,7 +159,7 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
   EXPECT_GT(given_out_mJ, 1) << "there is something to keep";
 }
 
-// the ball in quarters whose seams meet at its poles, or as a soft shell around a hard core
+// a ball of quarters with seams that meet at its poles, or a soft shell around a hard core
 std::shared_ptr<const Model> ball_of_several(bool layers) {
   const auto ball = exploration_ball();
   PALPATE_CHECK(ball.ok());

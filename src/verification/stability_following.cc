@@ -17,10 +17,11 @@ namespace {
 
 constexpr double kPressing_s = 4, kLooked_s = 1;
 constexpr double kApart_mm = 10, kBegin_mm = 1, kDown_mm_s = 100, kRampIn_s = 0.6;
-// so much slower is the follower's clock: its updates come at any time between two ticks
+// the follower's period is longer by this factor, so that its updates occur at every phase between two ticks
 constexpr double kRunsAway = 1.0007;
 
-/// A hand, its device, and what it is told and tells. Times are of the owner's clock.
+/// A hand with its device, the state that it publishes and the command that it receives. Times are on the
+/// owner's clock.
 class Presser {
  public:
   Presser(const Model& wall, const PressingDevice& pressing, double press_N, double y_mm)
@@ -39,7 +40,7 @@ class Presser {
     parameters.delay_s = delay_s;
     return parameters;
   }
-  /// Up to a time under what acts; the hand comes down at 0.1 m/s once forces have come in.
+  /// Advances to a time under the acting force; the hand approaches at 0.1 m/s after the force ramp-in.
   void advance(double to_s) {
     const double down_mm = std::clamp(kDown_mm_s * (to_s - kRampIn_s), 0.0, kBegin_mm + hand_mm_);
     plant_.intend(on_device(kBegin_mm - down_mm));
@@ -56,7 +57,7 @@ class Presser {
     state.age_s = now_s - told_s_;
     return state;
   }
-  /// Of the last second.
+  /// Records the last second.
   void look(double force_N) {
     const Vector<Device> out = on_device(1) - on_device(0);
     const double height_mm = out.dot(plant_.true_tip() - on_device(0));
@@ -116,7 +117,7 @@ std::array<PressedDevice, 2> press_together(const Model& wall, const Following& 
   TickRecord record;
   std::array<Wrench, 2> sent;
   long ticks = 0, updates = 0;
-  // it has told where it is before the first tick
+  // the follower has published its state before the first tick
   follows.tell();
   while (static_cast<double>(ticks) * tick_s < kPressing_s) {
     const double at_tick_s = static_cast<double>(ticks + 1) * tick_s;

@@ -10,39 +10,40 @@
 
 namespace palpate {
 
-/// A device in a hand that presses on flat_wall(), and the loop that it is in.
+/// A device in a hand that presses on flat_wall(), and its control loop.
 struct PressingDevice {
   PlantDevice device;
   PlantHand hand;
-  double stiffness_N_per_mm = 1;  ///< that the hand feels
-  double rate_hz = 1000;          ///< of its clock
-  double delay_s = 1e-3;          ///< of its own, from a command to its force
+  double stiffness_N_per_mm = 1;  ///< As felt at the device
+  double rate_hz = 1000;          ///< Rate of its clock
+  double delay_s = 1e-3;          ///< Latency of the device from a command to its force
 };
 
-/// Two of them at 10 mm from each other on one wall, in one tick, as CompositeDriver has it: the first one's
-/// clock ticks; the second one's update tells its state, sends what the last tick has left, and comes by a
-/// clock that runs away from the first one's.
+/// Two of them 10 mm apart on one wall, in one tick, as in CompositeDriver: the owner's clock runs the tick;
+/// the follower's update publishes its state and sends the command of the last tick, on a clock that drifts
+/// relative to the owner's.
 struct Following {
   PressingDevice owner, follower;
-  double press_N = 1;            ///< of each at rest
-  bool controller = true;        ///< of passivity
-  bool is_delay_counted = true;  ///< the tick is told what following costs; else the device's own delay alone
+  double press_N = 1;      ///< Force of each at rest
+  bool controller = true;  ///< Passivity controller
+  /// Whether the tick is informed of the additional delay of following; otherwise only of the device's own
+  bool is_delay_counted = true;
 };
 
-/// What a hand notices in the last of four seconds.
+/// Result of one device in the last of four seconds.
 struct PressedDevice {
-  double swing_mm = 0;  ///< peak to peak of the true tip across the wall
-  double force_N = 0;   ///< that is sent, in the mean
+  double swing_mm = 0;  ///< Peak-to-peak motion of the true tip normal to the wall
+  double force_N = 0;   ///< Mean force sent
 };
-/// From a command to its force, s, of who follows: a period of each clock more.
+/// Latency from a command to its force for a follower, s: larger by a period of each clock.
 double following_delay_s(const PressingDevice& owner, const PressingDevice& follower);
-/// [0] the owner, [1] the follower.
+/// Index 0 is the owner, 1 the follower.
 std::array<PressedDevice, 2> press_together(const Model& wall, const Following& following);
-/// A device whose own clock ticks, and nobody else's, where the owner presses.
+/// A single device whose clock runs the tick, at the position of the owner.
 PressedDevice press_alone(const Model& wall, const PressingDevice& pressing, bool controller = true);
 
-/// Both devices in either place, 1 kHz and 250 Hz, in both documented grips, each as stiff as is recommended
-/// for its clock and its delay; beside each the same device alone. Errors: kInterrupted.
+/// Figures of both devices in either role, at 1 kHz and 250 Hz, in both documented grips, each at the
+/// stiffness recommended for its clock and latency, and of the same device alone. Errors: kInterrupted.
 Result<std::vector<Figure>> following_figures(const Progress& progress);
 
 }  // namespace palpate

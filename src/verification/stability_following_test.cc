@@ -6,7 +6,7 @@
 #include "palpate/stability/stability.h"
 #include "verification/stability_wall.h"
 
-/// What the delay of following costs, and that who counts on it is quiet.
+/// Latency of following, and stability when it is taken into account.
 namespace palpate {
 namespace {
 
@@ -44,7 +44,7 @@ TEST(Following, AtWhatIsRecommendedForItsDelayADeviceIsAsQuietAsAlone) {
         const auto [owner, follower] = press_together(followed_wall(), both);
         EXPECT_LE(steps(follower, both.follower), 2) << stiffness_N_per_mm;
         EXPECT_NEAR(follower.force_N, 1, 0.2);
-        // who ticks does not notice who follows
+        // the owner is unaffected by the follower
         EXPECT_EQ(owner.swing_mm, owner_alone.swing_mm);
         EXPECT_EQ(owner.force_N, owner_alone.force_N);
         EXPECT_LE(steps(owner, both.owner), 2);
@@ -52,7 +52,8 @@ TEST(Following, AtWhatIsRecommendedForItsDelayADeviceIsAsQuietAsAlone) {
     }
 }
 
-// The delay must be counted: what the device bears alone it does not bear here.
+// The latency of following has to be counted: the stiffness that is stable for the device alone is not stable
+// here.
 TEST(Following, WhatADeviceBearsAloneItDoesNotBearHere) {
   for (const PlantDevice& plant : known_plant_devices()) {
     SCOPED_TRACE(plant.name);

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kGripStep_s = 1e-5;
 constexpr double kAbove_mm = 3, kFadeIn_s = 0.6;
-// where no force of the wall acts, nor any that is late
+// distance at which the wall exerts no force, including delayed ones
 constexpr double kClear_mm = 1;
 constexpr double kSettledSwing_mm = 0.2, kSettledFor_s = 0.1;
 
@@ -29,7 +29,7 @@ DeviceInfo rate_alone(double rate_hz) {
   return info;
 }
 
-// a mass that Coulomb friction can at most stop
+// explicit Euler step of a mass with Coulomb friction, which can stop it but not reverse it
 void push(double force_N, double friction_N, double mass_kg, double& velocity_m_s) {
   velocity_m_s += force_N * kGripStep_s / mass_kg;
   const double max_m_s = friction_N * kGripStep_s / mass_kg;
@@ -42,7 +42,7 @@ class GripPlant {
   GripPlant(const PlantDevice& device, const Grip& grip, double at_m)
       : device_(device), grip_(grip), tip_m_(at_m), hand_m_(at_m) {}
 
-  // from now on nobody holds it
+  // releases the device
   void throw_it(double speed_m_s) {
     free_ = true;
     tip_m_s_ = hand_m_s_ = speed_m_s;
@@ -100,7 +100,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   if (held.states_nothing) parameters.device[0] = device_parameters(rate_alone(held.rate_hz), {});
   parameters.device[0].force_gain = held.stiffness_N_per_mm;
 
-  // down at the speed of the impact, to where the hand's spring and the wall's balance at the force
+  // approaches at the impact speed, to the equilibrium of the hand's and the wall's springs at this force
   const double depth_mm =
       held.press_N / held.stiffness_N_per_mm + held.press_N / held.grip.stiffness_N_per_m * 1e3;
   GripPlant plant(held.device, held.grip, kAbove_mm * 1e-3);
@@ -177,8 +177,8 @@ GripCase free_tap(const PlantDevice& device, double stiffness_N_per_mm) {
   return tap;
 }
 
-// Swing and energy for each hand with skin, at the recommended stiffness and with the delay known to the
-// tick. Each figure is the worst over all delays at one rate.
+// Oscillation and energy for each hand with skin, at the recommended stiffness, with the tick informed of the
+// delay. Each figure is the worst over all delays at one rate.
 Result<void> add_hands_with_skin(const Model& wall, const Model& ball, const PlantDevice& device,
                                  const Progress& progress, std::vector<Figure>& lengths,
                                  std::vector<Figure>& energies) {
@@ -233,7 +233,7 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
   if (!wall) return wall.error();
   const auto ball = exploration_ball(progress);
   if (!ball) return ball.error();
-  // one unit after the other, as tables want them
+  // grouped by unit, as required by the table
   std::vector<Figure> lengths, times, ratios, energies;
   for (const char* name : {"premium-1.5", "touch"}) {
     const PlantDevice device = *find_plant_device(name);

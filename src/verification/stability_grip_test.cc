@@ -16,8 +16,8 @@ const Model& grip_wall() {
   return **wall;
 }
 
-// A fingertip that rests on the device weighs as good as nothing: in a viscous gland it swings by itself,
-// unless the viscosity is clamped to what the device bears.
+// A fingertip on the device adds almost no mass: in a viscous gland it oscillates unless the viscosity is
+// clamped to the device's limit.
 TEST(StabilityGrip, AViscousTissueIsQuietUnderAFingertip) {
   for (const char* name : {"premium-1.5", "touch"})
     for (const double delay_s : {1e-3, 3e-3})
@@ -40,8 +40,8 @@ TEST(StabilityGrip, AViscousTissueIsQuietUnderAFingertip) {
         }
 }
 
-// grips with little damping at what is recommended for the documented ones: without the controller they swing
-// for ever
+// grips with little damping, at the stiffness recommended for the documented ones: without the controller
+// they oscillate indefinitely
 std::vector<Grip> loose_grips() {
   std::vector<Grip> grips;
   for (const double damping_N_s_per_m : {0.3, 0.5})
@@ -77,7 +77,7 @@ TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
   EXPECT_GE(swinging, 12) << "of 16";
 }
 
-// With skin between, the light mass of the device swings by itself against a damper that acts late.
+// With compliant skin, the small mass of the device oscillates against delayed damping.
 TEST(StabilityGrip, AHandWithSkinIsQuietAtWhatIsRecommended) {
   for (const PlantDevice& device : known_plant_devices())
     for (const double rate_hz : {1000.0, 250.0})
@@ -100,7 +100,7 @@ TEST(StabilityGrip, AHandWithSkinIsQuietAtWhatIsRecommended) {
       }
 }
 
-// Nobody holds it and no friction brakes it. The stiffest wall of each device is what it is recommended.
+// Free device without friction. The stiffest wall of each device is the recommended one.
 TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
   const struct {
     const char* device;
@@ -120,7 +120,7 @@ TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
                      .time_s = 0.2};
         tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
         const double told = hold_wall(grip_wall(), tap).rebound;
-        // the faster the fewer ticks there are to weigh it in
+        // at higher speed there are fewer ticks to estimate the mass
         EXPECT_LE(told, impact_m_s > 0.1 ? 1.1 : 1);
         EXPECT_GT(told, 0.5) << "and is a wall";
         tap.controller = false;
@@ -128,8 +128,7 @@ TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
       }
 }
 
-// A physical device that states its rate alone is as stiff as is careful, and its force is counted as late as
-// is careful.
+// For a physical device that declares only its rate, stiffness and latency are assumed conservatively.
 TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanItCame) {
   for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
     DeviceInfo info;
@@ -159,8 +158,8 @@ TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanIt
   }
 }
 
-// the documented hands swing down after an impact without being taken for a limit cycle's: nothing is softer
-// to them
+// the decaying oscillation of documented hands after an impact is not mistaken for a limit cycle: their wall
+// is not softened
 TEST(StabilityGrip, ADocumentedHandFeelsTheWholeWall) {
   for (const PlantHand& hand : known_plant_hands()) {
     SCOPED_TRACE(hand.name);

@@ -16,11 +16,11 @@ namespace palpate {
 namespace {
 
 constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt};
-// the force comes in while the hand rests before the border, and the tip rests for so long at the end
+// the force is ramped in while the hand rests before the boundary; final rest of the tip
 constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
                  kAlongBorder_mm = 8;
 constexpr double kMaxPast_mm = 0.5;
-// of the most that a hand holds (push_out_of)
+// fraction of the highest stiffness that a hand holds (push_out_of)
 constexpr double kOfHeld = 0.9;
 
 }  // namespace
@@ -67,11 +67,11 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
   parameters.device[0].max_stiffness_N_per_mm = led.stiffness_N_per_mm;
   parameters.device[0].delay_s = led.delay_s;
   parameters.max_force_N = led.device.peak_force_N;
-  // the labels' surface stands between two voxels
+  // the surface of the labels is between two voxels
   const auto& tracked = model.distances.structures();
   const double border_mm = tracked.empty() ? 0 : -tracked[0].tree->nearest({})->distance_mm;
 
-  // to where the region's spring and the hand's balance at the force
+  // to the equilibrium of the region's and the hand's springs at this force
   const double hand_N_per_mm = led.hand.stiffness_N_per_m * 1e-3;
   const double depth_mm =
       led.press_N / stiffness_N_per_mm + (led.press_N + led.device.coulomb_N) / hand_N_per_mm;
@@ -116,14 +116,14 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
 }
 
 Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
-  // stiffer than anybody holds: what is felt is what the device allows
+  // stiffer than any hand holds, so that the device's limit applies
   std::vector<std::pair<NoGoPlace, std::shared_ptr<const Model>>> walls;
   for (const NoGoPlace place : kNoGoPlaces) {
     const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, thick_wall_labels(), progress);
     if (!model) return model.error();
     walls.emplace_back(place, *model);
   }
-  // one unit after the other, as tables want them
+  // grouped by unit, as required by the table
   std::vector<Figure> past, swings;
   for (const PlantDevice& device : known_plant_devices())
     for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
@@ -140,7 +140,7 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
               *model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
           const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
                                    "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
-          // what the device cannot give holds nobody
+          // no limit if the device's maximum force is insufficient
           const auto limit_mm = led.clamped ? std::optional<double>() : kMaxPast_mm;
           past.push_back({path + "/past", led.past_mm, "mm", 1, limit_mm});
           swings.push_back({path + "/swing", 1e3 * led.swing_mm, "um", 1, 2e6 * device.encoder_step_m});

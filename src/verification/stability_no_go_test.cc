@@ -36,7 +36,7 @@ TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
               stiff_no_go(place),
               {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, place == NoGoPlace::kFelt},
               kFelt_N_per_mm);
-          // a whole arm at 0.1 m/s is more than a Touch can stop
+          // a Touch cannot stop a whole arm at 0.1 m/s
           EXPECT_TRUE(led.past_mm < 0.5 ||
                       (led.clamped && device.name == "touch" && hand.name == "whole-arm"))
               << led.past_mm << " mm, " << led.force_N << " N, " << led.clamped;
@@ -45,8 +45,8 @@ TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
         }
 }
 
-// where a hand holds so little that it sinks in by a centimetre, as far as force and stiffness say and no
-// farther, and rests
+// with a low stable stiffness a hand sinks in by a centimetre, exactly as far as force and stiffness imply,
+// and rests
 TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
   constexpr double kSlowest_hz = 250;
   for (const PlantDevice& device : known_plant_devices()) {
@@ -68,7 +68,7 @@ TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
 }
 
 TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
-  // pressed by a tip that is led: what both give together along the normal is what the stiffer one gives
+  // pressed by a prescribed tip: the total normal force is that of the stiffer of the two
   const Model& model = stiff_no_go(NoGoPlace::kFelt);
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;

@@ -13,7 +13,7 @@ namespace {
 constexpr double kMass_kg = 0.225;
 constexpr double kLimit_percent = 5;
 
-// peak-to-peak of a second after five, over that of the first
+// ratio of the peak-to-peak motion of the sixth second to that of the first
 double growth(double stiffness_N_per_mm, double damping_N_s_per_m, double rate_hz, double delay_s) {
   const PlantDevice device{"free", kMass_kg, 0, 0, 0, 1e9, 1e9};
   const PlantHand hand{"damper", 0, damping_N_s_per_m, 0};

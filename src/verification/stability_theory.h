@@ -7,11 +7,12 @@
 
 namespace palpate {
 
-/// Where a mass with damping, on a sampled spring that pushes and pulls, without friction or encoder steps,
-/// swings no more and no less: in the simulated plant, to 0.1 %. By theory b / (T/2 + t_d).
+/// Stiffness of a sampled bilateral spring at which the oscillation of a damped mass neither grows nor
+/// decays, without friction and encoder quantisation, in the simulated plant, to 0.1 %. The theoretical value
+/// is b / (T/2 + t_d).
 double neutral_stiffness_N_per_mm(double damping_N_s_per_m, double rate_hz, double delay_s);
 
-/// How far that is from theory, percent, with limits. Errors: kInterrupted.
+/// Deviation from theory, percent, with limits. Errors: kInterrupted.
 Result<std::vector<Figure>> theory_figures(const Progress& progress);
 
 }  // namespace palpate

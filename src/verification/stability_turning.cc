@@ -14,12 +14,12 @@ namespace {
 constexpr double kHalfPlate_mm = 1, kPlateRadius_mm = 14, kHalfGrid_mm = 19;
 constexpr double kFastestTurn_rad_s = 20, kLongestLever_mm = 100;
 constexpr double kFeltTurn_N = 0.5, kLooked_mm = 0.02;
-// a thinner one dips by more between two spheres of its row
+// a thinner shaft penetrates more between two spheres of its row
 constexpr double kMinShaft_mm = 0.3, kLookedAtShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
 constexpr int kTurnsOfAPlate = 50, kTicksAtRest = 60;
 const Eigen::Vector3d kPlateVoxels_mm[] = {{0.36, 0.36, 0.7}, {0.28, 0.28, 1.0}, {0.625, 0.625, 0.9}};
 
-/// A round plate of labels, somewhere between the voxels.
+/// A round plate of labels at a random position relative to the voxels.
 struct RoundPlate {
   ContactSurface felt;
   Eigen::Vector3d normal, middle;
@@ -53,35 +53,35 @@ Result<RoundPlate> round_plate(const Eigen::Vector3d& spacing_mm, AccuracyRandom
 
 struct TurnedLever {
   bool felt = false, through = false, shaft = false;
-  double deepest_mm = 0;  ///< of its whole way
+  double deepest_mm = 0;  ///< Maximum over its whole path
 };
 
-/// A hand that turns a tool about its tip so that the lever's end goes through a plate and stands on the
-/// other side.
+/// A hand that rotates a tool about its tip so that the end of the lever passes through the plate and stops
+/// on the other side.
 class TurningHand {
  public:
   TurningHand(const RoundPlate& plate, AccuracyRandom& random) : plate_(plate), random_(random) {
-    // the end goes against the normal, and askew, near the plate's middle
+    // the end moves against the normal, obliquely, near the centre of the plate
     constexpr double kMinAhead = 0.6;
     Eigen::Vector3d tangent = random.direction();
     while (-tangent.dot(plate.normal) < kMinAhead) tangent = random.direction();
     lever_ = tangent.cross(random.direction()).normalized() * random.between(25, kLongestLever_mm);
-    // from the side of the plate on which the tip is
+    // starts on the side of the plate on which the tip is
     if (lever_.dot(plate.normal) > 0) lever_ = -lever_;
     axis_ = lever_.cross(tangent).normalized();
     tip_ = Point<Patient>(plate.middle - lever_);
 
-    // its end and its tip or shaft, and up to two more spheres; some of them points
+    // sphere at the end, sphere or shaft at the tip, and up to two more spheres; some of them are points
     const double radius_mm = std::max(0.0, random.between(-0.6, 1.5));
     tool_ = {{Vector<Patient>(lever_), radius_mm}, {{}, radius_mm}};
     if (random.between(0, 1) < 0.5) tool_.push_back({Vector<Patient>(lever_ * 0.95), radius_mm});
     if (random.between(0, 1) < 0.5)
       tool_.push_back({Vector<Patient>(lever_ + random.direction() * 2), radius_mm});
-    // every second one with a shaft from the tip to there
+    // half of them have a shaft between tip and end
     if (random.between(0, 1) < 0.5)
       tool_[1] = {{}, std::max(kMinShaft_mm, radius_mm), Vector<Patient>(lever_)};
 
-    // from where all of it is free to where the end is through
+    // from the angle at which the whole tool is free to that at which the end has passed through
     constexpr double kFree_mm = 0.5, kBehind_mm = 2.5, kBack_rad = 0.01;
     end_rad_ = (kHalfPlate_mm + radius_mm + kBehind_mm) / -tangent.dot(plate.normal) / lever_.norm();
     begin_rad_ = -end_rad_;
@@ -117,7 +117,7 @@ class TurningHand {
     double min_mm = std::numeric_limits<double>::infinity();
     const TurnedTool tool = tool_at(attitude);
     for (const ToolSphere& sphere : tool.spheres()) {
-      // of a shaft the outline, not the row of spheres that it is felt as
+      // evaluates the outline of a shaft, not the row of spheres that represents it
       const int places = static_cast<int>(sphere.along_mm.norm() / kAlong_mm);
       for (int place = 0; place <= places; ++place) {
         const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(place) / std::max(1, places));

@@ -10,11 +10,11 @@ namespace palpate {
 
 inline constexpr std::uint64_t kTurningSeed = 15;
 
-/// Levers of up to 100 mm that a hand turns at up to 20 rad/s through plates of 2 mm, of any tilt, on three
-/// kinds of voxels, at 1 kHz and 250 Hz, punctual and not, half of them with a shaft: how deep any sphere,
-/// and any place of a shaft, lies on the proxy's whole way, how many come out on the other side, how many are
-/// not felt; with limits. The same in every run. Errors: kInterrupted.
-/// @param turns  in all, at least 1
+/// Levers of up to 100 mm that a hand rotates at up to 20 rad/s through plates of 2 mm of any orientation,
+/// with three voxel sizes, at 1 kHz and 250 Hz, with and without jitter, half of them with a shaft: maximum
+/// penetration of any sphere, and of any point of a shaft, along the proxy's whole path, number of levers
+/// that pass through, and number without contact; with limits. Deterministic. Errors: kInterrupted.
+/// @param turns  total number of rotations, at least 1
 Result<std::vector<Figure>> turning_figures(int turns, const Progress& progress);
 
 }  // namespace palpate

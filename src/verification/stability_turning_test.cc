@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// a tenth of PALPATE_TEST_PRESSES says how many turns
+// number of rotations: a tenth of PALPATE_TEST_PRESSES
 int turns_in_all() {
   const char* asked = std::getenv("PALPATE_TEST_PRESSES");
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

@@ -6,7 +6,8 @@
 namespace palpate {
 namespace {
 
-/// Half of it is wall, up to x = 0. @param across  voxels along y and z, odd
+/// The half up to x = 0 is wall.
+/// @param across  number of voxels along y and z, odd
 LabelMap wall_labels(double spacing_mm, int deep, int across) {
   GridGeometry grid;
   grid.dims = {2 * deep, across, across};
@@ -24,7 +25,7 @@ LabelMap wall_labels(double spacing_mm, int deep, int across) {
 
 }  // namespace
 
-// deep enough for a hand that leans on it, the face between two voxels
+// deep enough for a pressing hand; the face is between two voxels
 LabelMap flat_wall_labels() {
   return wall_labels(0.6, 20, 41);
 }

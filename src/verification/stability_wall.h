@@ -8,18 +8,18 @@
 
 namespace palpate {
 
-/// The half of a volume below x = 0, of bone of 1 N/mm, ready for the proxy alone: a flat wall to press on.
-/// The patient's origin is on its surface, in the middle of the volume.
+/// Flat wall of bone of 1 N/mm: the half of a volume below x = 0, ready for the proxy only. The patient's
+/// origin is on its surface, at the centre of the volume.
 Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress = {});
 
-/// Label 1 is that half.
+/// Label map of the wall; label 1.
 LabelMap flat_wall_labels();
-/// The same, larger: 36 mm deep and 24 to each side. Where a slow loop allows little stiffness a hand sinks
-/// in by up to a centimetre, and beyond the middle of a structure the way out of it changes sides; nor may a
-/// hand that slides come to the rim.
+/// Larger wall, 36 mm deep and 24 mm to each side. With the low stiffness of a slow loop a hand sinks in by
+/// up to a centimetre, and beyond the middle of a structure the nearest surface is on the other side; a
+/// sliding hand must not reach the rim either.
 LabelMap thick_wall_labels();
 
-/// Label 1 as bone of 1 N/mm, which has the segment's name, ready for these methods.
+/// Model with label 1 as bone of 1 N/mm, named like the segment, ready for these methods.
 Result<std::shared_ptr<const Model>> one_bone(const LabelMap& labels, const std::vector<ForceMethod>& methods,
                                               const Progress& progress);
 

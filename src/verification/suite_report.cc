@@ -16,7 +16,7 @@ std::string to_json(const SuiteReport& report) {
   const Json json = {{"suite", report.suite}, {"machine", report.machine},
                      {"build", report.build}, {"date", report.date},
                      {"notes", notes},        {"figures", figures}};
-  // bytes that are no UTF-8 are replaced rather than thrown at
+  // invalid UTF-8 is replaced instead of throwing
   return json.dump(2) + "\n";
 }
 

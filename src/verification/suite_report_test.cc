@@ -86,7 +86,7 @@ TEST(SuiteReport, ManyFiguresAreLaidOutByTheirFirstPartWithTheirQuantitiesSideBy
       if (n == 1) report.figures.push_back({path + "/change-at-half-voxels/max", 7, "percent", 5, {}});
     }
   }
-  // short: one table as before
+  // a short report is a single table, as before
   SuiteReport few = report;
   few.figures.resize(20);
   EXPECT_THAT(to_table(few), HasSubstr("\nfigure                           mean       max      unit  n\n"));
@@ -106,7 +106,7 @@ TEST(SuiteReport, ManyFiguresAreLaidOutByTheirFirstPartWithTheirQuantitiesSideBy
   EXPECT_THAT(table, HasSubstr("beyond its limit: b-spline/ball/14/direction/mean 14.25 > 1.5 deg\n"));
 }
 
-// a long table whose names have too few parts to be laid out anew
+// a long table of names with too few parts for a WideTable
 TEST(SuiteReport, ManyFiguresOfShortNamesStandOneBelowTheOther) {
   SuiteReport report;
   for (int n = 0; n < 60; ++n)

@@ -17,7 +17,7 @@ std::string without_trailing_spaces(const std::string& line) {
   return line.substr(0, line.find_last_not_of(' ') + 1);
 }
 
-// Figures whose names differ in the last part only.
+// Figures whose names differ only in the last part.
 struct Row {
   std::string path, unit;
   std::uint64_t n;
@@ -29,7 +29,7 @@ struct Table {
   std::vector<Row> rows;
 };
 
-// A row whose first column is new to the table begins another table.
+// A row whose first column is not in the table starts a new table.
 std::vector<Table> arrange(const std::vector<Figure>& figures) {
   std::vector<Table> tables;
   for (const Figure& figure : figures) {
@@ -54,7 +54,7 @@ std::vector<Table> arrange(const std::vector<Figure>& figures) {
   return tables;
 }
 
-// Each cell padded to its column; the first to the left, the others to the right.
+// Pads each cell to its column; the first column is left-aligned, the others right-aligned.
 std::string aligned(const std::vector<std::vector<std::string>>& lines) {
   std::vector<std::size_t> widths;
   for (const auto& line : lines) {
@@ -73,12 +73,12 @@ std::string aligned(const std::vector<std::vector<std::string>>& lines) {
   return text;
 }
 
-// counts are whole
+// counts are integers
 std::string cell_text(const Figure& figure) {
   return formatted(figure.unit == "ticks" ? "%.0f" : "%.3f", figure.value) + (figure.ok() ? " " : "!");
 }
 
-// a column for the mark of a figure beyond its limit keeps the numbers in line
+// a separate column for the mark of figures beyond their limit keeps the numbers aligned
 std::vector<std::vector<std::string>> lines_of(const Table& table) {
   std::vector<std::string> head = {"figure"};
   for (const std::string& column : table.columns) head.push_back(column + " ");
@@ -97,7 +97,7 @@ std::vector<std::vector<std::string>> lines_of(const Table& table) {
   return lines;
 }
 
-// A table longer than this is laid out anew, so that it can be read: see WideTable.
+// A table with more rows is laid out as a WideTable for readability.
 constexpr std::size_t kLongest = 40;
 
 // The parts of a figure's name: first/middle/quantity/leaf.
@@ -114,7 +114,7 @@ std::optional<NameParts> parts_of(const std::string& name) {
                    name.substr(quantity + 1, leaf - quantity - 1), name.substr(leaf + 1)};
 }
 
-// Figures of one first part: a row for each middle, and every quantity's leaves side by side.
+// Figures with the same first part: a row per middle part, with the leaves of every quantity side by side.
 struct WideTable {
   struct Column {
     std::string leaf;
@@ -153,7 +153,7 @@ std::string wide_text(const WideTable& table) {
   std::size_t width = table.first.size();
   for (const std::string& row : table.rows) width = std::max(width, row.size());
   const auto label = [&](const std::string& text) { return text + std::string(width - text.size(), ' '); };
-  // each quantity's title stands over its columns, the first of them wide enough for it
+  // the title of each quantity spans its columns; the first column is wide enough for it
   constexpr std::size_t kColumn = 10;
   std::string titles = label(""), heads = label(table.first);
   std::vector<std::string> lines;
@@ -178,7 +178,7 @@ std::string wide_text(const WideTable& table) {
   return without_trailing_spaces(titles) + "\n" + without_trailing_spaces(heads) + "\n" + text;
 }
 
-// Nothing where a name has fewer than four parts.
+// Empty if a name has fewer than four parts.
 std::optional<std::string> wide_tables(const Table& table) {
   std::vector<WideTable> tables;
   for (const Row& row : table.rows) {

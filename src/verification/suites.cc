@@ -15,7 +15,7 @@ struct Suite {
   const char* name;
   const char* line;
   bool takes_options;
-  // notes and figures
+  // produces notes and figures
   Result<SuiteReport> (*run)(const SuiteOptions&, const Progress&, const Warn&);
 };
 
@@ -68,7 +68,7 @@ Error unknown_suite(const std::string& name) {
   return {ErrorKind::kUsage, "there is no verification suite '" + name + "'", "", "suites: " + names};
 }
 
-// the option that a suite which takes none was given, or null
+// name of an option that was given to a suite without options, or null
 const char* given_option(const SuiteOptions& options) {
   if (options.seconds) return "seconds";
   if (options.spin_us) return "spin";

@@ -20,7 +20,7 @@ namespace {
 constexpr int kFrames = 41, kRippleSteps = 8, kNoduleSteps = 20;
 constexpr double kLayerRoots[] = {0.3, 0.4};
 
-/// Of several cases the one farthest off.
+/// Worst of several cases.
 class Farthest {
  public:
   void add(const TissueCase& one) {
@@ -49,7 +49,7 @@ std::string ratio_name(const char* prefix, double value) {
   return text;
 }
 
-// what a tick makes of it, by speed
+// error of the tick, by speed
 struct AtSpeed {
   double mm_s;
   std::optional<double> largest_percent, mean_percent;
@@ -86,7 +86,7 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
   return {};
 }
 
-// what is cut while it is pressed
+// tissue that is cut while it is pressed
 Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figures) {
   const auto model = yielding_block(false);
   if (!model) return model.error();
@@ -104,7 +104,7 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
     if (progress.stopped()) return Progress::interrupted();
     add("milled-beside", speed, mill_beside(**model, speed), 1.5);
   }
-  // faster than that, the ripple of a surface that sinks through cells is more (docs/results/tissue.md)
+  // at higher speeds the ripple of a surface that sinks through cells dominates (docs/results/tissue.md)
   for (const double speed : {2.0, 5.0}) {
     if (progress.stopped()) return Progress::interrupted();
     add("trimmed-under", speed, trim_under(**model, speed), speed < 3 ? std::optional(1.5) : std::nullopt);
@@ -114,7 +114,7 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
   return {};
 }
 
-// what is pressed and held
+// tissue that is pressed and held
 Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& figures) {
   constexpr Relaxation kSeries{{{{0.35, 0.25}, {0.25, 1.5}}}};
   const auto elastic = yielding_block(false), relaxing = yielding_block(false, TissueLaw::kElastic, kSeries);
@@ -140,7 +140,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   return {};
 }
 
-// what hands on simulated devices get out of it
+// energy that simulated hands and devices gain
 Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& figures) {
   struct At {
     double rate_hz, delay_s;
@@ -152,17 +152,17 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
     double kPa;
     const char* name;
     Relaxation relaxation;
-    std::size_t loops, devices, hands;  // of the first
+    std::size_t loops, devices, hands;  // number of the first loops, devices and hands used
     TissueLaw law = TissueLaw::kElastic;
   };
-  // a neo-Hookean frame takes three times the work: of the softest, which yields farthest, and one device
+  // a neo-Hookean frame costs three times as much: only the softest ball, which deforms most, and one device
   constexpr Of kBalls[] = {{10, "", {}, std::size(kLoops), 2, 4},
                            {100, "", {}, 4, 2, 2},
                            {1000, "", {}, 4, 2, 2},
                            {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2, 2},
                            {10, "-neo-hookean", {}, 4, 1, 2, TissueLaw::kNeoHookean}};
   constexpr const char* kOn[] = {"premium-1.5", "touch"};
-  // a hand with less damping than any documented one, beside those
+  // the documented hands, and one with less damping
   const std::vector<PlantHand> hands{*find_plant_hand("light-grip"),
                                      *find_plant_hand("firm-grip"),
                                      *find_plant_hand("whole-arm"),
@@ -223,7 +223,8 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   if (stopped()) return Progress::interrupted();
 
   for (const auto& [name, outward] : kNormals) {
-    // compressible tissue apart: where the surface runs within cells along their faces it is off by more
+    // compressible tissue separately: its error is larger where the surface runs within cells along their
+    // faces
     Farthest off, compressible, ripple;
     for (const double radius : {1.0, 2.0, 4.0}) {
       HalfSpacePress press;

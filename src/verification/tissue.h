@@ -5,7 +5,8 @@
 
 namespace palpate {
 
-/// Soft tissue against analytic cases, and how fast this machine solves it. docs/results/tissue.md.
+/// Soft tissue compared with analytic solutions, and the speed of its solver on this machine.
+/// docs/results/tissue.md.
 Result<SuiteReport> run_tissue(const Progress& progress);
 
 }  // namespace palpate

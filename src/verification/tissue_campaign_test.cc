@@ -14,8 +14,8 @@
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/yield_solver.h"
 
-/// Random patients, tools and hands on tissue that yields, and a searcher that has nothing but force and
-/// place. PALPATE_TEST_SCENES and PALPATE_TEST_SEARCHES take more of them; docs/contributing/testing.md.
+/// Random patients, tools and hands on deformable tissue, and a search based on force and position only.
+/// PALPATE_TEST_SCENES and PALPATE_TEST_SEARCHES increase their numbers; docs/contributing/testing.md.
 namespace palpate {
 namespace {
 
@@ -28,7 +28,7 @@ double between(std::mt19937& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
 
-/// A tip led at 1 kHz, with tissue solved as on a virtual clock.
+/// A tip moved at 1 kHz, with tissue solved as on a virtual clock.
 class CampaignTip {
  public:
   CampaignTip(std::shared_ptr<const Model> model, double max_force_N) : model_(std::move(model)) {
@@ -54,7 +54,7 @@ class CampaignTip {
     tick(*model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
     return record_;
   }
-  /// False: that law cannot be now, as once something is cut.
+  /// Changes the law. Returns false if that is not possible at present, e.g. once something was cut.
   bool go_by(TissueLaw law) {
     auto next = next_version({model_, model_}, change_of_law(*model_, law));
     if (next) model_ = next->felt;
@@ -99,7 +99,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
   return *std::move(ready);
 }
 
-// blobs of bone and of tissue of 1 kPa to 1 MPa, some of which relaxes, some with air between
+// random regions of bone and of tissue of 1 kPa to 1 MPa, some of which relaxes, some separated by air
 std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law) {
   GridGeometry grid;
   grid.dims = {28, 28, 28};
@@ -134,7 +134,7 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law)
         }
   }
   const double cell_mm = between(random, 0.8, 2.5);
-  // one of three cuts; a burr is two voxels wide at least
+  // in one of three the tool is a burr, at least two voxels wide
   if (random() % 3 == 0) {
     for (Tissue& tissue : tissues) tissue.cutting_energy_mJ_per_mm3 = std::pow(10, between(random, 0, 2));
     return model_of(labels, tissues, between(random, 2.5, 4), cell_mm, law, true);
@@ -177,13 +177,13 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
     for (int stroke = 0; stroke < 6 && !HasFatalFailure(); ++stroke) {
       Eigen::Vector3d to;
       for (int axis = 0; axis < 3; ++axis) to[axis] = between(random, -14, 14);
-      // another law, wherever the tool is
+      // change of the law at any position of the tool
       if (random() % 4 == 0) changed += tip.go_by(static_cast<TissueLaw>(random() % ModelChange::kLaws));
       lead(to, std::pow(10, between(random, 1.3, 2.7)));
     }
     if (HasFatalFailure()) return;
-    // lifted, nothing is left of it; a tool that is led through what it leans on from below stays there until
-    // a pause
+    // after lifting no force is left; a tool that was moved through a surface from below stays there until a
+    // pause
     lead({0, 0, 60}, 300);
     tip.pause(true);
     for (int n = 0; n < 300; ++n) tip.at(at);
@@ -201,7 +201,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   EXPECT_GT(solved, 50 * scenes);
 }
 
-// tissue of 10 kPa on a plate, with a nodule of 8 mm, 10 times as stiff and 5 mm deep, or without
+// tissue of 10 kPa on a plate, optionally with a nodule of 8 mm, 10 times as stiff, 5 mm deep
 std::shared_ptr<const Model> patient_to_search(const Eigen::Vector2d* nodule_mm) {
   GridGeometry grid;
   grid.dims = {72, 72, 30};
@@ -234,8 +234,9 @@ struct Found {
   Eigen::Vector2d at_mm = Eigen::Vector2d::Zero();
 };
 
-// Slides 3 mm deep along lines 4 mm apart and looks where it is harder than elsewhere, by a twentieth at
-// least: a third of what a hand can tell by itself. Knows the force and its own place, each with noise.
+// Slides 3 mm deep along lines 4 mm apart and finds where it is harder than elsewhere by at least a
+// twentieth, a third of what a human can discriminate. Input is the force and the tip's position, each with
+// noise.
 Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
   constexpr double kHalf_mm = 16, kApart_mm = 4, kSpeed_mm_s = 40, kCell_mm = 4, kHarder = 1.05;
   constexpr int kCells = static_cast<int>(2 * kHalf_mm / kCell_mm) + 1;
@@ -272,7 +273,7 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
   std::vector<double> mean;
   for (std::size_t n = 0; n < sum.size(); ++n) mean.push_back(count[n] > 0 ? sum[n] / count[n] : 0);
   const double usual_N = median(mean);
-  // harder towards an edge is no nodule: what a row and a column have in common is taken off
+  // removes row and column means, because hardening towards an edge is not a nodule
   std::vector<double> rows, columns;
   for (int n = 0; n < kCells; ++n) {
     std::vector<double> row, column;
@@ -292,7 +293,7 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
   const auto hardest = static_cast<int>(std::max_element(mean.begin(), mean.end()) - mean.begin());
   if (mean[static_cast<std::size_t>(hardest)] < kHarder * usual_N) return found;
   found.any = true;
-  // the middle of what is harder around the hardest place
+  // centroid of the harder cells around the hardest one
   for (int j = 0; j < kCells; ++j)
     for (int i = 0; i < kCells; ++i) {
       if (std::max(std::abs(i - hardest % kCells), std::abs(j - hardest / kCells)) > 2) continue;

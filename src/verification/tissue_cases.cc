@@ -45,7 +45,7 @@ Eigen::Vector3d node_of(const ElasticLayout& layout, int i, int j, int k, const 
           field.values[layout.node(i, j, k, 2)]};
 }
 
-/// Whose surface is displaced as `given` says: the inner node farthest from it, and the greatest
+/// Solution with the surface displacement `given`: error of the worst interior node, and the largest
 /// displacement.
 struct Inside {
   double off = 0, greatest = 0, squares = 0;
@@ -92,7 +92,7 @@ TissueCase turned_case(int cells) {
   const ElasticLayout& layout = grid.layout();
   ElasticSolver solver(grid);
   const Eigen::Vector3d middle = Eigen::Vector3d::Constant(cells / 2.0);
-  // a part with the same slopes but for their sign
+  // a contribution with the same slopes except for their sign
   const auto forces = [&](double sign) {
     ElasticField u(layout), force(layout);
     for_each_node_of(layout, [&](int i, int j, int k) {
@@ -117,7 +117,7 @@ TissueCase cantilever_case(int cells_high) {
   for (int k = 0; k <= high; ++k)
     for (int j = 0; j <= high; ++j) {
       grid.hold(0, j, k, ElasticGrid::kHeld);
-      // as much as of the end's area is the node's
+      // the node's share of the area of the end face
       const double part = (j % high == 0 ? 0.5 : 1) * (k % high == 0 ? 0.5 : 1) / (high * high);
       load.values[layout.node(length, j, k, 2)] = static_cast<float>(kLoad_N * part);
     }
@@ -149,7 +149,7 @@ TissueCase cook_case(int cells_long) {
   for (int j = 0; j <= layout.cells[1]; ++j)
     for (int k = 0; k <= 1; ++k) grid.hold(0, j, k, ElasticGrid::kHeldX | ElasticGrid::kHeldY);
   for (int j = 0; j <= layout.cells[1]; ++j) grid.hold(0, j, 0, ElasticGrid::kHeldZ);
-  // the tip's edge, each node what of the edge is nearest to it
+  // edge of the tip: each node gets the part of the edge nearest to it
   const int steps = 16;
   for (int j = 0; j < layout.cells[1]; ++j)
     for (int s = 0; s < steps; ++s) {
@@ -229,7 +229,7 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
 
 namespace {
 
-// force of a sphere on a half space, over Hertz's
+// force of a sphere on a half-space, relative to Hertz's
 struct PressedHalfSpace {
   double force_N, hertz_N;
   int iterations;
@@ -278,10 +278,10 @@ TissueCase ripple_case(const HalfSpacePress& press, int steps) {
 
 namespace {
 
-// the nodes of a flat surface around a middle one, those as far from it together: by symmetry they bear as
-// much
+// nodes of a flat surface around a central one, grouped by their distance: by symmetry they carry equal
+// forces
 struct NodeRing {
-  double r = 0;  ///< in cells
+  double r = 0;  ///< Distance from the central node, in cells
   std::vector<Point<Patient>> nodes;
 };
 std::vector<NodeRing> node_rings(int middle_x, int middle_y, double z, double within) {
@@ -320,7 +320,7 @@ TissueCase punch_case(int cells, int radius_cells) {
       contact_forces(w, Eigen::VectorXd::Constant(static_cast<Eigen::Index>(rings.size()), kDepth_mm));
   std::size_t nodes = 0;
   for (const NodeRing& ring : rings) nodes += ring.nodes.size();
-  // a node presses as much area as is nearest to it
+  // effective radius: each node represents the area nearest to it
   const double a = std::sqrt(static_cast<double>(nodes) / std::numbers::pi);
   const double right = 2 * a * kPa * kN_per_mm2_of_kPa * kDepth_mm / (1 - kNu * kNu);
   return {100 * (force.sum() / right - 1), 0};
@@ -333,7 +333,7 @@ TissueCase layer_case(int cells_thick, double nu, double part) {
       box_of({wide, wide, thick}), [&](const Point<Patient>&) { return yielding(kPa, nu); }, 1);
   for (int j = 0; j <= wide; ++j)
     for (int i = 0; i <= wide; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
-  // far off, where nothing yields any more, the layer just ends
+  // far away, where the deformation is negligible, the layer simply ends
   const double radius = 3 * thick, root = part * thick, depth = root * root / radius;
   const auto rings = node_rings(middle, middle, thick, 1.5 * root);
   const Eigen::MatrixXd w = ring_compliance(grid, rings);
@@ -378,7 +378,7 @@ TissueCase stretched_case(double part) {
   for (int j = 0; j <= kCells; ++j)
     for (int i = 0; i <= kCells; ++i) pulled_N += force.values[layout.node(i, j, kCells, 2)];
 
-  // across, q: mu q + s part q = 0, s = (lambda + mu) (part q2 - 1) - mu; along: mu part + s q2
+  // lateral stretch q: mu q + s part q = 0, s = (lambda + mu) (part q2 - 1) - mu; axial: mu part + s q2
   const double mu = kPa * kN_per_mm2_of_kPa / (2 * (1 + kNu)), lambda = 2 * mu * kNu / (1 - 2 * kNu);
   const double s = -mu / part, squared = ((s + mu) / (lambda + mu) + 1) / part;
   const double right = kCells * kCells * (mu * part + s * squared);
@@ -396,7 +396,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
   for (int j = 0; j <= cells[1]; ++j)
     for (int i = 0; i <= cells[0]; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
 
-  // the nodes that the sphere touches, from then on held to it
+  // the nodes in contact with the sphere, constrained to it from then on
   const auto rings = node_rings(middle_x, middle_y, thick, std::sqrt(2 * radius * depth));
   Eigen::VectorXd deep(static_cast<Eigen::Index>(rings.size()));
   for (std::size_t n = 0; n < rings.size(); ++n)
@@ -423,7 +423,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
   solver.forces(whole, force);
   const double linear_N = force_of(force);
 
-  // in frames: all nodes go on as the linear body's, then a step of Newton's
+  // in frames: all nodes follow the linear solution, then a Newton step
   FiniteLayer told;
   told.cells = grid.soft_cells();
   FiniteSettings frame, exact;
@@ -457,7 +457,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
 double convergence_order(int cells) {
   constexpr double kNu = 0.3;
   const auto off = [&](int n) {
-    // a force a third of the block's edge beyond it
+    // a point force outside the block, a third of its edge away
     const Eigen::Vector3d source = Eigen::Vector3d(-0.33, 0.4, 0.6) * n, pull = Eigen::Vector3d(1, 0.5, -0.3);
     const Inside inside = solve_inside(yielding(10, kNu), n, [&](const Eigen::Vector3d& x) {
       const Eigen::Vector3d way = (x - source) / n;
@@ -485,9 +485,9 @@ NoduleLoop nodule_loop(int cells, int steps) {
     return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm,
                         unit, load, kMaxTissueIterations, 1e-5);
   };
-  // work of going down and up again at a place, by Gauss and Legendre's four points in d^(5/2)
+  // work of indentation and retraction at a position, by four-point Gauss-Legendre quadrature in d^(5/2)
   const auto energy = [&](double x) {
-    // W is the same at every depth while the contact is narrow: the integral is of one function
+    // W is independent of the depth while the contact is narrow, so the integrand is a single function
     double sum = 0;
     constexpr int kDepths = 24;
     for (int n = 0; n < kDepths; ++n) sum += press(x, kDepth_mm * (n + 0.5) / kDepths).force_N;
@@ -502,7 +502,8 @@ NoduleLoop nodule_loop(int cells, int steps) {
     over = contact.force_N;
   }
   const double at_first = energy(first), at_last = energy(last);
-  // down at the first, along, up at the last: what the tissue gives along the way is what it holds less
+  // down at the first position, along, up at the last: the work done by the tissue along the path is the loss
+  // of its stored energy
   NoduleLoop told;
   told.off_percent = 100 * (at_first - at_last - along) / at_last;
   told.off_without_percent = 100 * (at_first - at_last) / at_last;

@@ -63,7 +63,7 @@ TEST(TissueCases, ErrorsFallWithTheSquareOfTheCells) {
 TEST(TissueCases, WorkOverANoduleIsGivenBack) {
   const NoduleLoop loop = nodule_loop(32, 20);
   EXPECT_LE(std::abs(loop.off_percent), 2);
-  // what the force aside is for
+  // shows the effect of the tangential force
   EXPECT_GE(std::abs(loop.off_without_percent), 5);
   EXPECT_GE(loop.stiffer_percent, 10);
 }

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// the same bytes: what K u reads of displacements and moduli, and writes of forces
+// the same memory traffic as K u: reads displacements and moduli, writes forces
 void stream(const ElasticField& u, const ElasticValues& mu, const ElasticValues& lambda,
             ElasticField& force) {
   const std::size_t cells = mu.size() - ElasticLayout::kSpare;

@@ -28,7 +28,7 @@ double median_ms(std::vector<double> seconds) {
   return 1e3 * seconds[seconds.size() / 2];
 }
 
-// how high the surface is in a frame, under the tool, and what is swept until then
+// height of the surface in a frame, under the tool, and the region swept until then
 struct CutFrame {
   double surface_mm = 0;
   std::vector<Cut> cuts;
@@ -76,7 +76,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
     converged = unit;
     solver.solve(load, converged, kTruthIterations, kTruthTolerance);
     told.lag_percent = std::max(told.lag_percent, off_percent(w, patch.displacement(converged)));
-    // every few frames beside all that is cut at once
+    // every few frames it is compared with cells that are cut all at once
     constexpr int kWhole = 8;
     if (frame % kWhole == kWhole - 1) {
       const CarvedCells whole(labels, by_label, box, pressed);
@@ -120,7 +120,7 @@ CutTissue trim_under(const Model& model, double speed_mm_s) {
   return cut_frame_by_frame(model, 1 + static_cast<int>(kDeep_mm / step_mm), [&](int frame) {
     CutFrame now;
     if (frame == 0) return now;
-    // a cylinder that lies, led across its axis
+    // a horizontal cylinder, moved perpendicular to its axis
     now.surface_mm = -step_mm * frame;
     const double z = now.surface_mm + kHead_mm;
     now.cuts = {

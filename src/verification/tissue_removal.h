@@ -5,28 +5,30 @@
 
 #include "palpate/haptics/haptics.h"
 
-/// Soft tissue that is cut while a sphere presses it (CarvedCells), and boxes that are laid anew.
+/// Soft tissue that is cut while a sphere presses it (CarvedCells), and re-centred solution boxes.
 namespace palpate {
 
-/// Frame by frame, of the block that yielding_block() makes, pressed 2 mm deep at its middle by 3 mm.
+/// Figures per frame, for the block of yielding_block() with a 3 mm sphere pressed 2 mm deep at its centre.
 struct CutTissue {
-  /// How far two iterations a frame leave W from that of the same cells when it has converged, at worst.
+  /// Maximum error of the compliance W with two iterations per frame, relative to the converged solution of
+  /// the same cells.
   double lag_percent = 0;
-  /// How far W is at worst from that of cells that are as they are cut at once.
+  /// Maximum error of W relative to cells that are cut immediately.
   double behind_percent = 0;
-  /// Of the force in a frame, at most.
+  /// Maximum relative change of the force in a frame.
   double change_percent = 0;
-  double force_changed_percent = 0;    ///< from first to last
-  double follow_ms = 0, frame_ms = 0;  ///< processor time, medians: cells that follow, all of a frame
+  double force_changed_percent = 0;  ///< Change from first to last
+  /// Median processor times: of updating the cells, and of the whole frame
+  double follow_ms = 0, frame_ms = 0;
   std::uint64_t frames = 0;
 };
-/// A ball of 4 mm mills a groove 3 mm deep past the place, whose edge is 2.5 mm from its middle.
+/// A ball of 4 mm mills a groove 3 mm deep past the contact; its edge is 2.5 mm from the contact's centre.
 CutTissue mill_beside(const Model& model, double speed_mm_s);
-/// The surface is taken off under the place, 12 mm wide, 4 mm deep.
+/// The surface under the contact is removed, 12 mm wide and 4 mm deep.
 CutTissue trim_under(const Model& model, double speed_mm_s);
 
-/// Slid 2 mm deep along a block that is the same everywhere: how much the force changes at most in a frame
-/// for which the box was laid anew; percent.
+/// A sphere slides 2 mm deep along a homogeneous block: maximum change of the force in a frame in which the
+/// box is re-centred; percent.
 struct Recentring {
   double change_percent = 0;
   std::uint64_t boxes = 0;

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// What `verify tissue` says of tissue that is cut, a part of it.
+// A part of the tests of cut tissue in `verify tissue`.
 TEST(TissueRemoval, ASolutionGoesAlongWithWhatIsCut) {
   const auto model = yielding_block(false);
   ASSERT_TRUE(model.ok());

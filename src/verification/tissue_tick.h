@@ -6,52 +6,53 @@
 #include "palpate/base/result.h"
 #include "palpate/haptics/haptics.h"
 
-/// What a tick makes of soft tissue that is solved beside it (YieldSolver), along ways that a tool is led.
+/// Force of the tick on soft tissue that is solved asynchronously (YieldSolver), along prescribed tool paths.
 namespace palpate {
 
-/// A block of 10 kPa on a plate 24 mm below its surface, z = 0, voxels of 1 mm; with a nodule 8 mm wide and
-/// 10 times as stiff, 5 mm deep at x = y = 0, or without. Ready for the proxy; a tool of 3 mm radius.
+/// Block of 10 kPa on a plate 24 mm below its surface z = 0, with voxels of 1 mm; optionally with a nodule 8
+/// mm wide and 10 times as stiff, 5 mm deep at x = y = 0. Ready for the proxy, with a tool of 3 mm radius.
 /// @param relaxation  of block and nodule
 Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law = TissueLaw::kElastic,
                                                     const Relaxation& relaxation = {});
 
-/// How far the tick's force was from that of a solution which has converged at the same place.
+/// Error of the tick's force relative to that of the converged solution at the same position.
 struct TickOff {
-  double largest_percent = 0, mean_percent = 0;  ///< of the way's peak
+  double largest_percent = 0, mean_percent = 0;  ///< Percent of the path's peak force
   double peak_N = 0;
   int samples = 0;
 };
-/// Pressed at a speed to 4 mm, at `x_mm`.
+/// Presses at a constant speed to 4 mm, at `x_mm`.
 TickOff press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm);
-/// Slid at a speed 3 mm deep, from x = -18 mm to 18 mm.
+/// Slides at a constant speed 3 mm deep, from x = -18 mm to 18 mm.
 TickOff slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s);
-/// Held still 4 mm deep from 0.1 s after it came to rest on: the greatest change of the force in a tick, N.
+/// Maximum change of the force per tick while held still 4 mm deep, from 0.1 s after the motion, N.
 double change_at_rest_N(const std::shared_ptr<const Model>& model);
-/// Pressed 3 mm in, slid over the nodule, lifted, back through the air: work that was given out, percent of
-/// what was put in at most; below 0: lost.
+/// Presses 3 mm deep, slides over the nodule, lifts and returns through free space: energy generated, percent
+/// of the maximum energy put in; negative: dissipated.
 double work_given_out_percent(const std::shared_ptr<const Model>& model, double speed_mm_s);
-/// How much more the tick makes over the nodule than at the same place of a block without one, percent: of
-/// force at that depth, and of stiffness over the last millimetre of it.
+/// Increase over the nodule relative to the same position of a block without one, percent: of the force at
+/// that depth, and of the secant stiffness over its last millimetre.
 struct OverNodule {
   double force_percent, stiffness_percent;
 };
-/// @param nodule,plain  yielding_block with and without one, of the same law
+/// @param nodule,plain  yielding_block with and without a nodule, with the same law
 OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::shared_ptr<const Model>& plain,
                        double depth_mm);
 
-/// Beside the same tool in a block that does not relax, whose forces are weighed by what the series has left
-/// of them since (Boltzmann's superposition), percent of the force.
+/// Error of the force of a relaxing block, percent. The reference is the same tool in a block without
+/// relaxation, with its force history weighted by the relaxation function (Boltzmann superposition).
 struct RelaxedOff {
-  double pressed_percent = 0;  ///< at most, while it is pressed 3 mm in at 100 mm/s and in the second after
-  double held_percent = 0;     ///< at most, while it is held so from then on
-  double left = 0;             ///< of the force at once, in the end
+  /// Maximum while it is pressed 3 mm deep at 100 mm/s and in the following second
+  double pressed_percent = 0;
+  double held_percent = 0;  ///< Maximum while it is held afterwards
+  double left = 0;          ///< Final fraction of the instantaneous force
   int samples = 0;
 };
 RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
                           const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
                           double held_s);
-/// Swung 3 mm deep by sines of several frequencies at once: how far the angle by which the force is ahead of
-/// the same block's that does not relax is off that of the series, and its size, percent.
+/// Oscillation around a depth of 3 mm by a sum of sines: errors of phase lead and magnitude, relative to the
+/// block without relaxation, compared with those of the Prony series; percent.
 struct SwungOff {
   double hz = 0;
   double angle_percent = 0, size_percent = 0;

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// What `verify tissue` says of the tick, a part of it.
+// A part of the tests of the tick in `verify tissue`.
 class TissueTick : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {

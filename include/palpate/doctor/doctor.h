@@ -8,48 +8,54 @@
 #include "palpate/base/result.h"
 #include "palpate/device/registry.h"
 
-/// What a machine lacks for a device that pushes, and what to do about it, for whoever looks after it.
+/// Diagnosis of a machine for haptic devices with force feedback, with remedies for its administrator.
 namespace palpate {
 
+/// Severity of a line of the report.
 enum class Finding : std::uint8_t {
   kFine,
-  kAdvice,   ///< it works, and could be better
-  kMissing,  ///< a device would not be felt, or not as it should be
+  kAdvice,   ///< Usable, but could be improved
+  kMissing,  ///< Forces would be missing or degraded
 };
 /// "fine", "advice", "missing".
 const char* name_of(Finding finding);
 
+/// One line of the report.
 struct DoctorLine {
-  std::string topic;  ///< "this computer", or a device's name
-  std::string what;   ///< "real-time priority"
+  std::string topic;  ///< Subject: "this computer", or the name of a device
+  std::string what;   ///< Item, e.g. "real-time priority"
   Finding finding = Finding::kFine;
-  std::string found;  ///< what is there, in words
-  std::string cure;   ///< what to do; never empty where it is not fine
+  std::string found;  ///< Description of the current state
+  std::string cure;   ///< Remedy; not empty unless the finding is kFine
 };
 
+/// Timing of a periodic timer on this machine.
 struct TimerFigures {
   double seconds = 0, rate_hz = 0;
-  double p50_us = 0, p99_us = 0, max_us = 0;  ///< how late the timer was
-  double on_time = 0;                         ///< part of all points in time that came within half a period
+  double p50_us = 0, p99_us = 0, max_us = 0;  ///< Percentiles of the timer's lateness
+  double on_time = 0;                         ///< Fraction of ticks that were less than half a period late
 };
 
+/// Result of examine().
 struct DoctorReport {
   std::vector<DoctorLine> lines;
   TimerFigures timer;
   bool missing() const;
 };
 
+/// Parameters of examine().
 struct DoctorSettings {
+  /// Duration of the timer measurement.
   double timer_s = 5;
-  /// Names of devices that are to be there. Empty: whichever are; where one is ready, what others lack is
+  /// Names of required devices. Empty: any; if one is ready, missing parts of the others are reported as
   /// advice.
   std::vector<std::string> devices = {};
-  std::filesystem::path root = "/";  ///< where /proc and /sys are, for tests
+  std::filesystem::path root = "/";  ///< Root of /proc and /sys, for tests
 };
 
-/// Looks at scheduler, memory, processor, kernel, timer, and at each driver's library or service. Nothing is
-/// moved, armed or changed. Takes timer_s and a few seconds.
-/// Errors: kUsage for a device that is not known; kInterrupted; kUnavailable where no thread is to be had.
+/// Checks scheduling rights, memory locking, processor, kernel, timer, and the library or service of each
+/// driver. No device is moved or armed, and no setting is changed. Takes timer_s plus a few seconds. Errors:
+/// kUsage for an unknown device; kInterrupted; kUnavailable if no thread can be started.
 Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& settings,
                              const Progress& progress = {});
 

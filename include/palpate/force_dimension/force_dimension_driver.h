@@ -12,46 +12,48 @@
 
 namespace palpate {
 
+/// Library and gravity compensation of Force Dimension's devices.
 struct ForceDimensionSettings {
-  /// libdrd, which holds libdhd's functions, too, comes first: it knows whether an arm is initialised.
+  /// libdrd is preferred: it contains libdhd's functions and additionally reports whether an arm is
+  /// initialised.
   VendorLibraryPlace library{{}, {"libdrd.so.3", "libdrd.so", "libdhd.so.3", "libdhd.so"}, {}};
-  bool gravity = true;  ///< the library carries the arm's own weight
-  /// Of what is held at the arm's end, kg, where that is not the maker's own; counts with gravity.
+  bool gravity = true;  ///< Whether the library compensates the arm's weight
+  /// Mass attached to the end effector, kg, if different from the vendor's; used for gravity compensation.
   std::optional<double> held_mass_kg;
 };
 
-/// Devices of Force Dimension's (omega, sigma, delta) and Novint's Falcon, through the maker's library, which
-/// is found when open() is called. Pulled: the loop's own thread reads and writes. All that are connected at
-/// open() are devices of the driver, kMaxDevices at most.
+/// Driver of Force Dimension's devices (omega, sigma, delta) and Novint's Falcon through the vendor's
+/// library, which is located when open() is called. Pulled: the loop's own thread reads and writes. All
+/// devices connected at open() are devices of the driver, at most kMaxDevices.
 ///
-/// **A fault** takes the force first: the samples say `fault`, zeros are written whatever the servo answers,
-/// and then trouble() says what it is. A device that is lost is closed, looked for and opened again by a
-/// thread of its own, ten times a second; the session goes on meanwhile.
+/// **Fault handling**: the force is removed first. Samples are marked `fault`, zeros are written whatever the
+/// servo returns, and trouble() then describes the fault. A lost device is closed, searched for and reopened
+/// by a separate thread ten times a second, while the session continues.
 ///
-/// **Who moves**: an arm that is not initialised moves by itself when it is (drdAutoInit): open() does that
-/// with consent alone, and never later. A Falcon is initialised by hand, while the session waits.
+/// **Autonomous motion**: initialising an arm (drdAutoInit) moves it. open() does that only with consent, and
+/// it never happens later. A Falcon is initialised manually while the session waits.
 ///
-/// Not tried on hardware: written from public source and documentation.
+/// Not tested on hardware: written from public source code and documentation.
 class ForceDimensionDriver final : public DeviceDriver {
  public:
   explicit ForceDimensionDriver(const ForceDimensionSettings& settings = {});
   ~ForceDimensionDriver() override;
 
   std::span<const DeviceInfo> devices() const override;
-  /// Errors: kUnavailable where there is no library, no device, or one that may not be used; kUsage where an
-  /// arm would move without consent.
+  /// Errors: kUnavailable if there is no library or no device, or one without permission; kUsage if an arm
+  /// would move without consent.
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
   std::optional<Error> trouble() const override;
 
-  /// How often what the device says of itself is read.
+  /// Interval at which the device's status is read.
   static constexpr double kStatusEvery_s = 0.004;
-  /// How long calls may fail until the device is lost.
+  /// Duration of failing calls after which the device counts as lost.
   static constexpr double kGivenUp_s = 0.05;
-  /// Forces that the device has switched off by itself (too fast, or nobody spoke to it) come back after so
-  /// long, where the tip is slower than kCalm_mm_s.
+  /// Forces that the device has disabled by itself (excessive speed, or its watchdog) are enabled again after
+  /// this time with the tip slower than kCalm_mm_s.
   static constexpr double kCalm_s = 1, kCalm_mm_s = 50;
 
  private:
@@ -59,7 +61,7 @@ class ForceDimensionDriver final : public DeviceDriver {
   std::unique_ptr<Core> core_;
 };
 
-/// `--device force-dimension`.
+/// The device option `--device force-dimension`.
 DeviceVendor force_dimension_maker(const ForceDimensionSettings& settings = {});
 
 }  // namespace palpate

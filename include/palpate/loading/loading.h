@@ -18,25 +18,27 @@
 #include "palpate/scene/scene.h"
 #include "palpate/volume/volume.h"
 
-/// A scene becomes a Model.
+/// Builds a Model from a scene: reads its volumes, places labels and scan on one grid, and prepares the field
+/// and surfaces (from the cache if prepared before).
 namespace palpate {
 
-/// How labels lie on a scan.
+/// Position of the labels relative to the scan.
 struct LabelPlacement {
-  std::uint64_t labelled = 0;  ///< voxels that have a label
-  std::uint64_t inside = 0;    ///< those of which the centre lies in the scan's voxels
+  std::uint64_t labelled = 0;  ///< Number of labelled voxels
+  std::uint64_t inside = 0;    ///< Number of these with the centre within the scan's voxels
   double share() const {
     return labelled == 0 ? 1 : static_cast<double>(inside) / static_cast<double>(labelled);
   }
 };
+/// Counts the labelled voxels inside the scan; a voxel with labels in several layers counts once.
 LabelPlacement placement_of(const LabelMap& labels, const GridGeometry& scan);
-/// "97.3 % of the labelled voxels lie inside the scan"
+/// Text such as "97.3 % of the labelled voxels lie inside the scan"
 std::string in_words(const LabelPlacement& placement);
-/// What a person should know where a part of the labels lies outside the scan, more than 5 %; else empty.
+/// Warning for the user if more than 5 % of the labelled voxels are outside the scan; otherwise empty.
 std::string doubt_of(const LabelPlacement& placement);
-/// Error kBadInput, with `labels_file`, where less than half of the labels lies inside the scan, unless that
-/// shows a part of what is labelled.
-/// @param scan_is_cropped  as the scene or the user says
+/// Checks that at least half of the labelled voxels are inside the scan. Otherwise error kBadInput with
+/// `labels_file`, unless the scan covers only part of the labelled region.
+/// @param scan_is_cropped  whether the scene or the user states that the scan is cropped
 Result<void> check_placement(const LabelPlacement& placement, const std::filesystem::path& labels_file,
                              bool scan_is_cropped);
 
@@ -44,102 +46,102 @@ Result<void> check_placement(const LabelPlacement& placement, const std::filesys
 struct LoadedScene {
   Scene scene;
   std::shared_ptr<const Model> model;
-  /// Catalogue name, a phantom's parameters included, when it came from there, else empty.
+  /// Catalogue name with the parameters of a phantom; empty for other scenes.
   std::string data_set;
-  /// Of volumes without a scene: what it was proposed from, in one line, and a line for each note on how they
-  /// belong together; else empty.
+  /// For volumes without a scene: source of the proposed scene in one line, followed by one line per remark
+  /// on how the volumes fit together. Otherwise empty.
   std::string proposed = {};
-  /// How much of the labels lies inside the scan, where both were read.
+  /// Position of the labels relative to the scan, if both were read.
   std::optional<LabelPlacement> label_placement = {};
-  /// Where the labels of files have their names from, in one line; empty where the scene or the file says it
-  /// itself.
+  /// Origin of the label names in one line; empty if the scene or the file itself declares them.
   std::string origin_of_names = {};
-  /// The same in a few words, without any file's name; empty without labels of files.
+  /// Short form of the origin without file names; empty if there are no labels from files.
   std::string names_from = {};
 };
 
-/// How much memory a scene takes, bytes, before it is taken.
+/// Memory required by a scene, bytes, estimated before allocation.
 struct SceneMemory {
-  std::uint64_t read = 0;  ///< of the volumes as they are read
-  std::uint64_t scan = 0;  ///< that the model keeps
+  std::uint64_t read = 0;  ///< Volumes while reading
+  std::uint64_t scan = 0;  ///< Scan retained by the model
   MemoryForecast model;
 
-  /// The most at a time, and what stays of it.
+  /// Peak usage, and usage after loading.
   std::uint64_t peak() const { return std::max(read + model.labels, scan + model.labels + model.peak); }
   std::uint64_t stays() const { return scan + model.stays(); }
 };
-/// Told before it is taken.
+/// Called with the estimate before the memory is allocated.
 using Foretell = std::function<void(const SceneMemory&)>;
 
 struct Placing;
-/// How a scene says that its volumes lie (palpate/volume_io/volume_io.h).
+/// Orientation, axes and spacing that a scene declares for its volumes (palpate/volume_io/volume_io.h).
 Placing placing_of(const Scene& scene);
 
-/// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
-///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
-///                     a scan, a label map or both get the scene that new_scene_text proposes
-/// @param preparation  instead of the scene's
-/// @param volume       of a volume that is DICOM's, its number (palpate/volume_io/volume_io.h)
-/// @param labels       of a scan its segmentation; without one the only one in its folder (find_study)
-/// Errors: kBadInput that names what a file is where it is neither (a segmentation of DICOM, a surface, a
-/// picture, a folder,
-/// ...).
+/// Loads a scene.
+/// @param what         a catalogue name ("knee-atlas", "head"), with optional parameters for a phantom
+///                     ("knee-phantom:side=right"), which is generated in memory; a scene file; or a volume
+///                     (scan, label map or both), for which the scene is proposed by new_scene_text
+/// @param preparation  overrides the scene's method
+/// @param volume       number of the volume in a DICOM series (palpate/volume_io/volume_io.h)
+/// @param labels       segmentation of a scan. Empty: the only one in its folder (find_study)
+/// Errors: kBadInput that states what a file is if it is none of these (a DICOM segmentation, a surface, a
+/// picture, a folder, ...).
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
                                            const Warn& warn = {},
                                            std::optional<PreparationMethod> preparation = {},
                                            const Foretell& foretell = {}, std::optional<int> volume = {},
                                            const std::optional<std::filesystem::path>& labels = {});
 
-/// Labels of a scene, with all layers, resampled onto the model's grid where theirs is another one; nothing
-/// where the scene has none. Parameters and errors: those of load_scene_or_data_set.
+/// Labels of a scene with all layers, resampled onto the model's grid if theirs differs; empty if the scene
+/// has none. Parameters and errors as for load_scene_or_data_set.
 Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,
                                                 const Progress& progress = {},
                                                 std::optional<int> volume = {});
 
-/// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
-/// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
+/// Loads the scene of a recording.
+/// @param what  as above; empty: the data set named by the recording. Error kUsage if it names none
+/// Whether the model matches the recorded one is checked by replay and report.
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
                                             const Progress& progress = {}, const Warn& warn = {},
                                             std::optional<int> volume = {});
 
-/// Whether anything in the model can be felt: a tissue that is, with a voxel. What is not can be shown.
+/// Whether the model has a touchable tissue with at least one voxel. Other models can only be displayed.
 bool is_anything_felt(const Model& model);
-/// An error that says how to let something be felt, where nothing is. kBadInput.
+/// Error kBadInput with a remedy if the model has no touchable tissue.
 Result<void> check_felt(const LoadedScene& loaded);
 
 /// The volumes of a scene.
 struct SceneVolumes {
-  std::optional<LabelMap> labels;             ///< freed as soon as the model has them in bricks
-  std::shared_ptr<const Volume<float>> scan;  ///< the model shares it; may be null where there are labels
-  bool oriented = true;                       ///< false: the files do not say how they lie in the patient
-  std::vector<Caveat> caveats = {};           ///< Model::caveats of where they lie
-  std::optional<LabelPlacement> label_placement = {};  ///< where both were read
+  std::optional<LabelMap> labels;             ///< Released once the model holds them in bricks
+  std::shared_ptr<const Volume<float>> scan;  ///< Shared with the model; may be null if there are labels
+  bool oriented = true;                       ///< Whether the files define the patient orientation
+  std::vector<Caveat> caveats = {};           ///< Placement caveats, for Model::caveats
+  std::optional<LabelPlacement> label_placement = {};  ///< Set if both were read
 };
 
-/// Of a model by the scene's own method, from volumes already read: their labels are put in bricks, which is
-/// taken, and the rest is estimated. Errors: those of build_model.
+/// Estimates the memory of a model with the scene's own method from volumes already read. The labels are
+/// converted to bricks, which counts as measured; the rest is estimated. Errors: those of build_model.
 Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Progress& progress = {});
-/// Of what load_scene_or_data_set loads, which is read.
+/// Same for a scene that load_scene_or_data_set accepts; its volumes are read.
 Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress = {});
 
-/// Builds the Model of a scene from volumes already read. Where nothing is felt its field is 0 everywhere.
-/// Grids may differ. Ready for the trilinear method and the scene's, but for the proxy: its surfaces come
-/// with ready_for.
+/// Builds the Model of a scene from volumes already read, whose grids may differ. If no tissue is touchable
+/// its field is 0 everywhere. The model is ready for the trilinear method and for the scene's, except that
+/// the surfaces of the proxy are made by ready_for.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
                                                  const Progress& progress = {}, const Warn& warn = {},
                                                  const Foretell& foretell = {});
-/// The same from copies, for who keeps the volumes. One of them may be null.
+/// Overload that copies, for callers that retain the volumes. One of them may be null.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress = {},
                                                  const Warn& warn = {}, bool oriented = true);
 
-/// prepared_for (palpate/model/make_model.h), with what was prepared before where it is kept.
+/// prepared_for (palpate/model/make_model.h) with results taken from the cache where available.
 Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
                                                std::span<const ForceMethod> methods,
                                                const Progress& progress = {});
 
-/// What takes seconds of a model that changes (next_version, palpate/model/changed_model.h), likewise. For
-/// one model.
+/// Slow preparation steps of a model that changes (next_version, palpate/model/changed_model.h), with results
+/// taken from the cache. An instance serves one model.
 std::unique_ptr<const Preparing> kept_preparing();
 
 }  // namespace palpate

@@ -7,47 +7,48 @@
 #include "palpate/navigation/pivot.h"
 #include "palpate/navigation/registration.h"
 
-/// A tracked tool's tip in a registered patient, and how wrong the place may be at which it is shown.
+/// Tip of a tracked tool in a registered patient, with its uncertainty.
 namespace palpate {
 
-/// What is known of a tool's tip.
+/// Calibrated tip of a tool.
 struct ToolTip {
   Point<TrackedTool> at;
   double error_mm = 0;    ///< PivotCalibration::tip_error_mm
-  double scatter_mm = 0;  ///< PivotCalibration::rms_mm: how far off one pose puts the tip
+  double scatter_mm = 0;  ///< PivotCalibration::rms_mm: scatter of the tip position of a single pose
 };
 
-/// Where a tracked patient lies in the scan.
+/// Registration of a tracked patient to the scan.
 struct RegisteredPatient {
-  Transform<Patient, Tracker> patient_from_tracker;  ///< rigid
+  Transform<Patient, Tracker> patient_from_tracker;  ///< Rigid transform from tracker to patient
   double fre_mm = 0;                                 ///< PointRegistration::fre_mm
-  /// Of the registration by points; empty where nothing is known of it.
+  /// Uncertainty of the point registration; empty: unknown.
   std::optional<RigidError> error;
-  /// The transform whose coordinates Tracker stands for: markers on the patient, "ReferenceToTracker"; empty:
-  /// the tracking system's own, or nobody said.
+  /// Name of the transform that defines the Tracker frame, e.g. markers on the patient
+  /// ("ReferenceToTracker"). Empty: the tracking system's own frame, or not stated.
   std::string reference;
 };
 
+/// Calibrated tool and registered patient.
 struct Navigation {
   ToolTip tip;
   RegisteredPatient patient;
 };
 
-/// How wrong the tip's place in the scan may be (the TRE at the tip).
+/// Uncertainty of the tip's position in the scan (target registration error, TRE, at the tip).
 struct TipError {
-  double rms_mm = 0;  ///< root of its mean square
-  double max_mm = 0;  ///< 95 of 100 errors are smaller
-  /// The tip is far outside the points that were touched: the registration alone is wrong by more than twice
-  /// what it is in their middle.
+  double rms_mm = 0;  ///< RMS error
+  double max_mm = 0;  ///< 95th percentile of the error
+  /// Whether the tip is far outside the registration points, i.e. the registration error at the tip is more
+  /// than twice the one at their centroid.
   bool is_far = false;
 };
 
-/// Three errors, taken as independent of each other: the registration's at that place, the tip's in its tool,
-/// and by how much one pose is off, both the same in all directions. Not in it: the error of the reference's
-/// markers, and whatever is wrong with all poses alike (a distorted field, a bent tool, a patient that has
-/// moved against its markers). Where the same tool has touched the points its tip's error is a part of
-/// theirs, too, so that it may count twice. After a registration onto a surface it is still that of the
-/// points. Empty: nothing is known of the registration's. Takes some 10 microseconds.
+/// Combines three errors that are assumed to be independent: the registration error at that point, the
+/// calibration error of the tip, and the scatter of a single pose; the latter two are isotropic. Not
+/// included: the error of the reference markers, and systematic errors of all poses (a distorted field, a
+/// bent tool, a patient that moved relative to the markers). If the registration points were touched with the
+/// same tool, its tip error may be counted twice. After a registration to a surface the error is still that
+/// of the point registration. Empty if the registration error is unknown. Takes some 10 microseconds.
 std::optional<TipError> error_of_tip(const Navigation& navigation, const Point<Patient>& tip);
 
 }  // namespace palpate

@@ -10,40 +10,44 @@
 
 namespace palpate {
 
-struct TrackedTool {};  ///< the markers of a tool that a tracker sees, a frame of its own; mm
+struct TrackedTool {};  ///< Frame of a tool's markers; mm
 
+/// Parameters of calibrate_pivot().
 struct PivotOptions {
-  /// degrees: a motion is refused that turned some direction of the tool by less than this (root of the mean
-  /// square over the poses, from their mean). Turning about one axis alone leaves that axis where it is.
+  /// Minimum rotation of the tool, degrees. The rotation is the smallest RMS angle, over the poses and
+  /// relative to their mean, by which any direction of the tool was turned. With a rotation about a single
+  /// axis the tip's position along that axis is undetermined.
   double min_turn_deg = 5;
-  /// Poses that are farther off than this many times the deviation of the others are left out.
+  /// Poses with a residual above this multiple of the standard deviation are excluded as outliers.
   double outlier_deviations = 3;
-  int samples = 500;  ///< of poses, each taken for right, to find those that are not
+  int samples = 500;  ///< Number of random minimal samples of poses for outlier detection
   std::uint64_t seed = 1;
 };
 
+/// Result of calibrate_pivot().
 struct PivotCalibration {
   Point<TrackedTool> tip;
-  Point<Tracker> pivot;              ///< where the tip stood
-  std::vector<double> residuals_mm;  ///< of every pose, in their order: from its tip to the pivot
-  std::vector<bool> is_outlier;      ///< those that were left out
-  int used = 0;                      ///< poses
-  double rms_mm = 0;                 ///< root of the mean square of the used poses' residuals
-  double turn_deg = 0;               ///< see min_turn_deg
-  double tip_error_mm = 0;           ///< what follows for the tip: root of its expected square
+  Point<Tracker> pivot;  ///< Position of the tip during the motion
+  /// Distance from each pose's tip to the pivot, in the order of the poses
+  std::vector<double> residuals_mm;
+  std::vector<bool> is_outlier;  ///< Whether a pose was excluded
+  int used = 0;                  ///< Number of poses used
+  double rms_mm = 0;             ///< RMS residual of the poses used
+  double turn_deg = 0;           ///< Rotation as defined at PivotOptions::min_turn_deg
+  double tip_error_mm = 0;       ///< Expected RMS error of the tip
 };
 
-/// A tool's tip from poses in which it turned about its tip, which stood still: least squares of
-/// R_i tip + p_i = pivot, after those poses are found that do not agree with most (least median of squares,
-/// Rousseeuw, "Least median of squares regression", 1984: as many as half may be wrong).
+/// Pivot calibration: finds the tip of a tool from poses in which it rotated about its stationary tip. Least
+/// squares solution of R_i tip + p_i = pivot, after the exclusion of outliers by least median of squares
+/// (Rousseeuw, "Least median of squares regression", 1984; breakdown point of one half).
 /// @param tracker_from_tool  rigid
 ///
-/// Errors: kBadInput for fewer than 6 poses, poses that are not rigid, and a motion too small to tell.
+/// Errors: kBadInput for fewer than 6 poses, poses that are not rigid, and insufficient rotation.
 Result<PivotCalibration> calibrate_pivot(std::span<const Transform<Tracker, TrackedTool>> tracker_from_tool,
                                          const PivotOptions& options = {});
 
-/// How far poses have turned the tool by now, degrees: PivotCalibration::turn_deg, before anything is left
-/// out; 0 where it cannot be told. In proportion to the number of poses.
+/// Rotation of the tool so far, degrees, as PivotCalibration::turn_deg but without the exclusion of outliers;
+/// 0 if undetermined. Linear in the number of poses.
 double turned_deg(std::span<const Transform<Tracker, TrackedTool>> tracker_from_tool);
 
 }  // namespace palpate

@@ -12,43 +12,47 @@
 namespace palpate {
 
 struct NamedPoint {
-  std::string name;  ///< "1", "2" ... where the file gives none
+  std::string name;  ///< Name; "1", "2" ... if the file has none
   Eigen::Vector3d at_mm =
-      Eigen::Vector3d::Zero();   ///< LPS where the file says how its axes lie, else as it stands
-  std::optional<double> fle_mm;  ///< see PointPair
+      Eigen::Vector3d::Zero();   ///< LPS if the file declares its axes, otherwise as written
+  std::optional<double> fle_mm;  ///< RMS localisation error, as PointPair::fle_mm
 };
 
-/// What a file of Slicer's (.mrk.json) holds together.
+/// One markup of a 3D Slicer file (.mrk.json).
 struct Markup {
-  std::string type;  ///< "Line", "Fiducial", "Curve", "ROI", ... as the file has it; empty: it does not say
-  std::string name;  ///< empty where the file gives none
-  std::vector<NamedPoint> points;  ///< its control points that are placed; LPS, mm
+  std::string type;  ///< Type: "Line", "Fiducial", "Curve", "ROI", ... as in the file; empty: not declared
+  std::string name;  ///< Name of the markup; empty: none
+  std::vector<NamedPoint> points;  ///< Control points with a defined position; LPS, mm
 };
-/// The markups of a .mrk.json, in their order, those without control points too. RAS is turned into LPS.
+/// Parses all markups of a .mrk.json file in their order, including those without control points. RAS is
+/// converted to LPS.
 ///
-/// Errors: kBadInput for JSON that is none, no markup, axes other than LPS and RAS, another unit than
-/// millimetres, and those of parse_points. @param where  the file's name, for errors
+/// Errors: kBadInput for invalid JSON, no markup, axes other than LPS and RAS, a unit other than millimetres,
+/// and those of parse_points.
+/// @param where  name of the file, for errors
 Result<std::vector<Markup>> parse_markups(std::string_view text, const std::string& where);
 
-/// Points of text: Slicer's markups (.mrk.json: its control points that are placed; .fcsv), else a line for
-/// each: `x y z`, `name x y z` (the name may be a number) or that with the point's error (mm) behind, parted
-/// by commas, tabs, semicolons or spaces; `#` begins a comment, and a first line without numbers is a
-/// heading. Millimetres. RAS, where a file of Slicer's says so, is turned into LPS.
+/// Parses points from a text: 3D Slicer markups (.mrk.json, control points with a defined position; .fcsv),
+/// otherwise one point per line, as `x y z` or `name x y z` (the name may be a number), optionally followed
+/// by the point's error (mm). Separators are commas, tabs, semicolons or spaces; `#` starts a comment, and a
+/// first line without numbers is a heading. Units are millimetres. RAS is converted to LPS if a Slicer file
+/// declares it.
 ///
-/// Errors: kBadInput, with the line; nothing but those of JSON that is none, numbers that are none or not
-/// finite, no point, more than 100 000.
-/// @param where  the file's name, for errors
+/// Errors: kBadInput with the line for invalid JSON, invalid or non-finite numbers, no point, or more than
+/// 100 000 points.
+/// @param where  name of the file, for errors
 Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::string& where);
 
+/// Interpretation of a file of poses.
 struct PoseFormat {
-  /// Of a sequence that PLUS recorded (.mha, .igs.mha, .seq.mha): which of its transforms, e.g.
-  /// "StylusToTracker". Empty: the only one.
+  /// Name of the transform in a sequence recorded by PLUS (.mha, .igs.mha, .seq.mha), e.g. "StylusToTracker".
+  /// Empty: the only one.
   std::string transform;
-  bool scalar_first = false;  ///< of a quaternion: w x y z; else x y z w
+  bool scalar_first = false;  ///< Order of a quaternion: w x y z if true, otherwise x y z w
 };
-/// Poses of text, in its order: a sequence of PLUS' (poses that it calls invalid are passed over), else a
-/// line for each, of 16 numbers (a matrix row by row), 12 (without its last row), or 7 (x y z and a
-/// quaternion). As parse_points otherwise.
+/// Parses poses from a text, in its order: a PLUS sequence (poses marked invalid are skipped), otherwise one
+/// pose per line, as 16 numbers (matrix, row by row), 12 (without the last row) or 7 (x y z and a
+/// quaternion). Otherwise as parse_points.
 Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_view text,
                                                                  const std::string& where,
                                                                  const PoseFormat& format = {});

@@ -11,42 +11,46 @@
 
 namespace palpate {
 
+/// Parameters of register_to_surface().
 struct SurfaceRegistrationOptions {
-  /// mm: of the ball by which the surface was touched; its middle was tracked.
+  /// Radius of the ball tip that touched the surface, mm; its centre is tracked.
   double tip_radius_mm = 0;
-  /// Of the points, 0 ... 0.5: those that fit worst count nothing, e.g. where the tool had left the surface.
+  /// Fraction of the points, 0 ... 0.5, with the largest residuals that is trimmed, e.g. where the tool had
+  /// left the surface.
   double trimmed = 0.1;
-  /// mm: a fit that leaves more (root mean square of those that count) is refused.
+  /// Maximum RMS residual of the untrimmed points, mm.
   double max_rms_mm = 1;
-  /// And so is one by which more than this share of all points is farther away than `far_mm`: a few that fit
-  /// nowhere are a hand that slipped, more are another structure, or its mirror image, most of which lies
-  /// within a millimetre.
+  /// Maximum fraction of all points with a residual above `far_mm`. A few such points are slips of the hand;
+  /// more indicate another structure, or a mirror image, for which most residuals are below a millimetre.
   double max_far = 0.05;
   double far_mm = 5;
-  /// A shift or turn that the points do not hold is refused: where the least eigenvalue of what they hold is
-  /// below this, of 1 for a point that holds it wholly (a turn by what it moves at their root mean square
+  /// Minimum eigenvalue of the normalised information matrix; below it some translation or rotation is
+  /// unconstrained by the points. 1: constrained by every point (rotations are scaled by the points' RMS
   /// distance).
   double min_hold = 0.005;
 };
 
+/// Result of register_to_surface().
 struct SurfaceRegistration {
-  Transform<Patient, Tracker> patient_from_tracker;  ///< rigid
-  std::vector<double> distances_mm;  ///< of every point, in their order: from the surface, outside positive
+  Transform<Patient, Tracker> patient_from_tracker;  ///< Rigid transform from tracker to patient
+  /// Signed distance of each point from the surface, in their order; positive outside
+  std::vector<double> distances_mm;
   std::vector<bool> is_trimmed;
-  double rms_mm = 0;                    ///< of those that count
-  double moved_mm = 0, turned_deg = 0;  ///< away from where it began, at the points' centroid
-  double hold = 0;                      ///< see min_hold
+  double rms_mm = 0;  ///< RMS residual of the untrimmed points
+  /// Displacement and rotation relative to `start`, at the points' centroid
+  double moved_mm = 0, turned_deg = 0;
+  double hold = 0;  ///< Eigenvalue as defined at SurfaceRegistrationOptions::min_hold
 };
 
-/// Brings points that were touched on a structure onto its surface: point to plane (Chen and Medioni, "Object
-/// modelling by registration of multiple range images", Image and Vision Computing 10, 1992), trimmed
+/// Registers points that were touched on a structure to its surface by ICP: point-to-plane (Chen and Medioni,
+/// "Object modelling by registration of multiple range images", Image and Vision Computing 10, 1992), trimmed
 /// (Chetverikov, Stepanov and Krsek, "Robust Euclidean alignment of 3D point sets", 2005), first against the
-/// surface's nearest places, then against its distance field itself. Begun from `start` and from 12 places
-/// around it (10 mm along each axis, 10 degrees about each), of which the best counts.
+/// nearest points of the surface, then against its distance field. Started from `start` and from 12
+/// perturbations of it (10 mm along each axis, 10 degrees about each); the best result is returned.
 ///
-/// Errors: kBadInput for fewer than 12 points, points that are not finite, a surface without a place, points
-/// that leave some shift or turn open (all on a plane or a ball), and a fit that leaves more than
-/// max_rms_mm: another structure, the other side, or a start too far away; kInterrupted.
+/// Errors: kBadInput for fewer than 12 points, non-finite points, an empty surface, points that leave a
+/// translation or rotation unconstrained (all on a plane or a sphere), and residuals above the limits
+/// (another structure, the opposite side, or a start too far away); kInterrupted.
 Result<SurfaceRegistration> register_to_surface(const Surface& surface,
                                                 std::span<const Point<Tracker>> touched,
                                                 const Transform<Patient, Tracker>& start,

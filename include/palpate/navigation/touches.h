@@ -9,39 +9,40 @@
 
 namespace palpate {
 
-/// A place that was touched.
+/// A point that was touched and held.
 struct HeldPlace {
-  Point<Tracker> at;   ///< mean of the tip's places while it was held
-  double held_mm = 0;  ///< root of the mean square distance of those from it
+  Point<Tracker> at;   ///< Mean of the tip positions while held
+  double held_mm = 0;  ///< RMS distance of these from the mean
   std::size_t poses = 0;
 };
 
 struct TouchSettings {
-  double hold_s = 1;        ///< so long the tip is held for a touch
-  double still_mm = 1;      ///< in all that time it is no farther from its mean
-  double apart_mm = 5;      ///< so far from the places before a touch has to be
-  std::size_t fewest = 10;  ///< poses in that time
+  double hold_s = 1;        ///< Minimum duration for which the tip is held
+  double still_mm = 1;      ///< Maximum distance from the mean during that time
+  double apart_mm = 5;      ///< Minimum distance from earlier touched points
+  std::size_t fewest = 10;  ///< Minimum number of poses in that time
 };
 
-/// Takes places that are touched one after the other: each when the tip has been held still. Before the next
-/// one it has to leave.
+/// Detects points that are touched in sequence: each is recorded when the tip has been held still, and the
+/// tip has to leave before the next one.
 ///
 ///     tip      moves ~~~~ held still ----|~~~~ moves ~~~ held still ----|
 ///     touch                              1                              2
 class TouchTaker {
  public:
   enum class State {
-    kMoving,   ///< or no pose at present
-    kHeld,     ///< still, and not long enough
-    kTooNear,  ///< still, where a place was touched before
-    kTaken,    ///< this pose has completed one: taken().back()
+    kMoving,   ///< Moving, or no pose at present
+    kHeld,     ///< Still, but not long enough
+    kTooNear,  ///< Still, but too near a point that was touched before
+    kTaken,    ///< This pose has completed a point: taken().back()
   };
 
   explicit TouchTaker(const TouchSettings& settings = {}) : settings_(settings) {}
 
-  /// Where the tip is. @param time_s  of any clock, later than the last one's
+  /// Processes a tip position.
+  /// @param time_s  of any clock, strictly increasing
   State see(const Point<Tracker>& tip, double time_s);
-  /// Forgets the last place that was taken; none: does nothing.
+  /// Removes the last recorded point, if any.
   void undo();
   const std::vector<HeldPlace>& taken() const { return taken_; }
 
@@ -51,7 +52,7 @@ class TouchTaker {
     double time_s = 0;
   };
   const TouchSettings settings_;
-  std::deque<Seen> seen_;  // of the last hold_s
+  std::deque<Seen> seen_;  // samples of the last hold_s
   std::vector<HeldPlace> taken_;
 };
 

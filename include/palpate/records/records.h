@@ -10,85 +10,91 @@
 
 #include "palpate/base/result.h"
 
-/// What learners did: runs and their scores in one SQLite file. A learner is a pseudonym; who it is, no file
-/// of palpate's says. docs/guide/records.md draws the tables.
+/// Records of learners: runs with their scores in one SQLite file. Learners are identified by pseudonyms; no
+/// file of palpate stores their identity. docs/guide/records.md describes the tables.
 namespace palpate {
 
+/// Value of a metric in a run.
 struct RunMetric {
   std::string name, unit;
-  std::optional<double> value;  ///< finite; empty: the run had none
+  std::optional<double> value;  ///< Value; finite. Empty: not available in this run
   std::optional<double> at_least, at_most;
   bool counts = false, in_band = false;
 
   friend bool operator==(const RunMetric&, const RunMetric&) = default;
 };
 
+/// A scored run of a learner.
 struct RunRecord {
-  std::int64_t id = 0;  ///< given by add(); grows from run to run
+  std::int64_t id = 0;  ///< Assigned by add(); increasing
   std::string learner;
   std::string task, task_hash;
-  std::string started_utc;  ///< ISO 8601, of the recording
+  std::string started_utc;  ///< Start of the recording, ISO 8601
   std::string data_set;
   std::string palpate_version, commit;
-  std::string device, hand;   ///< of the recording; empty: a real one
-  std::string settings_hash;  ///< of what decided how it felt
+  std::string device, hand;   ///< Simulated device and hand of the recording; empty: a real one
+  std::string settings_hash;  ///< Hash of the settings that affect the haptic rendering
   std::string run_hash, score_hash;
   double duration_s = 0;
-  int in_a_row = 1;  ///< that the task asks for
+  int in_a_row = 1;  ///< Consecutive passes required by the task
   bool in_band = false;
-  std::vector<RunMetric> metrics;  ///< not read by list()
+  std::vector<RunMetric> metrics;  ///< Not read by list()
 };
 
-/// What is asked for; empty or 0: all.
+/// Query; empty or 0: no restriction.
 struct RunFilter {
   std::string learner, task;
-  std::int64_t newest = 0;  ///< so many at most, the newest
+  std::int64_t newest = 0;  ///< Maximum number of runs, the newest ones
 };
 
+/// Result of erase(): number of runs deleted, and whether the learner existed.
 struct Erased {
   std::int64_t runs = 0;
   bool was_known = false;
 };
 
+/// An open file of records.
 class Records {
  public:
-  /// Makes the file where there is none. Errors: kBadInput for what is no such file, or of a newer format;
-  /// kOutput where it cannot be written; kUnavailable where another program keeps it longer than 5 s.
+  /// Opens the file, creating it if necessary. Errors: kBadInput for another kind of file or a newer format;
+  /// kOutput if it is not writable; kUnavailable if another program locks it for longer than 5 s.
   static Result<std::unique_ptr<Records>> open(const std::filesystem::path& file);
-  /// To read alone; a file that is not there is an error.
+  /// Opens the file read-only; a missing file is an error.
   static Result<std::unique_ptr<Records>> open_to_read(const std::filesystem::path& file);
   virtual ~Records() = default;
 
-  /// In the file, and on the disk, before it returns; whole or not at all. The same run of the same learner
-  /// scored by the same task again is there once: its id. Errors: those of check_learner
+  /// Adds a run atomically; it is on disk when the function returns. Adding the same run of the same learner,
+  /// scored by the same task, again returns the existing id. Errors: those of check_learner
   /// (palpate/base/learner.h), kOutput.
   virtual Result<std::int64_t> add(const RunRecord& run) = 0;
-  /// In the order of their ids. `take` may end it by an error.
+  /// Lists runs in the order of their ids. `take` may stop it by returning an error.
   virtual Result<void> list(const RunFilter& filter,
                             const std::function<Result<void>(const RunRecord&)>& take) = 0;
-  /// With its metrics. Error kBadInput where there is none.
+  /// Reads a run with its metrics. Error kBadInput if there is none.
   virtual Result<RunRecord> run(std::int64_t id) = 0;
-  /// Removes a learner with all runs, so that neither the file nor its log nor free pages hold a byte of
-  /// them. What the file system or copies of the file hold is beyond it. Errors: kUnavailable while another
-  /// program has the file open: then the rows are gone, and traces may be left until this is called again.
+  /// Deletes a learner with all runs, so that neither the file, its log nor free pages contain any byte of
+  /// them. Copies of the file and remnants in the file system are out of its control. Errors: kUnavailable
+  /// while another program has the file open: the rows are deleted, but traces may remain until the function
+  /// is called again.
   virtual Result<Erased> erase(const std::string& learner) = 0;
 };
 
-/// Whether it looks like somebody's name rather than a pseudonym: "Doe^Jane", "Jane Doe", "jane@example.org".
+/// Whether the text resembles a person's name rather than a pseudonym: "Doe^Jane", "Jane Doe",
+/// "jane@example.org".
 bool looks_like_a_person(const std::string& learner);
 
-/// PALPATE_RECORDS, else records.db below palpate/ in XDG_DATA_HOME or ~/.local/share. Empty where none of
+/// PALPATE_RECORDS, otherwise palpate/records.db below XDG_DATA_HOME or ~/.local/share. Empty if none of
 /// these is set.
 std::filesystem::path default_records_file();
 
-/// A line for each metric of each run, with a heading (RFC 4180). A text that a spreadsheet would take for a
-/// formula is preceded by an apostrophe.
+/// CSV (RFC 4180) with a heading and one line per metric of each run. A text that a spreadsheet would
+/// interpret as a formula is prefixed with an apostrophe.
 std::string csv_heading();
 std::string csv_rows(const RunRecord& run);
-/// An xAPI 1.0.3 statement, in one line. The same run gives the same id.
-/// @param home_page  IRL of the system that gives out the learners' pseudonyms
+/// An xAPI 1.0.3 statement on one line. The same run gives the same id.
+/// @param home_page  IRL of the system that assigns the learners' pseudonyms
 std::string xapi_statement(const RunRecord& run, const std::string& home_page);
-/// "PT12.5S"
+/// ISO 8601 duration: "PT12.5S"
 std::string iso_duration(double seconds);
 
 }  // namespace palpate

@@ -12,55 +12,60 @@
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/structure_distance.h"
 
-/// What was done, from a recording's ticks, beside what was planned. docs/guide/rehearsal.md says what each
-/// figure is. Places are the patient's, LPS, mm; times count from the recording's first tick.
+/// Comparison of a recorded run with a plan. docs/guide/rehearsal.md defines each figure. Points are in the
+/// patient frame (LPS, mm); times count from the first tick of the recording.
 ///
-/// **The tip** is that of one device's tool: where the hand held it, of a burr or shaver where its head was
-/// held (the middle of the ball at its tip), which is where it cuts. The tool's *head* is the ball at its
-/// tip, of a cylinder or cone all of the row.
+/// **The tip** is that of one device's tool: the tip as held by the operator or, for a burr or shaver, the
+/// proxy of its head (the centre of the ball at its tip), which is where it cuts. The tool's *head* is the
+/// ball at its tip, and for a cylinder or cone the whole row of balls.
 namespace palpate {
 
-/// A figure with what the plan allows of it.
+/// A measured deviation with its tolerance from the plan.
 struct PlannedFigure {
   double value = kNotKnown;
-  std::optional<double> allowed;                                         ///< of its amount, either way
-  bool kept() const { return !allowed || std::abs(value) <= *allowed; }  ///< what is not known is not kept
+  /// Tolerance of the absolute value; empty: none
+  std::optional<double> allowed;
+  /// An unknown value violates a tolerance
+  bool kept() const { return !allowed || std::abs(value) <= *allowed; }
 };
 
-/// How the entry made is known.
+/// How the actual entry point was determined.
 enum class EntryMade : std::uint8_t {
-  kNone,     ///< there is none: the structures were never reached
-  kPassed,   ///< the tip went through their surface
-  kTouched,  ///< it never did, but touched them
-  kNearest,  ///< the plan names no structures: the place of the way that is nearest to the planned entry
+  kNone,     ///< No entry point: the structures were not reached
+  kPassed,   ///< The tip passed through the structures' surface
+  kTouched,  ///< The tip touched the structures without passing through
+  kNearest,  ///< The plan names no structures: the point of the path nearest to the planned entry
 };
-const char* word_of(EntryMade made);  ///< "passed", ...; "none"
+const char* word_of(EntryMade made);  ///< Name in reports: "passed", ..., "none"
 
-/// A tick and where the tip was.
+/// A tick with the position of the tip.
 struct PlaceInRun {
   std::uint64_t tick = 0;
   double time_s = 0;
   Point<Patient> at;
 };
 
-/// Of a PlanTrajectory. A *way* begins with the entry and ends where the tip is 10 mm clear of the structures
-/// (or of the plane across the trajectory in its entry). Of several ways in a run the one that came nearest
-/// to the target counts.
+/// Actual execution of a PlanTrajectory. An *insertion* starts at the entry point and ends when the tip is 10
+/// mm outside the structures (without structures: outside the plane through the planned entry, perpendicular
+/// to the trajectory). Of several insertions in a run the one closest to the target is evaluated.
 struct TrajectoryDone {
   EntryMade entry_made = EntryMade::kNone;
-  PlaceInRun entry, nearest, deepest;  ///< the last: nearest to the target; farthest along the trajectory
-  PlannedFigure entry_error_mm;        ///< from the planned entry to the one made
-  PlannedFigure target_error_mm;       ///< from the target to the nearest place of the way
-  /// Parts of that: across the trajectory, and along it, positive beyond the target.
+  /// `nearest`: nearest to the target; `deepest`: farthest along the trajectory
+  PlaceInRun entry, nearest, deepest;
+  PlannedFigure entry_error_mm;   ///< Distance from the planned to the actual entry point
+  PlannedFigure target_error_mm;  ///< Distance from the target to the nearest point of the insertion
+  /// Components of the target error: perpendicular to the trajectory, and along it, positive beyond the
+  /// target.
   double lateral_mm = kNotKnown, along_mm = kNotKnown;
-  /// Between the trajectory and the line that fits the way from the entry to the deepest place best (least
-  /// squares of the distances from it, each piece of the way by its length), 0 ... 180. Not known below 1 mm.
+  /// Angle between the trajectory and the line fitted to the path from the entry to the deepest point (total
+  /// least squares, path segments weighted by their length), 0 ... 180. Unknown for paths below 1 mm.
   PlannedFigure angle_deg;
-  double off_line_mm = kNotKnown;  ///< root of the mean square of these distances
-  double depth_mm = kNotKnown;     ///< from the entry made to the deepest place, along the trajectory
-  PlannedFigure depth_error_mm;    ///< that less the trajectory's length: positive too deep
-  /// Between the trajectory and the tool's shaft at the deepest place; of tools that have one (a burr's
-  /// spindle, else the longest capsule), where the device told how the tool was turned.
+  double off_line_mm = kNotKnown;  ///< RMS distance of the path from that line
+  /// Distance from the actual entry to the deepest point, along the trajectory
+  double depth_mm = kNotKnown;
+  PlannedFigure depth_error_mm;  ///< depth_mm minus the trajectory's length: positive is too deep
+  /// Angle between the trajectory and the tool's shaft (the spindle of a burr, otherwise the longest capsule)
+  /// at the deepest point. Known only for tools with a shaft and devices that report an orientation.
   double shaft_deg = kNotKnown;
 
   bool kept() const {
@@ -68,32 +73,32 @@ struct TrajectoryDone {
   }
 };
 
-/// mm3.
+/// Planned and removed volume.
 struct VolumeDone {
   double planned_mm3 = 0, taken_mm3 = 0;
   double left_mm3() const { return planned_mm3 - taken_mm3; }
 };
-/// Of a structure what was planned, what of that was taken, and what was taken outside of the plan.
+/// Removal of one structure: planned volume, volume removed within the plan, and volume removed outside it.
 struct StructureVolume {
   LabelId label = 0;
   VolumeDone in_plan;
   double outside_mm3 = 0;
 };
 
-/// How near the tool's head came to a structure: its gap is from the head's outside to the surface as
-/// prepared, negative where it reached inside.
+/// Clearance of the tool's head to a structure: from the head's surface to the structure's surface as
+/// prepared, before any removal; negative inside.
 struct StructureApproach {
   LabelId label = 0;
   double nearest_mm = kNotKnown;
   PlaceInRun nearest;
-  std::optional<double> asked_mm;  ///< to keep away
-  double below_s = 0;              ///< time within that
-  /// The least in each of PlanComparison::times_s; NaN where no tick had a place.
+  std::optional<double> asked_mm;  ///< Minimum clearance required by the plan
+  double below_s = 0;              ///< Duration below that clearance
+  /// Minimum in each interval of PlanComparison::times_s; NaN if no tick had a valid position.
   std::vector<float> over_time_mm;
 
   bool kept() const { return !asked_mm || nearest_mm >= *asked_mm; }
 };
-/// A time in which a distance was not kept.
+/// Interval in which a required clearance was violated.
 struct DistanceBreach {
   LabelId label = 0;
   double asked_mm = 0, nearest_mm = 0;
@@ -102,32 +107,36 @@ struct DistanceBreach {
   double end_s = 0;
 };
 
+/// Result of compare_recording().
 struct PlanComparison {
   std::uint64_t ticks = 0;
-  std::uint64_t without_place = 0;            ///< of them: the tip was not finite
-  double time_s = 0;                          ///< from the first to the last
-  bool cut_short = false;                     ///< the recording was
-  double missing_s = 0;                       ///< in gaps of more than one tick's number
-  std::vector<TrajectoryDone> trajectories;   ///< as the plan has them
-  std::vector<VolumeDone> regions;            ///< likewise
-  std::vector<StructureVolume> volumes;       ///< of structures that are in the plan or of which was taken
-  std::vector<StructureApproach> approaches;  ///< of every structure, as structure_distances() has them
-  std::vector<double> times_s;           ///< where parts of the run begin: kMaxPlanTimes equal ones at most
-  std::vector<DistanceBreach> breaches;  ///< the first kMaxBreaches, in the order in which they begin
-  std::uint64_t more_breaches = 0;       ///< beyond these
-  std::vector<Point<Patient>> way;       ///< of the tip, thinned out to kMaxWayPlaces
+  std::uint64_t without_place = 0;            ///< Number of ticks with a non-finite tip position
+  double time_s = 0;                          ///< Duration from the first to the last tick
+  bool cut_short = false;                     ///< Whether the recording is truncated
+  double missing_s = 0;                       ///< Total duration of gaps in the tick numbers
+  std::vector<TrajectoryDone> trajectories;   ///< In the order of the plan
+  std::vector<VolumeDone> regions;            ///< In the order of the plan
+  std::vector<StructureVolume> volumes;       ///< Structures that are in the plan or were cut
+  std::vector<StructureApproach> approaches;  ///< Every structure, in the order of structure_distances()
+  /// Start times of intervals of equal numbers of ticks, at most kMaxPlanTimes
+  std::vector<double> times_s;
+  std::vector<DistanceBreach> breaches;  ///< In the order of their start, at most kMaxBreaches
+  std::uint64_t more_breaches = 0;       ///< Number of breaches beyond these
+  std::vector<Point<Patient>> way;       ///< Path of the tip, decimated to at most kMaxWayPlaces points
 
-  /// All that the plan asks was kept, the recording was not cut short, and no tick is missing: what nobody
-  /// saw may have been beyond a bound. Volumes have no bound.
+  /// Whether every tolerance of the plan was met, the recording is not truncated, and no tick is missing (a
+  /// tolerance may have been violated in a missing tick). Volumes have no tolerance.
   bool kept() const;
 };
+/// Capacities of PlanComparison: intervals, breaches, points of the path.
 inline constexpr std::size_t kMaxPlanTimes = 400, kMaxBreaches = 1000, kMaxWayPlaces = 4000;
 
-/// Reads the recording once, in memory that does not depend on its length, but for what a burr took away.
-/// @param model   as the recording began with
-/// @param distances  of structure_distances(model)
-/// @param device  whose tool it is, 0 the first
-/// Errors: those of reading it; kBadInput where it has no tick, no such device, or where its clock goes back.
+/// Compares a recording with a plan in one pass. Memory does not depend on the recording's length, except for
+/// the removed tissue.
+/// @param model      model at the start of the recording
+/// @param distances  result of structure_distances(model)
+/// @param device     index of the device that holds the tool
+/// Errors: those of reading it; kBadInput if it has no tick or no such device, or if its time decreases.
 Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& model,
                                          const std::vector<StructureDistance>& distances,
                                          const RecordingSource& recording, std::size_t device = 0,

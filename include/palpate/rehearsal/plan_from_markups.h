@@ -9,18 +9,19 @@
 
 namespace palpate {
 
+/// A plan converted from markups.
 struct PlanOfMarkups {
   PlanFile plan;
-  std::vector<std::string> left_out;  ///< names of points that say nothing of a trajectory
+  std::vector<std::string> left_out;  ///< Names of points that are not part of a trajectory
 };
 
-/// A plan of Slicer's markups (.mrk.json): a trajectory for each Line, whose two control points are its entry
-/// and its target, in the order in which they were placed, and one for points that are called Entry and
-/// Target (capitals do not matter). RAS is turned into LPS.
-/// @param title  of the plan
-/// @param where  the file's name, for errors
-/// Errors: kBadInput for those of parse_markups, markups of other types by their name, lines that do not have
-/// two points, and points of which one of the two is missing or there twice.
+/// Converts markups of 3D Slicer (.mrk.json) to a plan: one trajectory per Line, from its first control point
+/// (entry) to its second (target), and one from points named Entry and Target (case-insensitive). RAS
+/// coordinates are converted to LPS.
+/// @param title  title of the plan
+/// @param where  name of the file, for errors
+/// Errors: kBadInput for those of parse_markups, other types of markups, lines without exactly two points,
+/// and an Entry or Target point that is missing or duplicate.
 Result<PlanOfMarkups> plan_from_markups(std::string_view text, const std::string& title,
                                         const std::string& where);
 

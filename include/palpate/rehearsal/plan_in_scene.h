@@ -10,64 +10,69 @@
 #include "palpate/scene/plan_file.h"
 #include "palpate/tissue/removed_volume.h"
 
-/// A plan whose structures were looked up in a scene.
+/// A plan with its structures resolved in a scene.
 namespace palpate {
 
-/// A PlanRegion where it lies in the patient.
+/// A PlanRegion in the patient frame.
 class RegionInPlan {
  public:
-  /// @param has_label  by LabelId: of these structures alone; empty: of all
+  /// @param has_label  structures that the region is restricted to, by LabelId; empty: all
   RegionInPlan(const PlanFile& plan, const PlanRegion& region, std::vector<bool> has_label);
 
-  /// mm: how deep a place lies in the shape, negative outside; outside it is the distance to it with a minus.
-  /// Infinite where the region is all of some structures.
+  /// Depth of a point within the shape, mm; outside the negated distance to it. Infinite if the region
+  /// consists of whole structures.
   double depth_mm(const Point<Patient>& at) const;
   bool has(LabelId label) const {
     return has_label_.empty() || (label < has_label_.size() && has_label_[label]);
   }
-  /// Which of the places of a voxel (RemovedVolume) lie in it. @param label  of the voxel
+  /// Bit set of the sample points of a voxel (RemovedVolume) that are in the region.
+  /// @param label  label of the voxel
   std::uint64_t places_in(const GridGeometry& grid, int i, int j, int k, LabelId label) const;
 
  private:
   PlanShape shape_;
   std::vector<bool> has_label_;
   Point<Patient> middle_;
-  Vector<Patient> axis_, across_, third_;  // unit, perpendicular
+  Vector<Patient> axis_, across_, third_;  // unit, mutually perpendicular
   double radius_mm_;
   Eigen::Vector3d half_mm_;  // along axis_, across_, third_
 };
 
+/// A plan with its structures and regions resolved in a scene.
 struct PlanInScene {
   PlanFile file;
-  std::vector<std::vector<bool>> enters;   ///< by LabelId, as file.trajectories; empty: the entry is a place
-  std::vector<RegionInPlan> regions;       ///< as file.regions
-  std::map<LabelId, double> distances_mm;  ///< to keep away; the greatest where a structure is named twice
+  /// Structures that each trajectory enters, by LabelId, in the order of file.trajectories; empty: the entry
+  /// is a free point
+  std::vector<std::vector<bool>> enters;
+  std::vector<RegionInPlan> regions;       ///< Regions, in the order of file.regions
+  std::map<LabelId, double> distances_mm;  ///< Required clearance; the largest if a structure is named twice
 };
 
-/// Errors: kBadInput with the line of a structure that the scene does not have, or that has no voxel, and for
-/// a model without labels.
+/// Resolves a plan in a model. Errors: kBadInput with the line of a structure that is absent or has no voxel,
+/// and for a model without labels.
 Result<PlanInScene> look_up_plan(const PlanFile& plan, const Model& model);
 
-/// mm3 of what a burr could take off, by structure.
+/// Removable volume by structure, mm3.
 using VolumesByLabel = std::map<LabelId, double>;
 struct PlannedVolumes {
-  std::vector<VolumesByLabel> of_regions;  ///< as PlanInScene::regions
-  VolumesByLabel of_plan;                  ///< of all regions together; what lies in two of them counts once
+  std::vector<VolumesByLabel> of_regions;  ///< Volumes of each region, in the order of PlanInScene::regions
+  VolumesByLabel of_plan;                  ///< Union of all regions; overlaps count once
 };
-/// What the plan asks to be taken off, by 64 places of each voxel, of structures that are felt and not kept
-/// from a burr: of others nothing can be taken. Errors: kInterrupted.
+/// Volumes to remove according to the plan, from 64 sample points per voxel. Only touchable structures that
+/// are not protected from burrs are counted, because others cannot be removed. Errors: kInterrupted.
 Result<PlannedVolumes> planned_volumes(const PlanInScene& plan, const Model& model,
                                        const Progress& progress = {});
 
-/// What was taken, of that.
+/// Removed volume within and outside the plan.
 struct TakenVolumes {
   PlannedVolumes in_plan;
-  VolumesByLabel outside;  ///< of all regions
+  VolumesByLabel outside;  ///< Outside all regions
 };
+/// Volumes of `removed` within each region, within the plan and outside it, by structure.
 TakenVolumes taken_volumes(const PlanInScene& plan, const RemovedVolume& removed);
-/// How far what was taken lies from the nearest of the plan's shapes where it lies outside of all, the
-/// greatest distance, mm; 0 where nothing does. By the 64 places of each voxel: up to half of what lies
-/// between two of them less than it was.
+/// Maximum distance of removed tissue outside all regions from the nearest of the plan's shapes, mm; 0 if
+/// there is none. Sampled at the 64 points of each voxel, so it is underestimated by up to half their
+/// spacing.
 double depth_past_plan_mm(const PlanInScene& plan, const RemovedVolume& removed);
 
 }  // namespace palpate

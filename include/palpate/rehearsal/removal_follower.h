@@ -8,17 +8,17 @@
 
 namespace palpate {
 
-/// What all burrs took up to a place of a recording, by what was told up to there.
+/// Reconstructs the tissue removed by all burrs up to a time of a recording from its events.
 class RemovalFollower {
  public:
-  /// @param model  as the recording begins with it
+  /// @param model  model at the start of the recording
   explicit RemovalFollower(const Model& model) : removed_(model) {}
 
-  /// Rows in their order. @return whether something else is gone now
+  /// Processes events in their order. Returns whether the removed tissue changed.
   bool hear(const RecordingEvent& event) {
     if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(cut_of(event.sweep));
     if (event.kind != RecordingEvent::Kind::kModel) return false;
-    // of a version that no tick is known to have felt nothing is cut yet
+    // sweeps are applied with the model version that includes them; ticks before it used the uncut tissue
     const bool cut = event.change.tissue == ModelChange::kCut;
     if (cut) {
       removed_.add(waiting_);

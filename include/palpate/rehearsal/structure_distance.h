@@ -11,24 +11,25 @@
 
 namespace palpate {
 
-/// How far a place is from a structure's surface, however far that is. Near the surface it is the surface's
-/// own distance (Surface::distance_mm). Beyond its reach it is the distance to the nearest of the places in
-/// which the surface cuts the edges of its grid, which is at most sqrt(d^2 + s^2 / 2) - d too much where
-/// the surface is flat, d the distance and s the greatest edge: 0.03 mm for 4 mm and voxels of 0.7 mm.
-/// Immutable; a query allocates nothing.
+/// Signed distance to a structure's surface at any range. Near the surface it is the surface's own distance
+/// (Surface::distance_mm). Beyond the reach of its distance field it is the distance to the nearest
+/// intersection of the surface with a grid edge, which overestimates by at most sqrt(d^2 + s^2 / 2) - d for a
+/// flat surface, with the distance d and the longest edge s: 0.03 mm at 4 mm with voxels of 0.7 mm.
+/// Immutable; queries do not allocate.
 class StructureDistance {
  public:
   StructureDistance(LabelId label, std::shared_ptr<const Surface> surface);
 
   LabelId label() const { return label_; }
-  /// mm, positive outside, negative inside. @param at  finite
+  /// Signed distance in mm, positive outside.
+  /// @param at  finite
   double distance_mm(const Point<Patient>& at) const;
-  /// Up to here, on either side, it is the surface's own. Farther out it changes by no more than the place
-  /// moves.
+  /// Absolute distance up to which the surface's own distance field is used. Beyond it the result is
+  /// Lipschitz continuous with constant 1.
   double near_mm() const { return near_mm_; }
 
  private:
-  // places that lie together, with the least box around them
+  // adjacent intersection points with their bounding box
   struct Block {
     Eigen::Array3d low, high;
     std::uint32_t first = 0, count = 0;
@@ -43,9 +44,9 @@ class StructureDistance {
   std::vector<Eigen::Vector3f> places_;
 };
 
-/// Of every structure that has a voxel, in the order of Model::segments, as it is when nothing was taken from
-/// it: the surface that the model has of it, else one that is prepared here.
-/// @param model  with its labels
+/// Distances of every structure that has a voxel, in the order of Model::segments, before any removal. Uses
+/// the model's surface if present, and otherwise prepares one.
+/// @param model  a model with labels
 /// Errors: those of prepare_surfaces.
 Result<std::vector<StructureDistance>> structure_distances(const Model& model, const Progress& progress = {});
 

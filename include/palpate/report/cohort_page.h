@@ -4,30 +4,32 @@
 #include <string>
 #include <vector>
 
-/// A page about many cases, in the style of the report, that sorts, filters and compares them.
+/// HTML page about many cases, in the style of the report, with sorting, filtering and comparison.
 namespace palpate {
 
+/// Contents of the page.
 struct CohortPage {
   struct Column {
-    std::string
-        group;  ///< a structure's name, whose columns are shown when it is chosen; empty: always shown
+    /// Structure to which the column belongs; the columns of a structure are shown when it is selected.
+    /// Empty: always shown.
+    std::string group;
     std::string title, unit;
     int decimals = 0;
   };
   struct Row {
-    std::string name;   ///< of the case
+    std::string name;   ///< Name of the case
     std::string state;  ///< "done", "failed", "not done"
-    std::string fault;  ///< why it failed
+    std::string fault;  ///< Reason of the failure
     std::vector<std::string> notes;
-    std::vector<double> values;  ///< one for each column; NaN: not there
+    std::vector<double> values;  ///< One per column; NaN: not available
     std::vector<std::uint8_t> picture_png;
   };
-  std::string program;  ///< version and commit
+  std::string program;  ///< Version and commit
   std::vector<Column> columns;
   std::vector<Row> rows;
 };
 
-/// One self-contained page. Loads and runs nothing but what stands in it; without scripts it is a table.
+/// One self-contained page. It loads and runs nothing external; without scripts it is a static table.
 std::string cohort_html(const CohortPage& page);
 
 }  // namespace palpate

@@ -4,21 +4,22 @@
 #include <string>
 #include <vector>
 
-/// A page about data sets, in the style of the report: each with a picture of its volume.
+/// HTML page about data sets, in the style of the report, with a picture of each volume.
 namespace palpate {
 
+/// Contents of the page.
 struct DataPage {
   struct Set {
     std::string name, summary, licence;
-    std::string state;                      ///< where it is, or how it is had
-    std::string fault;                      ///< why there is no picture, where there should be one
-    std::vector<std::uint8_t> picture_png;  ///< empty: none
+    std::string state;                      ///< Location if installed, otherwise how to obtain it
+    std::string fault;                      ///< Reason why a picture could not be made
+    std::vector<std::uint8_t> picture_png;  ///< PNG of the volume; empty: none
   };
-  std::string program;  ///< version and commit
+  std::string program;  ///< Version and commit
   std::vector<Set> sets;
 };
 
-/// One self-contained page. Loads and runs nothing.
+/// One self-contained page without scripts; it loads nothing external.
 std::string data_html(const DataPage& page);
 
 }  // namespace palpate

@@ -4,45 +4,47 @@
 #include <string>
 #include <vector>
 
-/// A page for teachers: how learners got on, in the style of the report.
+/// HTML page for teachers about the progress of learners, in the style of the report.
 namespace palpate {
 
+/// Contents of the page.
 struct LearnersPage {
   struct Metric {
-    std::string name, unit;                   ///< unit "1": none
-    std::optional<double> at_least, at_most;  ///< of the latest run
+    std::string name, unit;                   ///< Unit "1": dimensionless
+    std::optional<double> at_least, at_most;  ///< Band of the latest run
     bool counts = false;
   };
   struct Run {
     std::string started_utc;
     double duration_s = 0;
     bool in_band = false;
-    std::vector<double> values;  ///< one for each metric of the task; NaN: the run had none
+    std::vector<double> values;  ///< One per metric of the task; NaN: not available
   };
   struct Learner {
-    std::string name;       ///< a pseudonym
-    std::vector<Run> runs;  ///< in their order; at least one
+    std::string name;       ///< Pseudonym
+    std::vector<Run> runs;  ///< In chronological order; at least one
   };
-  /// One text of a task: of another text the bounds may be others, so its runs are other curves.
+  /// One version of a task's text. Another version may have other bands, so its runs are separate curves.
   struct Task {
     std::string title, hash;
-    int in_a_row = 1;  ///< runs in band one after the other that pass
+    int in_a_row = 1;  ///< Consecutive runs in band that make a pass
     std::vector<Metric> metrics;
     std::vector<Learner> learners;
   };
-  std::string program;  ///< version and commit
+  std::string program;  ///< Version and commit
   std::vector<Task> tasks;
 };
 
-/// The median over learners of their n-th runs, for every n that at least half of them, and two, came to;
-/// of even numbers the mean of the two in the middle. Runs without a value are left out of their n.
-/// @param curves  one for each learner
+/// Median learning curve: for each n, the median over learners of the value of their n-th run, up to the last
+/// n that at least half of the learners, and at least two, reached. For an even number it is the mean of the
+/// middle two. Runs without a value are omitted.
+/// @param curves  one per learner
 std::vector<double> median_curve(const std::vector<std::vector<double>>& curves);
 
-/// After how many runs a learner had first been in band so many times in a row; 0: not yet.
+/// Number of runs after which a learner first had `in_a_row` consecutive runs in band; 0: not yet.
 int runs_until_passed(const LearnersPage::Learner& learner, int in_a_row);
 
-/// One self-contained page. Loads and runs nothing.
+/// One self-contained page without scripts; it loads nothing external.
 std::string learners_html(const LearnersPage& page);
 
 }  // namespace palpate

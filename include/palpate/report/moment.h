@@ -11,33 +11,35 @@
 
 namespace palpate {
 
-/// A moment of a recording, as a picture of the volume shows it.
+/// State of a recording at one time, for rendering in a picture of the volume.
 struct RecordedMoment {
-  /// A stretch of a tip's way, in the patient.
+  /// A section of a tip's path, patient frame.
   struct Way {
     bool touching = false;
     std::vector<Point<Patient>> points;
   };
   int devices = 1;
-  double time_s = 0;  ///< where the tick begins, on the recording's own clock
+  double time_s = 0;  ///< Start of the tick, on the recording's clock
   TickRecord tick;
-  std::vector<Way> ways;       ///< of all devices, in the two seconds before it
-  double highest_limit_N = 0;  ///< of the ticks until then
-  /// Labels as a burr had left them, and where the tissue was that yields; null: as at the beginning.
+  std::vector<Way> ways;       ///< Paths of all devices during the two seconds before the tick
+  double highest_limit_N = 0;  ///< Highest force limit of the ticks up to this one
+  /// Model with the labels as cut by burrs and displaced by tissue deformation; null: unchanged since the
+  /// start.
   std::shared_ptr<const Model> left;
-  /// How far the tissue had gone on which each device's tool leaned.
+  /// Displacement of deformable tissue at each device's contact point.
   std::array<Vector<Patient>, kMaxDevices> dent_mm;
 };
 
-/// The last tick that begins at a time or before it; beyond the recording's ends the first or the last one.
-/// @param model  as the recording began with
-/// Errors: kBadInput where the recording was made with another model or has no ticks, kInterrupted, and those
-/// of RecordingSource::read.
+/// State at the last tick that begins at or before a time; clamped to the first and last tick of the
+/// recording.
+/// @param model  model at the start of the recording
+/// Errors: kBadInput if the recording was made with another model or has no ticks, kInterrupted, and those of
+/// RecordingSource::read.
 Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const Model& model, double time_s,
                                        const Progress& progress = {});
 
-/// Of each device the way, the tool where its proxy is held, in its dent, the tip where the hand was, the
-/// proxy, and the force on the hand.
+/// Graphic marks of each device: path, tool at its proxy (displaced with the deformed tissue), the tip as
+/// held by the operator, the proxy, and the force on the operator's hand.
 std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& model,
                                      const VolumeCamera& camera);
 

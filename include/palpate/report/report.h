@@ -11,34 +11,33 @@
 
 namespace palpate {
 
-/// What was planned for a run, and what was made of it (compare_recording).
+/// A plan and its comparison with the run (compare_recording).
 struct RehearsedPlan {
   const PlanInScene& plan;
   const PlanComparison& made;
 };
 
-/// What a run was scored by, and as (score_recording).
+/// A task and the score of the run (score_recording).
 struct ScoredTask {
   const TaskFile& task;
   const TaskScore& score;
 };
-/// What a page tells of a run besides what is in its recording; each a part of its own, null: none.
+/// Optional parts of a report that are not in the recording. null: the part is omitted.
 struct ReportParts {
   const RehearsedPlan* rehearsed = nullptr;
   const ScoredTask* scored = nullptr;
-  std::string names_from = {};  ///< where the labels have their names from, without a path; empty: not said
+  std::string names_from = {};  ///< Origin of the label names, without a path; empty: omitted
 };
 
-/// One self-contained HTML page about a run: sections through each contact, force, depth and speed over
-/// time, contact per structure, what a burr took away, counts of the safety stage, how a loop on the real
-/// clock kept time, where it came from. Read in memory that does not depend on the run's length, but for what
-/// a burr took away. No network, no path and no header text of the input files in it.
-/// @param model  as the recording began with; where a burr was at work with the proxy's surfaces (ready_for
-/// in
-///               palpate/palpation/palpation.h), without which the page says nothing of how deep it cut
+/// Report of a run as one self-contained HTML page: sections through each contact; force, depth and speed
+/// over time; contacts per structure; tissue removed by a burr; counts of the safety stage; timing of a loop
+/// on the real clock; provenance. Memory does not depend on the run's length, except for the removed tissue.
+/// The page contains no paths and no header text of the input files, and needs no network.
+/// @param model  model at the start of the recording. If a burr was used, it needs the surfaces of the proxy
+///               (ready_for in palpate/palpation/palpation.h); without them the cutting depth is omitted
 Result<std::string> report_html(const RecordingSource& recording, const Model& model,
                                 const Progress& progress = {}, const ReportParts& parts = {});
-/// Written whole or not at all.
+/// Writes the report atomically.
 Result<void> write_report(const std::filesystem::path& file, const RecordingSource& recording,
                           const Model& model, const Progress& progress = {}, const ReportParts& parts = {});
 

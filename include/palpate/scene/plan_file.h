@@ -8,61 +8,68 @@
 #include "palpate/base/embedded_file.h"
 #include "palpate/scene/scene.h"
 
-/// The plan file, TOML: what is to be done in a scene and rehearsed there: trajectories, what is to be taken
-/// off, and from what to keep away. Read as scenes and tasks are: unknown keys, wrong types and values out of
-/// range are errors with their line. docs/reference/plan-keys.md has every key. Structures are named and
-/// looked up later, where a scene is at hand (palpate/rehearsal/plan_in_scene.h).
+/// The plan file (TOML): the goals of a rehearsal in a scene, i.e. trajectories, regions to remove and
+/// structures to keep clear of. The same parsing rules as for scenes and tasks apply: unknown keys, wrong
+/// types and values out of range are errors with their line. docs/reference/plan-keys.md lists every key.
+/// Structure names are resolved later against a scene (palpate/rehearsal/plan_in_scene.h).
 namespace palpate {
 
-inline constexpr std::size_t kMaxPlanParts = 200;  ///< of trajectories, regions, distances each
+/// Maximum number each of trajectories, regions and distances.
+inline constexpr std::size_t kMaxPlanParts = 200;
 inline constexpr double kMinTrajectory_mm = 0.1, kMaxTrajectory_mm = 1000;
 
-/// A straight way into the patient, mm, LPS.
+/// A planned straight path into the patient. Points in patient millimetres (LPS).
 struct PlanTrajectory {
   std::string name;
   Point<Patient> entry, target;
-  /// Whose surface it enters; empty: the entry is a place alone.
+  /// Structures whose surface the trajectory enters. Empty: the entry is a free point.
   std::vector<LabelReference> enters;
-  /// What is allowed: distance from the entry and from the target, angle to the trajectory, 0 ... 90 degrees,
-  /// and how much too deep or too shallow. Absent: it is told and does not count.
+  /// Tolerances: distance from the planned entry and target point, angle to the planned trajectory (0 ... 90
+  /// degrees), and absolute depth error. Absent: the deviation is reported but not graded.
   std::optional<double> entry_within_mm, target_within_mm, angle_within_deg, depth_within_mm;
   int line = 0;
 
-  double length_mm() const { return (target - entry).norm(); }  ///< kMinTrajectory_mm ... kMaxTrajectory_mm
+  double length_mm() const {
+    return (target - entry).norm();
+  }  ///< Length; kMinTrajectory_mm ... kMaxTrajectory_mm
   Vector<Patient> axis() const { return (target - entry).normalized(); }
 };
 
 enum class PlanShape {
-  kStructures,  ///< all of some structures
+  kStructures,  ///< All voxels of the given structures
   kSphere,
-  kCylinder,  ///< with flat ends
+  kCylinder,  ///< Cylinder with flat ends
   kBox,
 };
-/// Something to be taken off.
+/// A region of tissue to remove.
 struct PlanRegion {
   std::string name;
   PlanShape shape = PlanShape::kStructures;
-  std::size_t trajectory = 0;  ///< of a shape: place in PlanFile::trajectories
-  /// Of a shape: it is of these alone, or of all that can be taken off.
+  std::size_t trajectory = 0;  ///< Index into PlanFile::trajectories; for shapes other than kStructures
+  /// For a geometric shape: the structures it is restricted to. Empty: all removable structures.
   std::vector<LabelReference> structures;
-  double radius_mm = 0;  ///< of a sphere, a cylinder
-  /// Of a cylinder, a box: it goes from here to depth_mm, along the trajectory, 0 the entry.
+  double radius_mm = 0;  ///< Radius of a sphere or cylinder
+  /// Start of a cylinder or box along the trajectory, measured from the entry point. Its end is depth_mm.
   double from_mm = 0;
-  double depth_mm = 0;  ///< likewise; of a sphere where its middle is
-  /// Of a box across the trajectory: along `across`, and along what is perpendicular to both.
+  /// End of a cylinder or box along the trajectory; for a sphere the position of its centre. From the entry
+  /// point.
+  double depth_mm = 0;
+  /// Size of a box perpendicular to the trajectory: width along `across`, height along the cross direction.
   double width_mm = 0, height_mm = 0;
-  Vector<Patient> across;  ///< unit, perpendicular to the trajectory
+  Vector<Patient> across;  ///< Width direction of a box; unit, perpendicular to the trajectory
   int line = 0;
 };
 
+/// Structures that the tool has to keep clear of.
 struct PlanDistance {
   std::vector<LabelReference> structures;
-  double distance_mm = 0;  ///< from each of them the tool is to keep away so far
+  double distance_mm = 0;  ///< Minimum clearance between the tool and each structure
   int line = 0;
 };
 
+/// A parsed plan file.
 struct PlanFile {
-  /// The lines of comments at its beginning, as they stand there: who made it, for what.
+  /// Comment lines at the top of the file, verbatim, e.g. author and purpose.
   std::string heading;
   std::string title;
   std::vector<PlanTrajectory> trajectories;
@@ -74,18 +81,20 @@ struct PlanFile {
   std::string where(int line) const { return source + ":" + std::to_string(line); }
 };
 
-/// @param source  names the text in errors ("plan.toml:12: ...")
+/// @param source  name of the text in errors ("plan.toml:12: ...")
 Result<PlanFile> parse_plan(std::string_view text, const std::string& source);
-/// A plan of embedded_plans() by its name, else the file. @param beside  where a relative path begins
+/// Loads an embedded plan by name (embedded_plans()), otherwise a file.
+/// @param beside  base folder of a relative path
 Result<PlanFile> load_plan(const std::string& name_or_file, const std::filesystem::path& beside = {});
 
 /// The files of data/plans/, compiled in.
 const std::vector<EmbeddedFile>& embedded_plans();
 
-/// The plan as a text that parse_plan reads as the same plan, every number to its last bit. Names are UTF-8.
+/// Serialises the plan. parse_plan of the text gives an identical plan, every number bit for bit. Names are
+/// UTF-8.
 std::string plan_text(const PlanFile& plan);
 
-/// Every key of a plan file as Markdown tables: those of docs/reference/plan-keys.md.
+/// Every key of a plan file as Markdown tables, as in docs/reference/plan-keys.md.
 std::string plan_keys();
 
 }  // namespace palpate

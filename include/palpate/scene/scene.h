@@ -18,24 +18,28 @@
 #include "palpate/preparation/preparation.h"
 #include "palpate/volume/volume.h"
 
-/// The scene file and the palpation script, both TOML: what they may hold, and how they are read.
-/// Unknown keys, absent labels and values out of range are errors with their line ("scene.toml:12: ...").
-/// docs/reference/scene-keys.md and docs/reference/script-keys.md document every key with default, unit
-/// and range.
+/// The scene file and the palpation script (both TOML): their contents and parsers. Unknown keys, absent
+/// labels and values out of range are errors with their line ("scene.toml:12: ...").
+/// docs/reference/scene-keys.md and docs/reference/script-keys.md document every key with default, unit and
+/// range.
 namespace palpate {
 
+/// Maximum number of tissues of a scene, and of steps of a script.
 inline constexpr std::size_t kMaxTissues = 64;
 inline constexpr std::size_t kMaxScriptSteps = 1000;
-inline constexpr std::size_t kMaxSceneBytes = std::size_t{4} << 20;  ///< of a scene or a script
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{4} << 20;  ///< Maximum size of a scene or script
 
-/// By which machine a scan was made; viewers show a CT's values as Hounsfield units.
+/// Imaging modality of a scan; viewers show the values of a CT in Hounsfield units.
 enum class Modality : std::uint8_t { kUnknown, kCt, kMr };
-/// Of surfaces, whose files do not say what their axes are.
+/// Axis convention of surface meshes, for files that do not declare it.
 enum class SurfaceAxes : std::uint8_t { kLps, kRas };
+/// Length unit of surface meshes.
 enum class SurfaceUnit : std::uint8_t { kMm, kCm, kM };
+/// Transform of a NIfTI header: its quaternion (qform) or its affine matrix (sform).
 enum class HeaderForm : std::uint8_t { kQform, kSform };
 
-/// What is chosen by a word in scenes, on the command line and on the wire; the unknown comes last.
+/// Enumerator with its name in scene files, on the command line and in the protocol. The last entry of each
+/// table is the fallback for unknown names.
 template <class T>
 struct Word {
   T value;
@@ -53,7 +57,7 @@ inline constexpr std::array kSurfaceUnits{Word<SurfaceUnit>{SurfaceUnit::kMm, "m
                                           Word<SurfaceUnit>{SurfaceUnit::kM, "m"}};
 inline constexpr std::array kHeaderForms{Word<HeaderForm>{HeaderForm::kQform, "q"},
                                          Word<HeaderForm>{HeaderForm::kSform, "s"}};
-/// The last is what a scene has that says nothing.
+/// The last entry is the default of a scene that does not set the law.
 inline constexpr std::array kTissueLaws{
     Word<TissueLaw>{TissueLaw::kElastic, "elastic"}, Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
     Word<TissueLaw>{TissueLaw::kChainMail, "chainmail"}, Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
@@ -69,219 +73,234 @@ constexpr std::string_view name_of(T value, const std::array<Word<T>, kCount>& w
       ->name;
 }
 
-/// A label by its number (1 ... 65535) or by its exact name.
+/// Reference to a label by its number (1 ... 65535) or its exact name.
 using LabelReference = std::variant<int, std::string>;
 
+/// A [[tissue]] of the scene. Members without a comment are those of Tissue (palpate/haptics/haptics.h).
 struct TissueSettings {
   std::string name;
-  std::vector<LabelReference> labels;              ///< empty when `threshold` is given
-  std::vector<int> label_lines;                    ///< of each label, for errors
-  bool optional = false;                           ///< labels that the map does not have only drop out
-  std::optional<std::array<double, 2>> threshold;  ///< ramp on the raw scan: 0 at [0], full at [1]
-  std::string preset;                              ///< the preset the other values started from, or empty
+  std::vector<LabelReference> labels;  ///< Labels of the tissue; empty if `threshold` is given
+  std::vector<int> label_lines;        ///< Line of each label, for errors
+  /// Whether labels that are absent from the map are ignored; otherwise they are an error.
+  bool optional = false;
+  std::optional<std::array<double, 2>> threshold;  ///< Ramp on the raw scan values: 0 at [0], 1 at [1]
+  /// Preset from which the defaults of this tissue were taken; empty: none.
+  std::string preset;
+  /// Whether the tissue can be touched; false: displayed only.
   bool felt = true;
   double stiffness_N_per_mm = 1.0;
   double friction_coefficient = 0.1;
-  std::optional<double> static_friction;  ///< empty: friction_coefficient
-  std::optional<double> puncture_N;       ///< empty: never
-  bool stays_open = false;                ///< Tissue::stays_open
+  /// Static friction coefficient of the proxy; empty: friction_coefficient
+  std::optional<double> static_friction;
+  std::optional<double> puncture_N;  ///< Normal force above which it is punctured; empty: never
+  bool stays_open = false;           ///< Whether a puncture leaves a permanent hole
   double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
-  Protection protection = Protection::kNone;  ///< of a burr; only of what is felt
-  std::optional<ElasticConstants> elastic;    ///< Tissue::elastic
-  Relaxation relaxation;                      ///< Tissue::relaxation; of a preset by itself what it may have
+  Protection protection = Protection::kNone;  ///< Effect of burrs; only for tissues with `felt`
+  std::optional<ElasticConstants> elastic;    ///< Elastic constants for the elastic laws; empty: rigid
+  Relaxation relaxation;                      ///< Stress relaxation; default: the preset's
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;
-  std::optional<Rgb> colour;  ///< empty: the label's own colours are kept
+  std::optional<Rgb> colour;  ///< Display colour; empty: that of each label
   double opacity = 1.0;
-  std::vector<std::string> rests_on;  ///< names of tissues in this scene
-  int line = 0;                       ///< of its [[tissue]] header, for errors
+  std::vector<std::string> rests_on;  ///< Names of the tissues of this scene that support it
+  int line = 0;                       ///< Line of its [[tissue]] header, for errors
 };
 
+/// Storage of a field value: 1 or 2 bytes.
 enum class FieldStorage : std::uint8_t { k8Bit, k16Bit };
 
-/// How labels become the field that the direct methods read.
+/// Conversion of labels to the field that the direct methods sample.
 enum class PreparationMethod : std::uint8_t {
-  kInwardRamp,     ///< 0 outside, rising inside with the depth (palpate/surfaces/ramps.h)
-  kUnionGaussian,  ///< all structures together, smoothed: as published
+  kInwardRamp,     ///< 0 outside, increasing with depth inside (palpate/surfaces/ramps.h)
+  kUnionGaussian,  ///< Gaussian smoothing of the union of all structures, as published
 };
 
+/// Preparation of the field for the direct methods.
 struct PreparationSettings {
   PreparationMethod method = PreparationMethod::kInwardRamp;
-  std::optional<double> ramp_width_mm;  ///< of the inward ramp; empty: what ramp_width_mm() takes
-  double sigma_mm = 1.0;                ///< of the union Gaussian and of the smooth sphere
+  std::optional<double> ramp_width_mm;  ///< Width of the inward ramp; empty: default of ramp_width_mm()
+  double sigma_mm = 1.0;                ///< Standard deviation of the union Gaussian and of the smooth sphere
   GaussianEngine engine = GaussianEngine::kDirect;
   FieldStorage storage = FieldStorage::k16Bit;
 };
 
-/// By which method the structures are felt at first.
+/// Initial force method and its settings.
 struct ForceSettings {
   ForceMethod method = ForceMethod::kProxy;
   MethodSettings settings;
 };
 
-/// Whether soft tissue gives way.
+/// Settings of deformable tissue.
 struct YieldingSettings {
   TissueLaw law = TissueLaw::kLayers;
-  std::optional<double> cell_mm;  ///< of the elastic laws; empty: chosen from the voxels
-  bool relaxation = false;        ///< likewise: tissues have that of their presets
+  std::optional<double> cell_mm;  ///< Cell size of the elastic laws' grid; empty: chosen from the voxel size
+  bool relaxation = false;        ///< Whether presets' relaxation applies where a tissue sets none
 };
 
-/// Of which structures distances are told.
+/// Structures whose distances to the tool are published.
 enum class ToldStructures : std::uint8_t { kNone, kFelt, kAll };
+/// Published distances between the tool and structures.
 struct DistanceSettings {
   ToldStructures structures = ToldStructures::kNone;
+  /// Maximum distance that is reported.
   double reach_mm = 20;
 };
 
-/// A [[no_go]]: of structures, or a plane, or a ball.
+/// A [[no_go]] region: structures, a half-space bounded by a plane, or a sphere.
 struct NoGoSettings {
   std::string name;
-  std::vector<LabelReference> structures;  ///< empty: `place` is given
-  std::vector<int> structure_lines;        ///< of each, for errors
+  std::vector<LabelReference> structures;  ///< Structures of the region; empty if `place` is given
+  std::vector<int> structure_lines;        ///< Line of each structure, for errors
   std::variant<std::monostate, NoGoPlane, NoGoSphere> place;
+  /// Clearance from the region at which the repelling spring begins.
   double keep_away_mm = 1;
   double stiffness_N_per_mm = 2;
-  int line = 0;  ///< of its header, for errors
+  int line = 0;  ///< Line of its header, for errors
 };
 
+/// A parsed scene file.
 struct Scene {
   std::string title;
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
-  std::optional<std::filesystem::path> scan;  ///< as written; relative to `folder`
-  std::optional<int> scan_volume;             ///< which one, where `scan` holds several
+  std::optional<std::filesystem::path> scan;  ///< Path as written; relative to `folder`
+  std::optional<int> scan_volume;             ///< Number of the volume if `scan` holds several
   std::optional<std::filesystem::path> labels;
-  std::optional<SurfaceAxes> mesh_space;  ///< how `labels` are to be read where they are surfaces
+  std::optional<SurfaceAxes> mesh_space;  ///< Axis convention of `labels` given as surface meshes
   std::optional<SurfaceUnit> mesh_unit;
-  std::optional<Eigen::Vector3d> image_spacing_mm;  ///< of stacks of pictures: columns, rows, slices
-  std::optional<HeaderForm> nifti_form;             ///< which placement of a NIfTI counts that has two
-  bool scan_is_cropped = false;                     ///< more than half of the labels may lie outside the scan
-  std::optional<std::filesystem::path> names;       ///< colour table
+  std::optional<Eigen::Vector3d> image_spacing_mm;  ///< Voxel spacing of image stacks: columns, rows, slices
+  std::optional<HeaderForm> nifti_form;             ///< Transform to apply if a NIfTI header has both
+  /// Whether the scan covers only part of the labelled region, so that more than half of the labels may be
+  /// outside it.
+  bool scan_is_cropped = false;
+  std::optional<std::filesystem::path> names;  ///< Colour table with the label names
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   ForceSettings force;
   YieldingSettings yielding;
-  std::vector<Tool> tools{Tool()};  ///< Model::tools: [tool], then [second_tool] where the scene has it
-  WorkspaceSettings workspace;      ///< of every device; no part of the model
+  std::vector<Tool> tools{Tool()};  ///< Tools as in Model::tools: [tool], then [second_tool] if present
+  WorkspaceSettings workspace;      ///< Workspace mapping of every device; not part of the model
   std::optional<double> max_force_N;
   DistanceSettings distances;
-  std::vector<NoGoSettings> no_go;  ///< regions of all together at most kMaxNoGo
-  std::filesystem::path folder;     ///< where the scene file stands
-  std::string source;               ///< its name, for errors
+  std::vector<NoGoSettings> no_go;  ///< No-go regions, at most kMaxNoGo
+  std::filesystem::path folder;     ///< Folder of the scene file
+  std::string source;               ///< Name of the scene in errors
   struct DataLines {
     int scan = 0, labels = 0, names = 0;
-  } lines;  ///< where the data are named, for errors
+  } lines;  ///< Lines of the data files, for errors
 
-  /// `file` as a path that opens from the current folder: absolute ones as they are, others below `folder`.
+  /// Resolves a path of the scene: an absolute path is unchanged, a relative one is below `folder`.
   std::filesystem::path resolve(const std::filesystem::path& file) const;
-  /// "scene.toml:12", for errors.
+  /// Source location such as "scene.toml:12", for errors.
   std::string where(int line) const;
 };
 
-/// A text without a [data] table is accepted, with neither scan nor labels: its volumes come from the
-/// caller, as for the embedded scenes.
+/// Parses a scene. A text without a [data] table is accepted; it has neither scan nor labels, and the caller
+/// supplies the volumes, as for the embedded scenes.
 /// @param text    TOML, at most kMaxSceneBytes
-/// @param source  names the text in errors ("scene.toml:12: ...")
+/// @param source  name of the text in errors ("scene.toml:12: ...")
 Result<Scene> parse_scene(std::string_view text, const std::string& source);
-/// Reads a scene file, which has to name its data. A data file that does not exist is an error with its line.
+/// Reads a scene file; its [data] table is required. A missing data file is an error with its line.
 Result<Scene> load_scene(const std::filesystem::path& file);
 
-/// The scene that suits a catalogue data set ("knee-phantom", "knee-atlas", "head"), or the one of that
-/// name ("knee", "head"); it has no [data] table. The file in data/scenes/, compiled in.
+/// Embedded scene (file of data/scenes/, compiled in) of a catalogue data set ("knee-phantom", "knee-atlas",
+/// "head") or by its own name ("knee", "head"). It has no [data] table.
 std::optional<std::string_view> embedded_scene(std::string_view name);
 
-/// The grid that a scene's field is made on: the finer of the two by the volume of a voxel, the labels'
-/// where they are equal. Either may be null, not both.
+/// Grid on which a scene's field is computed: the one with the smaller voxel volume, the labels' grid if
+/// equal. At most one argument may be null.
 const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* scan);
-/// The widest voxel of the grids behind the field, mm: labels stand in steps of their own grid, the field is
-/// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/results/accuracy.md).
+/// Largest voxel spacing of the grids behind the field, mm. Label boundaries are stair-stepped on their own
+/// grid, and the field is interpolated on field_grid(); a sigma below this spacing leaves the steps
+/// perceptible (docs/results/accuracy.md).
 double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan);
-/// The force deep inside a tissue under a union Gaussian, N: stiffness * sigma * sqrt(2 pi), the height of a
-/// ramp that a Gaussian leaves of a step and that is as steep as the stiffness at the surface. Without
-/// smoothing the ramp is a voxel wide.
-/// @param grid  the field's
+/// Maximum force deep inside a tissue under a union Gaussian, N: stiffness * sigma * sqrt(2 pi), the height
+/// of a Gaussian-smoothed step whose slope at the surface equals the stiffness. Without smoothing the ramp is
+/// one voxel wide.
+/// @param grid  grid of the field
 double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid);
 
-/// Mechanical starting values for a kind of tissue, and where they come from.
+/// Default mechanical properties of a kind of tissue, with their source.
 struct TissuePreset {
-  std::string name;  ///< bone, cartilage, muscle, liver, ...: the choices of the key `preset`
+  std::string name;  ///< Name, a choice of the key `preset`: bone, cartilage, muscle, liver, ...
   TissueSettings values;
-  std::string source;                        ///< publication, value there, and how ours follows from it
-  std::vector<std::string> kind_words;       ///< lower-case words that say what a structure is made of
-  std::vector<std::string> structure_names;  ///< lower-case names of structures made of it
+  std::string source;                        ///< Publication, its value, and the derivation of ours
+  std::vector<std::string> kind_words;       ///< Lower-case words that denote the material of a structure
+  std::vector<std::string> structure_names;  ///< Lower-case names of structures made of it
 };
+/// All presets.
 const std::vector<TissuePreset>& tissue_presets();
-/// The preset of that name, or nullptr.
+/// Preset by name, or nullptr.
 const TissuePreset* find_preset(std::string_view name);
-/// The tissue that a structure's name suggests.
+/// Preset suggested by a structure's name.
 struct PresetMatch {
-  const TissuePreset* preset = nullptr;  ///< null: none
-  std::string term;        ///< the term that decided, "sterno thyroid"; empty: the name holds no known term
-  bool is_hollow = false;  ///< the term is one of air or fluid, or of a space that holds it: no resistance
+  const TissuePreset* preset = nullptr;  ///< Preset; null: none
+  std::string term;        ///< Term of the name that decided, e.g. "sterno thyroid"; empty: no known term
+  bool is_hollow = false;  ///< Whether the term denotes air, fluid or a cavity: no resistance
 };
-/// Looks a structure's name up by whole terms of one or more words. Words are compared in any case, with
-/// plural s, number or between other marks ("Left-Cerebral-White-Matter"); a word counts in the longest term
-/// that holds it alone ("sterno_thyroid" is a muscle). Contents (cyst, air, implant) outrank kinds of tissue
-/// ("patellar_cartilage" is cartilage), these the names of structures; then the last term in the name wins,
-/// then the longest.
+/// Matches a structure's name against whole terms of one or more words. Words are compared ignoring case,
+/// plural s, numbers and separators ("Left-Cerebral-White-Matter"); a word counts only as part of the longest
+/// matching term that contains it ("sterno_thyroid" is a muscle). Precedence: contents (cyst, air, implant),
+/// then kinds of tissue ("patellar_cartilage" is cartilage), then names of structures; among equals the last
+/// term in the name, then the longest.
 PresetMatch match_preset(const std::string& structure_name);
 
-/// From where to where a number among a tissue's keys may lie.
+/// Valid range of a numeric key of a tissue.
 std::array<double, 2> tissue_key_range(std::string_view key);
-/// The same of a limit of the force, N: a scene's and a user's.
+/// Valid range of the force limit of a scene or a user, N.
 std::array<double, 2> max_force_range_N();
 
-/// Which ids each tissue of the scene takes from the label map, ascending; none for tissues by threshold.
-/// A name takes every segment so named. Error with the line of the label where it is absent, unless the
-/// tissue is optional, and where it is claimed twice.
+/// Label ids of each tissue of the scene, ascending; empty for tissues by threshold. A name refers to every
+/// segment of that name. Errors, with the line of the label: absent label, unless the tissue is optional;
+/// label claimed twice.
 Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, const LabelMap& labels);
 
-/// The same of each [[no_go]] of structures, of the others none; a structure may be in several. Error with
-/// the line of the label where it is absent.
+/// Label ids of each [[no_go]], empty where it is not made of structures. Regions may share structures. Error
+/// with the line of the label if it is absent.
 Result<std::vector<std::vector<LabelId>>> resolve_no_go(const Scene& scene, const LabelMap& labels);
 
-/// What a new scene is written for: a label map with `labels` naming its file, or a scan alone.
+/// Input of new_scene_text: a label map with its file `labels`, or a scan alone.
 struct NewSceneInput {
   std::optional<std::filesystem::path> scan = {}, labels = {}, names = {};
-  std::string names_from = {};  ///< where the labels have their names from, a comment of the scene
+  std::string names_from = {};  ///< Origin of the label names, written as a comment
   const LabelMap* label_map = nullptr;
-  const Volume<float>* scan_volume = nullptr;  ///< beside labels only its grid counts
+  const Volume<float>* scan_volume = nullptr;  ///< Scan; with labels only its grid is used
   std::string title = {};
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
-  /// None: elastic where a structure gets a preset with a modulus, else by layers.
+  /// Empty: elastic if any structure gets a preset with a modulus, otherwise by layers.
   std::optional<TissueLaw> law = {};
-  std::optional<int> volume_of_scan = {};      ///< its number, where `scan` holds several
-  std::optional<SurfaceAxes> mesh_space = {};  ///< as it was said of `labels`
+  std::optional<int> volume_of_scan = {};      ///< Number of the volume if `scan` holds several
+  std::optional<SurfaceAxes> mesh_space = {};  ///< Axis convention given for `labels`
   std::optional<SurfaceUnit> mesh_unit = {};
   std::optional<Eigen::Vector3d> image_spacing_mm = {};
   std::optional<HeaderForm> nifti_form = {};
   bool scan_is_cropped = false;
 };
-/// The text of a scene file for these files, every structure in the tissue its name suggests; structures
-/// that suggest none get a tissue each that is shown and not felt (one together when they are too many).
-/// Paths are written relative to `folder` where they lie below it, else absolute. Without labels (a raw
-/// scan) the scene has one tissue by threshold, from the scan's values by Otsu's method (1979). Sigma is at
-/// least 1 mm and at least the widest voxel.
-/// Errors: neither labels nor scan, no structure, a scan of one value, a path that is not UTF-8.
+/// Text of a scene file for these files. Every structure is assigned the tissue that its name suggests; each
+/// structure without a suggestion gets its own tissue that is shown but exerts no force (one common tissue if
+/// there are too many). Paths are relative to `folder` if below it, otherwise absolute. Without labels (a raw
+/// scan) the scene has one tissue by threshold, derived from the scan's values by Otsu's method (1979). Sigma
+/// is the largest voxel spacing, and at least 1 mm. Errors: neither labels nor scan, no structure, a constant
+/// scan, a path that is not UTF-8.
 Result<std::string> new_scene_text(const NewSceneInput& input, const std::filesystem::path& folder);
-/// Writes the text whole or not at all. Errors are kOutput.
+/// Writes the text atomically. Errors are kOutput.
 Result<void> write_scene_text(const std::filesystem::path& file, std::string_view text);
 
-/// Every key of a scene file as Markdown tables (key, value, default, unit, range, meaning): the tables of
-/// docs/reference/scene-keys.md, from the declarations that the parser itself checks against.
+/// Every key of a scene file as Markdown tables (key, value, default, unit, range, meaning), as in
+/// docs/reference/scene-keys.md; generated from the declarations that the parser checks against.
 std::string scene_keys();
 /// The presets with their values and sources as a Markdown table.
 std::string tissue_preset_table();
-/// What each preset is made of under the elastic law, with range and source, as a Markdown table.
+/// Elastic constants of each preset with range and source, as a Markdown table.
 std::string elastic_preset_table();
-/// How presets relax under that law, with range and source, as a Markdown table.
+/// Relaxation of each preset with range and source, as a Markdown table.
 std::string relaxation_preset_table();
 
 // ---- script -------------------------------------------------------------------------------------
 
-/// The patient's directions, LPS, by the names that scripts give them.
+/// Anatomical directions as unit vectors in LPS, by their names in scripts.
 inline constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 6> kPatientDirections{
     {{"superior", {0, 0, 1}},
      {"inferior", {0, 0, -1}},
@@ -290,97 +309,101 @@ inline constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 
      {"left", {1, 0, 0}},
      {"right", {-1, 0, 0}}}};
 
-/// Move to a free point in front of a structure, then touch it.
+/// Moves to a free point in front of a structure, then touches it.
 struct ApproachStep {
-  std::string structure;                ///< name, or "#95" for a label number; empty: `point` is given
-  std::optional<Point<Patient>> point;  ///< the nearest felt structure there is touched
-  /// Of the structure: the place that is farthest this way, or nearest to another structure (name or
-  /// "#95") or point. At most one of the two; without any the hand chooses.
-  std::optional<Vector<Patient>> landmark;  ///< one of kPatientDirections
+  std::string structure;                ///< Name, or "#95" for a label number; empty: `point` is given
+  std::optional<Point<Patient>> point;  ///< The nearest touchable structure there is approached
+  /// Contact point on the structure: the extreme point in this direction, or the point nearest to another
+  /// structure (name or "#95") or to a point. At most one of the two; without either, the simulated hand
+  /// chooses.
+  std::optional<Vector<Patient>> landmark;  ///< One of kPatientDirections
   std::variant<std::monostate, std::string, Point<Patient>> nearest;
-  std::optional<Vector<Patient>> from;  ///< unit, from the surface to where the hand comes from
+  std::optional<Vector<Patient>> from;  ///< Unit direction from the surface to the start
   double speed_mm_s = 40;
-  double clearance_mm = 15;  ///< start at most this far in front of the surface, along its normal
+  double clearance_mm = 15;  ///< Maximum starting distance from the surface, along its normal
 };
-/// Push along the surface normal until the force is reached.
+/// Pushes along the surface normal until the force is reached.
 struct PressStep {
   double force_N = 1.0;
   double settle_s = 0.5;
 };
-/// Keep the force for a time.
+/// Holds the force for a time.
 struct HoldStep {
   double seconds = 0.6;
 };
-/// Move along the surface, keeping the force.
+/// Slides along the surface at constant force.
 struct SlideStep {
-  Vector<Patient> direction{0, 0, 1};  ///< made tangential; need not be unit
+  Vector<Patient> direction{0, 0, 1};  ///< Projected onto the tangent plane; need not be unit
   double distance_mm = 5;
   double speed_mm_s = 10;
 };
-/// Turn the object by this much, commanded 10 times a second, while the hand stays.
+/// Rotates the object by an angle, commanded at 10 Hz, while the hand stays.
 struct RotateStep {
   Eigen::Vector3d axis_world{0, 0, 1};
   double degrees = 10;
   double seconds = 1;
 };
-/// Feel by another method from here on; the force of the last one turns into the new one's.
+/// Switches the force method; the force is blended from the old method to the new one.
 struct MethodStep {
   ForceMethod method = ForceMethod::kProxy;
 };
-/// Soft tissue by another law from here on.
+/// Switches the constitutive law of soft tissue.
 struct LawStep {
   TissueLaw law = TissueLaw::kLayers;
 };
-/// Switch the tool's motor on or off.
+/// Switches the tool's motor on or off.
 struct MotorStep {
   bool on = true;
 };
-/// Undo the last stroke of a tool that cuts, or do it again.
+/// Undoes or redoes the last stroke of a cutting tool.
 struct StrokeStep {
   StrokeAction action = StrokeAction::kUndo;
 };
-/// The scope in the second device looks at something from here on.
+/// Points the scope in the second device at a target.
 struct ScopeStep {
-  std::optional<Point<Patient>> at;  ///< empty: the first device's tip, with which it goes
-  Vector<Patient> from{0, -1, 0};    ///< unit, from there to the camera
-  double distance_mm = 20;           ///< likewise
+  std::optional<Point<Patient>> at;  ///< Target; empty: follows the first device's tip
+  Vector<Patient> from{0, -1, 0};    ///< Unit direction from the target to the camera
+  double distance_mm = 20;           ///< Distance from the target to the camera
   double speed_mm_s = 40;
   ScopeOptics optics;
 };
-/// Withdraw along the path of approach.
+/// Withdraws along the path of approach.
 struct LeaveStep {
   double speed_mm_s = 60;
 };
+/// A step of a script: one of the actions above.
 using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep,
                                 LeaveStep, MotorStep, StrokeStep, LawStep, ScopeStep>;
-/// Press, hold, slide and leave need the contact that an approach before them makes.
+/// Whether a step (press, hold, slide, leave) requires the contact made by a preceding approach.
 bool needs_contact(const ScriptStep& step);
 
+/// A parsed script: the motion of a simulated hand, step by step.
 struct Script {
   std::string title;
-  std::string device = "premium-1.5";  ///< known_plant_devices()
-  std::string hand = "firm-grip";      ///< known_plant_hands()
+  std::string device = "premium-1.5";  ///< Name among known_plant_devices()
+  std::string hand = "firm-grip";      ///< Name among known_plant_hands()
   double rate_hz = 1000;               ///< 250 ... 10000
-  double delay_s = 0;                  ///< from a command to its force, 0 ... 0.02
-  double tremor_mm = 0.03;             ///< amplitude of physiological tremor (8-12 Hz), 0 ... 1
+  double delay_s = 0;                  ///< Latency from a command to its force, 0 ... 0.02
+  double tremor_mm = 0.03;             ///< Amplitude of physiological tremor (8-12 Hz), 0 ... 1
   std::uint64_t seed = 1;
   std::vector<ScriptStep> steps;
-  std::vector<int> lines;              ///< of each step, for errors
-  int device_line = 0, hand_line = 0;  ///< 0: the script does not name it
+  std::vector<int> lines;              ///< Line of each step, for errors
+  int device_line = 0, hand_line = 0;  ///< 0: not set by the script
   std::string source;
 };
-/// Whether a second device holds a scope in it.
+/// Whether the script uses a second device that holds a scope.
 bool has_scope(const Script& script);
-/// What needs contact comes after an approach, and an approach after the one before it was left: errors with
-/// their line. Device and hand are looked up by the session.
+/// Parses a script. Errors with their line include a step that needs contact without a preceding approach,
+/// and an approach before the previous contact was left. Device and hand names are resolved later by the
+/// session.
 Result<Script> parse_script(std::string_view text, const std::string& source);
 Result<Script> load_script(const std::filesystem::path& file);
 
-/// The script that suits an embedded scene ("knee", "knee-phantom", "knee-atlas"). The file in
-/// data/scripts/, compiled in.
+/// Script of an embedded scene ("knee", "knee-phantom", "knee-atlas"): the file of data/scripts/, compiled
+/// in.
 std::optional<std::string_view> embedded_script(std::string_view name);
 
-/// Every key of a script as Markdown tables: the tables of docs/reference/script-keys.md.
+/// Every key of a script as Markdown tables, as in docs/reference/script-keys.md.
 std::string script_keys();
 
 }  // namespace palpate

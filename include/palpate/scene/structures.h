@@ -8,9 +8,9 @@
 
 namespace palpate {
 
-/// Structures that a file names, in a model, by LabelId. A name stands for every structure that bears it.
-/// @param where  of the file: what errors name
-/// Errors: kBadInput for one that the model does not have, with those that it has.
+/// Resolves structures named in a file to LabelIds of a model. A name refers to every structure of that name.
+/// @param where  location in the file, for errors
+/// Errors: kBadInput for a structure absent from the model, with a list of those present.
 Result<std::vector<bool>> labels_in_model(const Model& model, const std::vector<LabelReference>& references,
                                           const std::string& where);
 

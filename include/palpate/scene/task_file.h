@@ -14,135 +14,166 @@
 #include "palpate/scene/plan_file.h"
 #include "palpate/scene/scene.h"
 
-/// The task file, TOML: what a trainee is to do in a scene, and what of it counts. Read as scenes and scripts
-/// are: unknown keys, wrong types and values out of range are errors with their line.
-/// docs/reference/task-keys.md has every key. Structures are named and looked up later, where a scene is at
-/// hand (palpate/tasks/task.h).
+/// The task file (TOML): what a trainee has to do in a scene, and how the run is graded. The same parsing
+/// rules as for scenes and scripts apply: unknown keys, wrong types and values out of range are errors with
+/// their line. docs/reference/task-keys.md lists every key. Structure names are resolved later against a
+/// scene (palpate/tasks/task.h).
 namespace palpate {
 
-inline constexpr std::size_t kMaxTaskParts = 200;  ///< of steps, regions, metrics, ... each
+inline constexpr std::size_t kMaxTaskParts = 200;  ///< Maximum number each of steps, regions, metrics, ...
 
-/// What a run is measured by. Formulas: palpate/tasks/evaluator.h.
+/// Performance metrics of a run. Formulas: palpate/tasks/evaluator.h.
 enum class Metric : std::uint8_t {
+  /// Duration from the first tick to the task's end, s.
   kTime,
+  /// Time without contact in which the low-pass filtered tip is slower than 5 mm/s, s.
   kIdleTime,
+  /// Length of the low-pass filtered path of the tip, mm.
   kPathLength,
+  /// Straight distances from the start over the places of completed steps to the end, divided by the path
+  /// length.
   kEconomy,
+  /// Log dimensionless jerk.
   kSmoothness,
+  /// Mean normal force while it is above 0, N.
   kMeanForce,
+  /// Maximum normal force, N.
   kPeakForce,
+  /// Fraction of the contact time with the force of each [[force]] in its band.
   kForceInBand,
+  /// Longest uninterrupted time with the force of a [[force]] in its band, s.
   kLongestInBand,
+  /// Integral of the force above the limit over all [[force]] with a limit, N s.
   kExcessImpulse,
+  /// Fraction of the surface patches of all kCover regions that were touched.
   kCoverage,
+  /// Time in which the force on any [[protected]] exceeds its limit, s.
   kProtectedTime,
+  /// Fraction of the steps that were completed.
   kStepsDone,
+  /// Distance of the structures' centroid from the line through the answered point along the normal, mm.
   kAnswerError,
+  /// Contact time in which the outermost contact was invisible to the scope, s.
   kUnseenTime,
+  /// Volume removed within the plan's regions, mm3.
   kRemovedInPlan,
+  /// Volume removed outside the plan's regions, mm3.
   kRemovedOutside,
+  /// Volume removed from [[protected]] structures, mm3.
   kProtectedRemoved,
+  /// Maximum distance of removed tissue outside the plan's shapes from the nearest of them, mm.
   kDepthPastPlan,
 };
+/// Description of a metric, for documentation and reports.
 struct MetricInfo {
   Metric metric;
   std::string_view name, unit;
   bool more_is_better;
-  bool of_structures;         ///< [[metric]] may name structures
-  std::string_view formula;   ///< in words
-  std::string_view source;    ///< who published it
-  std::string_view validity;  ///< what is known of whether it tells experts from beginners
+  bool of_structures;         ///< Whether a [[metric]] may name structures
+  std::string_view formula;   ///< Definition in words
+  std::string_view source;    ///< Publication
+  std::string_view validity;  ///< Evidence that it discriminates experts from novices
 };
 inline constexpr std::size_t kMetricCount = 19;
-const std::array<MetricInfo, kMetricCount>& metric_infos();  ///< in the order of Metric
+/// Descriptions of all metrics, in the order of Metric
+const std::array<MetricInfo, kMetricCount>& metric_infos();
 inline const MetricInfo& info_of(Metric metric) {
   return metric_infos()[static_cast<std::size_t>(metric)];
 }
 
-/// A part of the patient: of some structures' surfaces, or a ball.
+/// A region of the patient: part of the surface of some structures, or a ball.
 struct TaskRegion {
   std::string name;
-  std::vector<LabelReference> structures;  ///< empty: the ball about `point` itself
-  std::optional<Point<Patient>> point;     ///< with radius_mm
+  std::vector<LabelReference> structures;  ///< Structures; empty: the region is the ball around `point`
+  std::optional<Point<Patient>> point;     ///< Centre of the region; with radius_mm
   std::optional<Vector<Patient>>
-      landmark;  ///< of the structures, the place farthest this way; with radius_mm
+      landmark;  ///< Direction in which the structures' extreme point is the centre; with radius_mm
   std::optional<double> radius_mm;
-  std::optional<Vector<Patient>> half;  ///< what lies on this side of the structures' own middle
+  std::optional<Vector<Patient>> half;  ///< Restricts the region to this side of the structures' centroid
   std::optional<Point<Patient>> plane_point;
-  std::optional<Vector<Patient>> plane_normal;  ///< what lies on its side of a plane through plane_point
+  /// Restricts the region to this side of a plane through plane_point.
+  std::optional<Vector<Patient>> plane_normal;
   int line = 0;
 };
 
 enum class StepKind : std::uint8_t {
-  kTouch,   ///< the region is touched with a force for a time
-  kVisit,   ///< the tip is in the region for a time
-  kCover,   ///< a part of the region's surface was touched
-  kRemove,  ///< a part of a region of the plan was taken off
+  kTouch,   ///< Touch the region with a force for a duration
+  kVisit,   ///< Keep the tip in the region for a duration
+  kCover,   ///< Touch a fraction of the region's surface
+  kRemove,  ///< Remove a fraction of a region of the plan
 };
+/// A [[step]] of the task.
 struct TaskStep {
   std::string name;
-  std::size_t region = 0;  ///< place in TaskFile::regions; of kRemove in TaskFile::plan's
+  std::size_t region = 0;  ///< Index into TaskFile::regions; for kRemove into the plan's regions
   StepKind kind = StepKind::kTouch;
+  /// Range of the force for kTouch.
   std::array<double, 2> force_N{0.2, std::numeric_limits<double>::infinity()};
-  double seconds = 0.1;   ///< without a break
-  double coverage = 0.5;  ///< 0 ... 1
-  bool seen = false;      ///< of a touch: what of it the scope does not see does not count
+  double seconds = 0.1;   ///< Required duration without interruption, for kTouch and kVisit
+  double coverage = 0.5;  ///< Required fraction for kCover and kRemove, 0 ... 1
+  bool seen = false;      ///< Whether contact of a kTouch counts only while visible through the scope
   int line = 0;
 };
 
-/// What force some structures bear, taken together.
+/// Limits of the total force on a set of structures.
 struct TaskForce {
   std::vector<LabelReference> structures;
+  /// Desired range of the force.
   std::optional<std::array<double, 2>> band_N;
+  /// Maximum force.
   std::optional<double> limit_N;
   int line = 0;
 };
+/// Structures that should not be touched.
 struct TaskProtected {
   std::vector<LabelReference> structures;
-  double limit_N = 0.2;  ///< a touch above it is one
+  double limit_N = 0.2;  ///< Force above which a contact is counted
   int line = 0;
 };
+/// A [[metric]]: a metric with its pass band.
 struct TaskMetric {
   Metric metric = Metric::kTime;
-  std::vector<LabelReference> structures;   ///< empty: see MetricInfo::formula
-  std::optional<double> at_least, at_most;  ///< neither: it is shown and does not count
-  std::string basis;                        ///< where the band comes from
+  std::vector<LabelReference> structures;   ///< Structures evaluated; empty: as in MetricInfo::formula
+  std::optional<double> at_least, at_most;  ///< Bounds of the band; neither: shown but not graded
+  std::string basis;                        ///< Origin of the band
   int line = 0;
 
   bool counts() const { return at_least || at_most; }
 };
-/// A place that the trainee tells by resting on it.
+/// A location that the trainee reports by holding the tip on it.
 struct TaskAnswer {
   std::vector<LabelReference> structures;
+  /// Duration for which the tip has to rest.
   double seconds = 1;
   int line = 0;
 };
-/// The second device holds a scope.
+/// Declares that the second device holds a scope.
 struct TaskScope {
   ScopeOptics optics;
   int line = 0;
 };
-/// A key of the data set that the seed draws.
+/// A parameter of the data set that is drawn at random from the seed.
 struct TaskDraw {
   std::string key;
   std::array<double, 2> range{};
   double step = 0.5;
-  std::vector<std::string> words;  ///< one of these; none: a number of the range
+  std::vector<std::string> words;  ///< Choices; empty: a number of the range
 };
 
 enum class TaskEnd : std::uint8_t {
-  kSteps,      ///< when every step is done
-  kRecording,  ///< when the recording ends
+  kSteps,      ///< When every step is completed
+  kRecording,  ///< When the recording ends
 };
 
+/// A parsed task file.
 struct TaskFile {
   std::string title, briefing;
-  std::string data_set;  ///< that it is made for; empty: any scene that has its structures
-  bool ordered = false;  ///< steps count in their order only
-  bool quiz = false;     ///< structures have no names while it is done
+  std::string data_set;  ///< Data set of the task; empty: any scene with its structures
+  bool ordered = false;  ///< Whether steps have to be completed in order
+  bool quiz = false;     ///< Whether structure names are hidden during the task
   TaskEnd end = TaskEnd::kSteps;
   std::optional<double> time_limit_s;
-  int in_a_row = 3;  ///< runs with every counted metric in its band that make a pass
+  int in_a_row = 3;  ///< Consecutive runs with every graded metric in its band that make a pass
   std::vector<TaskRegion> regions;
   std::vector<TaskStep> steps;
   std::vector<TaskForce> forces;
@@ -150,31 +181,33 @@ struct TaskFile {
   std::vector<TaskMetric> metrics;
   std::optional<TaskAnswer> answer;
   std::optional<TaskScope> scope;
-  std::optional<PlanFile> plan;  ///< whose regions are to be taken off
+  std::optional<PlanFile> plan;  ///< Plan whose regions are to be removed
   std::vector<TaskDraw> draws;
   std::string source;
-  std::uint64_t text_hash = 0;  ///< of its text and the plan's
+  std::uint64_t text_hash = 0;  ///< Hash of its text and of the plan's
 
   std::string where(int line) const { return source + ":" + std::to_string(line); }
 };
 
-/// @param source  names the text in errors ("task.toml:12: ...")
-/// @param beside  the folder from which a plan is read that is a file; none: of embedded_plans() alone
+/// @param source  name of the text in errors ("task.toml:12: ...")
+/// @param beside  base folder of a plan given as a file. Empty: only embedded_plans() are accepted
 Result<TaskFile> parse_task(std::string_view text, const std::string& source,
                             const std::optional<std::filesystem::path>& beside = {});
-/// A task of embedded_tasks() by its name, else the file.
+/// Loads an embedded task by name (embedded_tasks()), otherwise a file.
 Result<TaskFile> load_task(const std::string& name_or_file);
 
 /// The files of data/tasks/, compiled in: "meniscus-probing.toml", ...
 const std::vector<EmbeddedFile>& embedded_tasks();
 
-/// The data set with what the seed draws: "palpation-block:seed=5,diameter=8.5"; of a task with a plan as it
-/// is, for a plan is one patient's. Empty where the task names none.
+/// Data set with the parameters drawn from the seed: "palpation-block:seed=5,diameter=8.5". For a task with a
+/// plan the data set is unchanged, because a plan belongs to one patient. Empty if the task names no data
+/// set.
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed);
 
-/// Every key of a task file, and every metric, as Markdown tables: those of docs/reference/task-keys.md and
+/// Every key of a task file, and every metric, as Markdown tables, as in docs/reference/task-keys.md and
 /// docs/reference/metrics.md.
 std::string task_keys();
+/// Every metric with its formula, source and validity.
 std::string metric_table();
 
 }  // namespace palpate

@@ -10,43 +10,46 @@
 
 namespace palpate {
 
+/// Device file and speeds of a SpaceMouse.
 struct SpaceMouseSettings {
-  std::filesystem::path file;        ///< under /dev/input; empty: the first one that is such a device
-  std::filesystem::path root = "/";  ///< where /dev and /sys are, for tests
-  double speed_mm_s = 40;            ///< of the tip, at the end of the cap's way
+  std::filesystem::path file;        ///< Device file under /dev/input; empty: the first SpaceMouse found
+  std::filesystem::path root = "/";  ///< Root of /dev and /sys, for tests
+  double speed_mm_s = 40;            ///< Speed of the tip at full deflection of the cap
+  /// Angular velocity at full deflection of the cap.
   double turning_rad_s = 1;
 };
 
-/// A SpaceMouse (3Dconnexion), by the kernel's events (evdev): its cap is pushed and turned, and the tip
-/// moves and turns that fast. A pose and buttons, and no force: nothing in it could push, so it is no
-/// physical device (DeviceInfo::simulated). Pulled.
+/// Driver of a SpaceMouse (3Dconnexion) by kernel events (evdev), with rate control: the deflection of its
+/// cap sets the linear and angular velocity of the tip. It provides a pose and buttons but no force, so it
+/// does not count as a physical device (DeviceInfo::simulated). Pulled.
 ///
-///     cap       __/‾‾‾‾\___        events, read by a thread of its own
-///     speed     __/‾‾‾‾\___        an eighth of the way does nothing; then evenly up to the most
-///     tip       ___/‾‾‾‾‾‾‾        added up by the servo's thread, within the workspace
+///     cap       __/‾‾‾‾\___        events, read by a separate thread
+///     speed     __/‾‾‾‾\___        dead zone of an eighth of the range, then linear up to the maximum
+///     tip       ___/‾‾‾‾‾‾‾        integrated by the servo's thread, clamped to the workspace
 ///
-/// Lost, it is a fault, and looked for ten times a second.
+/// A lost device is a fault; it is searched for ten times a second.
 ///
-/// Not tried on hardware.
+/// Not tested on hardware.
 class SpaceMouseDriver final : public DeviceDriver {
  public:
   explicit SpaceMouseDriver(const SpaceMouseSettings& settings = {});
   ~SpaceMouseDriver() override;
 
   std::span<const DeviceInfo> devices() const override;
-  /// Errors: kUnavailable where there is none or this account may not read it.
+  /// Errors: kUnavailable if there is none, or if this account has no permission to read it.
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
-  // there is nothing to halt
+  // no force to halt
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
   std::optional<Error> trouble() const override;
 
-  /// What the cap's axes go to, either way.
+  /// Range of the cap's axes, symmetric about 0.
   static constexpr double kMaxDeflection = 350;
-  /// Half an edge of the cube that the tip stays in.
+  /// Half edge of the cube to which the tip is clamped.
   static constexpr double kHalfReach_mm = 100;
-  /// Of one that tells changes of place (EV_REL) the cap is at rest when it has said nothing for so long.
+  /// For devices that send relative events (EV_REL): the cap counts as released after this time without an
+  /// event.
   static constexpr double kSilentIsRest_s = 0.1;
 
  private:
@@ -54,7 +57,7 @@ class SpaceMouseDriver final : public DeviceDriver {
   std::unique_ptr<Core> core_;
 };
 
-/// `--device spacemouse`.
+/// The device option `--device spacemouse`.
 DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings = {});
 
 }  // namespace palpate

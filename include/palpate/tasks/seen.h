@@ -10,19 +10,21 @@
 
 namespace palpate {
 
-/// What a scope in a session's second device sees: a place that lies in its round field, before which nothing
-/// that is felt stands, as the tissue was at the beginning. The tools do not stand before anything.
+/// Visibility through a scope held by a session's second device: a point is visible if it is within the
+/// circular field of view and no touchable tissue occludes it, in its state at the start of the session.
+/// Tools do not occlude.
 ///
-/// What stands before it is told by the labels, half of a structure's share where they are interpolated, in
-/// steps of half a voxel; the last of the way, twice the widest voxel, is not looked at: there is what is
-/// touched. A camera within something felt sees nothing. Immutable.
+/// Occlusion is tested by ray marching through the labels in steps of half a voxel; a point is occluded where
+/// the interpolated fraction of touchable labels exceeds one half. The last part of the ray, twice the
+/// largest voxel spacing, is skipped, because it is in the touched structure. A camera inside touchable
+/// tissue sees nothing. Immutable.
 class ScopeSight {
  public:
-  /// @param model  with its labels
+  /// @param model  a model with labels
   ScopeSight(const ScopeOptics& optics, const Model& model);
 
-  /// Whether the scope of a tick's second device sees a place. Nothing is seen where its pose is not known.
-  /// @param place_mm  patient, finite
+  /// Whether the scope of the tick's second device sees a point. False if its pose is unknown.
+  /// @param place_mm  patient frame, finite
   bool sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) const;
 
  private:

@@ -13,27 +13,27 @@
 #include "palpate/scene/task_file.h"
 #include "palpate/tasks/seen.h"
 
-/// A task whose structures, regions and answer were looked up in a scene.
+/// A task with its structures, regions and answer resolved in a scene.
 namespace palpate {
 
-/// The surface of structures in patches: the cubes of 1 mm, in rows along the patient's axes from its origin,
-/// that the surface goes through.
+/// Surface of structures divided into patches: the cubes of 1 mm, aligned with the patient's axes and origin,
+/// that the surface intersects.
 class SurfacePatches {
  public:
   static constexpr double kEdge_mm = 1;
   static constexpr double kWithin_mm = 0.5;
 
-  /// Adds the cube of a place.
+  /// Adds the cube that contains a point.
   void add(const Eigen::Vector3d& place_mm);
   std::size_t count() const { return covered_.size(); }
   std::size_t covered() const { return covered_count_; }
-  /// Those with a part within kWithin_mm of a contact count as covered from now on.
+  /// Marks as covered every patch of which a part is within kWithin_mm of a contact.
   void cover(const Eigen::Vector3d& contact_mm);
   struct Patch {
     Eigen::Vector3d middle_mm;
     bool covered = false;
   };
-  /// In the order in which they were added.
+  /// All patches in the order of insertion.
   std::vector<Patch> all() const;
 
  private:
@@ -42,54 +42,58 @@ class SurfacePatches {
   std::size_t covered_count_ = 0;
 };
 
-/// A TaskRegion in a scene.
+/// A TaskRegion resolved in a scene.
 struct RegionInScene {
-  std::vector<bool> has_label;  ///< by LabelId; empty: a ball
+  std::vector<bool> has_label;  ///< Structures by LabelId; empty: the region is a ball
   std::optional<Eigen::Vector3d> centre_mm;
   double radius_mm = 0;
   struct Plane {
     Eigen::Vector3d point_mm, normal;
   };
-  std::vector<Plane> planes;  ///< what lies on the side of each normal
-  SurfacePatches patches;     ///< of regions that a step covers
+  std::vector<Plane> planes;  ///< Intersection of the half-spaces on the side of each normal
+  SurfacePatches patches;     ///< Patches, for regions of kCover steps
 
   bool has(LabelId label) const { return label < has_label.size() && has_label[label]; }
   bool bounds(const Eigen::Vector3d& place_mm) const;
 };
 
-/// A task's plan in a scene from which nothing is taken yet.
+/// A task's plan resolved in a scene before any removal.
 struct TaskPlan {
   PlanInScene plan;
-  std::vector<double> planned_mm3;  ///< that a burr can take, of each of its regions
+  std::vector<double> planned_mm3;  ///< Removable volume of each region
   RemovalFollower untouched;
 };
 
+/// A task file with everything it names resolved in a scene.
 struct TaskInScene {
   TaskFile file;
-  std::vector<RegionInScene> regions;                  ///< as file.regions
-  std::vector<std::vector<bool>> forces, protections;  ///< by LabelId, as file.forces and file.protections
-  std::vector<std::vector<bool>> metrics;              ///< likewise; empty: all
-  std::optional<Eigen::Vector3d> answer_mm;            ///< centroid of what is to be found
-  std::vector<bool> answer_labels;                     ///< by LabelId: what is to be found
+  std::vector<RegionInScene> regions;  ///< Regions, in the order of file.regions
+  /// Structures of each force and protection, by LabelId, in the order of file.forces and file.protections
+  std::vector<std::vector<bool>> forces, protections;
+  /// Structures of each metric, by LabelId, in the order of file.metrics; empty: all structures
+  std::vector<std::vector<bool>> metrics;
+  std::optional<Eigen::Vector3d> answer_mm;  ///< Centroid of the structures to be found
+  std::vector<bool> answer_labels;           ///< Structures to be found, by LabelId
   std::optional<ScopeSight> sight;
   std::optional<TaskPlan> plan;
 };
 
-/// Where a region is to be looked at, patient.
+/// Suggested view of a region, patient frame.
 struct RegionView {
   Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();
-  double radius_mm = 0;  ///< all of it lies so near to its middle
-  /// Outwards of its surface where that is not covered by something felt, on average, unit; zero: no way is
-  /// better than others.
+  double radius_mm = 0;  ///< Radius of the bounding sphere around the centre
+  /// Mean outward normal of the surface that is not covered by touchable tissue; unit. Zero: no preferred
+  /// direction.
   Eigen::Vector3d outward = Eigen::Vector3d::Zero();
 };
+/// Suggested view of a region of the task.
 RegionView view_of(const RegionInScene& region, const Model& model);
-/// Likewise of what is to be taken off.
+/// Suggested view of a region to be removed.
 RegionView view_of(const RegionInPlan& region, const Model& model);
 
-/// Errors: kBadInput with the line of a structure that the scene does not have, or of a region without a
-/// place; with the task's name where something is to be taken off and no tool takes anything; kInterrupted.
-/// @param model  with its labels; surfaces are taken where the proxy's are there, else the voxels' own faces
+/// Resolves a task in a scene. Errors: kBadInput with the line of an absent structure or of an empty region;
+/// with the task's name if tissue is to be removed and no tool cuts; kInterrupted.
+/// @param model  a model with labels; the surfaces of the proxy are used if present, otherwise voxel faces
 Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress = {});
 
 }  // namespace palpate
