@@ -59,7 +59,7 @@ struct SampledWork {
 /// Straightforward implementations; the first is the reference.
 std::vector<Entrant> plain_entrants(const std::shared_ptr<const SampledWork>& work);
 /// Lower bound: only finds the cell and loads its twelve rows.
-Entrant loads_alone(const std::shared_ptr<const SampledWork>& work);
+Entrant loads_only(const std::shared_ptr<const SampledWork>& work);
 /// Splines with 16-bit coefficients; the first is the reference, the plain sum of 64 terms.
 std::vector<Entrant> plain_splines(const SplineField& field);
 

@@ -173,7 +173,7 @@ std::vector<Entrant> plain_entrants(const std::shared_ptr<const SampledWork>& wo
       entrant("shared 32 voxels, scalar", [work](const Point<Patient>& p) { return shared_32(*work, p); })};
 }
 
-Entrant loads_alone(const std::shared_ptr<const SampledWork>& work) {
+Entrant loads_only(const std::shared_ptr<const SampledWork>& work) {
   return entrant(
       "the loads alone",
       [work](const Point<Patient>& p) {

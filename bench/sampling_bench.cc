@@ -94,7 +94,7 @@ std::vector<Entrant> trilinear_entrants(const std::shared_ptr<const SampledWork>
                                         const Fields& fields) {
   std::vector<Entrant> all = plain_entrants(work);
   const auto add = [&](const std::vector<Entrant>& more) { all.insert(all.end(), more.begin(), more.end()); };
-  add({loads_alone(work), one_by_one("uint8", fields.bytes), one_by_one("uint16", fields.words),
+  add({loads_only(work), one_by_one("uint8", fields.bytes), one_by_one("uint16", fields.words),
        one_by_one("int16", fields.signed_words), many("uint8", fields.bytes), many("uint16", fields.words),
        many("int16", fields.signed_words)});
   const auto targets = hwy::SupportedAndGeneratedTargets();

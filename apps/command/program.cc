@@ -53,8 +53,8 @@ std::vector<std::string> names_of_verbs(const CLI::App& app) {
 /// Suggestion for an unknown word: a verb, or the command for a word of other programs, misspelled or not;
 /// empty if none is close.
 /// @param first  whether the word is in the position of one of the program's own verbs
-std::string meant_by(const Program& program, const std::string& word, const std::vector<std::string>& verbs,
-                     bool first) {
+std::string suggestion_for(const Program& program, const std::string& word,
+                           const std::vector<std::string>& verbs, bool first) {
   std::vector<std::string> others;
   for (const OtherWord& other : program.other_words) others.emplace_back(other.word);
   const auto command = [&](const std::string& meant) {
@@ -93,7 +93,7 @@ Error explain(const Program& program, const CLI::App& app, const CLI::ParseError
   Error error{ErrorKind::kUsage, is_option ? "unknown option" : "unexpected argument", word, help};
   if (!is_option && !verbs.empty()) error.what = "unknown verb";
   const bool first = chosen.size() == 1 && !is_option;
-  const std::string meant = is_option ? nearest(word, options) : meant_by(program, word, verbs, first);
+  const std::string meant = is_option ? nearest(word, options) : suggestion_for(program, word, verbs, first);
   if (!meant.empty())
     error.remedy = "did you mean " + meant + "? " + help;
   else if (first && exists(word))
@@ -113,7 +113,7 @@ std::optional<int> help_on(const Program& program, const CLI::App& app, const st
     above += (above.empty() ? "" : " ") + verb->get_name();
     const auto verbs = names_of_verbs(*verb);
     if (std::find(verbs.begin(), verbs.end(), words[n]) == verbs.end()) {
-      const std::string meant = meant_by(program, words[n], verbs, verb == &app);
+      const std::string meant = suggestion_for(program, words[n], verbs, verb == &app);
       return console.fail(
           {ErrorKind::kUsage, "unknown verb", words[n],
            (meant.empty() ? "" : "did you mean " + meant + "? ") + above + " --help shows what there is"});
@@ -125,7 +125,7 @@ std::optional<int> help_on(const Program& program, const CLI::App& app, const st
 }
 
 // showing help after an unknown verb would hide the mistake
-bool asks_for_help_with_nothing(const CLI::App& app) {
+bool is_help_on_unknown_verb(const CLI::App& app) {
   return !names_of_verbs(*chosen_verbs(app).back()).empty() && !app.remaining(true).empty();
 }
 
@@ -164,7 +164,7 @@ std::optional<Eigen::Vector3d> spacing_of(const std::string& text) {
 
 /// Index of the verb on a command line, after options of the program; the number of arguments if there is
 /// none.
-std::size_t place_of_verb(const std::vector<std::string>& arguments) {
+std::size_t index_of_verb(const std::vector<std::string>& arguments) {
   std::size_t n = 0;
   while (n < arguments.size() && arguments[n].starts_with("-")) {
     const std::string& option = arguments[n];
@@ -182,7 +182,7 @@ struct CompanionCall {
 
 /// The companion that a command line selects: `palpate [OPTIONS] verify ...`, `palpate help verify`.
 std::optional<CompanionCall> companion_of(const Program& program, const std::vector<std::string>& arguments) {
-  const std::size_t place = place_of_verb(arguments);
+  const std::size_t place = index_of_verb(arguments);
   const bool help = place < arguments.size() && arguments[place] == "help";
   const std::size_t at = place + (help ? 1 : 0);
   for (const Companion& companion : program.companions) {
@@ -265,7 +265,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& error) {
     // help and version are reported as errors with exit code 0
-    const bool asked = error.get_exit_code() == 0 && !asks_for_help_with_nothing(app);
+    const bool asked = error.get_exit_code() == 0 && !is_help_on_unknown_verb(app);
     return asked ? app.exit(error) : console.fail(explain(program, app, error));
   }
   set_reading_limits(reading);

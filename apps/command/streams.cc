@@ -19,14 +19,14 @@ namespace palpate::app {
 namespace detail {
 
 // target descriptor of a C library stream
-struct Border {
+struct PrintableSink {
   int descriptor;
   PrintableStream shown;
 };
 
 // write function of fopencookie(3): returns the number of bytes consumed, 0 for an error
 ssize_t write_printable(void* cookie, const char* bytes, std::size_t size) {
-  auto& border = *static_cast<Border*>(cookie);
+  auto& border = *static_cast<PrintableSink*>(cookie);
   try {
     const std::string shown = border.shown.next({bytes, size});
     for (std::string_view rest = shown; !rest.empty();) {
@@ -65,7 +65,7 @@ class ReplacedFile {
   std::FILE* stream() const { return stream_; }
 
  private:
-  Border border_;
+  PrintableSink border_;
   std::FILE* stream_;
   std::FILE*& file_;
   std::FILE* before_;

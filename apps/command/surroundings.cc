@@ -5,7 +5,7 @@
 
 namespace palpate::app {
 
-void distrust_environment() {
+void sanitise_environment() {
   // variables of the dynamic linker are omitted: they take effect before main, and the linker itself ignores
   // them for a program with capabilities
   for (const char* name : {

@@ -8,7 +8,7 @@
 
 // `palpate verify`, which palpate becomes by execv(): its arguments are those after the verb
 int main(int argc, char** argv) {
-  palpate::app::distrust_environment();
+  palpate::app::sanitise_environment();
   std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
   arguments.insert(arguments.begin(), "verify");
   const palpate::app::Program program{"", {palpate::app::add_verify}, {}, {}};

@@ -486,7 +486,7 @@ int explore_target(ExploreArguments options, Console& console) {
   const auto loaded = load_target(options.target, console, {}, options.volume);
   if (!loaded) return console.fail(loaded.error());
   // where nothing is felt yet, it can be looked at: by who has the page open
-  const auto felt = check_felt(*loaded);
+  const auto felt = require_touchable_tissue(*loaded);
   if (!felt && (options.script || options.no_viewer)) return console.fail(felt.error());
   if (!felt) console.note("nothing in it is felt yet: the page shows it, and no hand touches it");
   if (!felt) options.devices = {kPointer};

@@ -57,7 +57,7 @@ Result<void> check_grids(const LabelMap& labels, const GridGeometry& scan, const
                          Console& console) {
   const LabelPlacement placement = placement_of(labels, scan);
   if (auto together = check_placement(placement, file, placing().scan_is_cropped); !together) return together;
-  const std::string doubt = doubt_of(placement);
+  const std::string doubt = placement_warning(placement);
   doubt.empty() ? console.note(in_words(placement) + ".") : console.warn()(doubt);
   if (labels.geometry().same_grid(scan)) return {};
   const auto moved = resample_nearest(labels, scan);

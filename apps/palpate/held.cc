@@ -139,7 +139,7 @@ int hold_by_hand(const DeviceRegistry& known, const std::string& name, double ra
   HeldHandSettings settings;
   settings.rate_hz = rate_hz;
   settings.heartbeat = &(*supervisor)->heartbeat();
-  const auto figures = try_held_hand(*driver, settings, console.progress());
+  const auto figures = run_grip_trial(*driver, settings, console.progress());
   if (!figures) return console.fail(figures.error());
   if (auto written = keep(*figures); !written) return console.fail(written.error());
   json ? print_json(*figures) : print_text(*figures);

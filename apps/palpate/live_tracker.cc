@@ -115,7 +115,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
   if (auto opened = live.open(); !opened) return opened.error();
   const Progress progress = console.progress();
   Keys keys(console.streams().in);
-  TouchTaker touches;
+  TouchDetector touches;
   CollectedTouches out;
   const std::size_t asked = names.size() + (structure.empty() ? 0 : 1);
   const auto ask = [&] {
@@ -147,14 +147,14 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
           out.traced.push_back(at);
         continue;
       }
-      const TouchTaker::State state = touches.see(at, time_s);
-      if (state != TouchTaker::State::kTooNear) near_since_s = time_s;
+      const TouchDetector::State state = touches.see(at, time_s);
+      if (state != TouchDetector::State::kTooNear) near_since_s = time_s;
       if (time_s - near_since_s > kTooNearTold_s) {
         console.warn()("the tip is less than 5 mm from where it touched before: touch another place");
         near_since_s = INFINITY;
       }
-      if (state != TouchTaker::State::kTaken) continue;
-      const HeldPlace& place = touches.taken().back();
+      if (state != TouchDetector::State::kTaken) continue;
+      const TouchedPoint& place = touches.taken().back();
       if (touches.taken().size() > names.size()) {
         out.traced.push_back(place.at);
         console.note("lead the tip over " + printable_name(structure));

@@ -24,7 +24,7 @@ Result<std::vector<Transform<Tracker, TrackedTool>>> collect_pivot(const Tracker
                                                                    Console& console);
 
 struct CollectedTouches {
-  std::vector<HeldPlace> points;       ///< one for each name
+  std::vector<TouchedPoint> points;    ///< one for each name
   std::vector<Point<Tracker>> traced;  ///< where a structure was; empty where none was asked for
 };
 /// Places that the tip touches, one for each of the names, in their order; then, led over a structure, as

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
   // the process that explore starts beside itself
   if (argc > 1 && std::string_view(argv[1]) == "supervise")
     return palpate::supervise({argv + 2, argv + argc});
-  palpate::app::distrust_environment();
+  palpate::app::sanitise_environment();
   // what is in memory is of a patient, and would stand in a core dump
   ::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
   const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);

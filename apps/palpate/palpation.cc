@@ -24,7 +24,7 @@ Result<LoadedScene> load_felt_target(const std::string& target, Console& console
                                      const std::optional<std::filesystem::path>& labels) {
   auto loaded = load_target(target, console, preparation, volume, labels);
   if (!loaded) return loaded;
-  if (auto felt = check_felt(*loaded); !felt) return felt.error();
+  if (auto felt = require_touchable_tissue(*loaded); !felt) return felt.error();
   return loaded;
 }
 

@@ -174,11 +174,11 @@ int show_plan(const PlanOptions& options, Console& console) {
 
 // ---- compare
 
-std::string verdict(const PlannedFigure& figure) {
+std::string verdict(const ToleratedValue& figure) {
   return !figure.allowed ? "" : figure.kept() ? "kept" : "NOT KEPT";
 }
 
-void print_figure(const char* name, const PlannedFigure& figure, const char* unit, const std::string& more) {
+void print_figure(const char* name, const ToleratedValue& figure, const char* unit, const std::string& more) {
   char value[48];
   if (std::isnan(figure.value))
     std::snprintf(value, sizeof value, "none");
@@ -189,16 +189,16 @@ void print_figure(const char* name, const PlannedFigure& figure, const char* uni
               fitted(verdict(figure), 10).c_str(), more.c_str());
 }
 
-std::string at_tick(const PlaceInRun& place) {
+std::string at_tick(const RunPoint& place) {
   char text[64];
   std::snprintf(text, sizeof text, "at %.3f s, tick %llu", place.time_s,
                 static_cast<unsigned long long>(place.tick));
   return text;
 }
 
-void print_made(const PlanTrajectory& planned, const TrajectoryDone& done) {
+void print_made(const PlanTrajectory& planned, const TrajectoryResult& done) {
   std::printf("trajectory %s\n", printable_name(planned.name).c_str());
-  const bool is_entered = done.entry_made != EntryMade::kNone;
+  const bool is_entered = done.entry_made != EntryKind::kNone;
   print_figure("entry error", done.entry_error_mm, "mm",
                is_entered ? std::string(word_of(done.entry_made)) + " " + at_tick(done.entry)
                           : "the structures were not reached");
@@ -208,8 +208,8 @@ void print_made(const PlanTrajectory& planned, const TrajectoryDone& done) {
   print_figure("target error", done.target_error_mm, "mm",
                std::isnan(done.target_error_mm.value) ? "" : parts + at_tick(done.nearest));
   char line[64] = "";
-  if (!std::isnan(done.off_line_mm))
-    std::snprintf(line, sizeof line, "%.2f mm off its own line", done.off_line_mm);
+  if (!std::isnan(done.line_rms_mm))
+    std::snprintf(line, sizeof line, "%.2f mm off its own line", done.line_rms_mm);
   print_figure("angle", done.angle_deg, "degrees", line);
   char depth[64] = "";
   if (!std::isnan(done.depth_mm))
@@ -240,7 +240,7 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                   volume.outside_mm3);
   }
   std::printf("%s%s%s\n", fitted("nearest to", 27).c_str(), fitted("mm", 12).c_str(), "asked");
-  for (const StructureApproach& approach : made.approaches) {
+  for (const StructureClearance& approach : made.approaches) {
     char asked[32] = "";
     if (approach.asked_mm) std::snprintf(asked, sizeof asked, "%g", *approach.asked_mm);
     std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
@@ -252,7 +252,7 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                     .c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
   }
-  for (const DistanceBreach& breach : made.breaches)
+  for (const ClearanceViolation& breach : made.breaches)
     std::printf("  %.2f mm from %s (%g asked): ticks %llu to %llu, nearest %s\n", breach.nearest_mm,
                 printable_name(scene.model->name_of(breach.label)).c_str(), breach.asked_mm,
                 static_cast<unsigned long long>(breach.begin.tick),

@@ -14,21 +14,21 @@ namespace {
 Json json_of(const Point<Patient>& p) {
   return {p.x(), p.y(), p.z()};
 }
-Json json_of(const PlaceInRun& place) {
+Json json_of(const RunPoint& place) {
   return {{"tick", place.tick}, {"time_s", place.time_s}, {"at_mm", json_of(place.at)}};
 }
-Json json_of(const PlannedFigure& figure) {
+Json json_of(const ToleratedValue& figure) {
   return {{"value", number_or_null(figure.value)},
           {"allowed", number_or_null(figure.allowed)},
           {"kept", figure.kept()}};
 }
-Json json_of(const VolumeDone& volume) {
+Json json_of(const VolumeResult& volume) {
   return {
       {"planned_mm3", volume.planned_mm3}, {"taken_mm3", volume.taken_mm3}, {"left_mm3", volume.left_mm3()}};
 }
 
-Json json_of(const PlanTrajectory& planned, const TrajectoryDone& done) {
-  const bool is_entered = done.entry_made != EntryMade::kNone;
+Json json_of(const PlanTrajectory& planned, const TrajectoryResult& done) {
+  const bool is_entered = done.entry_made != EntryKind::kNone;
   const bool is_deep = !std::isnan(done.depth_mm), is_near = !std::isnan(done.target_error_mm.value);
   return {{"name", planned.name},
           {"planned_entry_mm", json_of(planned.entry)},
@@ -43,7 +43,7 @@ Json json_of(const PlanTrajectory& planned, const TrajectoryDone& done) {
           {"lateral_mm", number_or_null(done.lateral_mm)},
           {"along_mm", number_or_null(done.along_mm)},
           {"angle_deg", json_of(done.angle_deg)},
-          {"off_line_mm", number_or_null(done.off_line_mm)},
+          {"off_line_mm", number_or_null(done.line_rms_mm)},
           {"depth_mm", number_or_null(done.depth_mm)},
           {"depth_error_mm", json_of(done.depth_error_mm)},
           {"shaft_deg", number_or_null(done.shaft_deg)},
@@ -55,9 +55,9 @@ Json json_of(const PlanTrajectory& planned, const TrajectoryDone& done) {
 Result<PlannedScene> scene_of_plan(const PlanFile& plan, std::shared_ptr<const Model> model,
                                    Console& console) {
   const Progress progress = console.progress();
-  auto found = look_up_plan(plan, *model);
+  auto found = resolve_plan(plan, *model);
   if (!found) return found.error();
-  if (is_anything_felt(*model)) {
+  if (has_touchable_tissue(*model)) {
     constexpr std::array kProxyAlone = {ForceMethod::kProxy};
     auto ready = ready_for(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
@@ -91,7 +91,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
             {"time_s", made.time_s},
             {"cut_short", made.cut_short},
             {"missing_s", made.missing_s},
-            {"without_place", made.without_place},
+            {"without_place", made.invalid_ticks},
             {"trajectories", Json::array()},
             {"regions", Json::array()},
             {"volumes", Json::array()},
@@ -111,7 +111,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
     structure["outside_mm3"] = volume.outside_mm3;
     json["volumes"].push_back(structure);
   }
-  for (const StructureApproach& approach : made.approaches) {
+  for (const StructureClearance& approach : made.approaches) {
     const bool is_known = !std::isnan(approach.nearest_mm);
     Json over_time = Json::array();
     for (const float mm : approach.over_time_mm) over_time.push_back(number_or_null(static_cast<double>(mm)));
@@ -125,7 +125,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
                                   {"over_time_mm", over_time}});
   }
   json["times_s"] = made.times_s;
-  for (const DistanceBreach& breach : made.breaches)
+  for (const ClearanceViolation& breach : made.breaches)
     json["breaches"].push_back({{"name", model.name_of(breach.label)},
                                 {"label", breach.label},
                                 {"asked_mm", breach.asked_mm},

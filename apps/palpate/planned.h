@@ -16,7 +16,7 @@ struct PlannedScene {
   PlanInScene plan;
   std::vector<StructureDistance> distances;
 };
-/// Errors: those of look_up_plan, ready_for and structure_distances.
+/// Errors: those of resolve_plan, ready_for and structure_distances.
 Result<PlannedScene> scene_of_plan(const PlanFile& plan, std::shared_ptr<const Model> model,
                                    Console& console);
 

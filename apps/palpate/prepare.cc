@@ -167,7 +167,7 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
                          "leave it out, or give a volume; a scene file has sigma, engine and bits under "
                          "[preparation]"});
   }
-  const auto foretell = [](const SceneMemory& memory) {
+  const auto report_memory = [](const SceneMemory& memory) {
     const std::uint64_t beside = memory.scan + memory.model.labels;
     std::printf(
         "memory    up to %s, of which the field keeps %s\n",
@@ -175,10 +175,10 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
         memory_text(memory.model.field).c_str());
     std::fflush(stdout);
   };
-  const auto loaded =
-      load_scene_or_data_set(options.what, console.progress(), console.warn(), {}, foretell, options.volume);
+  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn(), {},
+                                             report_memory, options.volume);
   if (!loaded) return console.fail(loaded.error());
-  if (auto felt = check_felt(*loaded); !felt) return console.fail(felt.error());
+  if (auto felt = require_touchable_tissue(*loaded); !felt) return console.fail(felt.error());
   const Model& model = *loaded->model;
   std::vector<LabelId> felt;
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label)

@@ -92,7 +92,7 @@ Result<void> compare_grids(const Data& data, const fs::path& labels_file, bool s
   const LabelPlacement placement = placement_of(data.labels->labels, *data.scan_grid());
   if (auto together = check_placement(placement, labels_file, scan_is_cropped); !together)
     return together.error();
-  const std::string doubt = doubt_of(placement);
+  const std::string doubt = placement_warning(placement);
   doubt.empty() ? console.note(in_words(placement) + ".") : console.warn()(doubt);
   if (data.scan_grid()->same_grid(*data.labels_grid())) return {};
   if (&field_grid(data.labels_grid(), data.scan_grid()) == data.labels_grid()) {
@@ -494,7 +494,7 @@ void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console
       scene.force.method != ForceMethod::kSmoothSphere)
     return;
   const double sigma_mm = scene.preparation.sigma_mm;
-  const double widest_mm = widest_voxel_mm(data.labels_grid(), data.scan_grid());
+  const double widest_mm = largest_spacing_mm(data.labels_grid(), data.scan_grid());
   constexpr double kRounding = 1e-3;
   const bool labels_felt = std::any_of(scene.tissues.begin(), scene.tissues.end(),
                                        [](const auto& tissue) { return tissue.felt && !tissue.threshold; });

@@ -43,7 +43,7 @@ std::optional<CaseResult> parse_case_json(std::string_view text) try {
   const std::optional<Json> parsed = Json::parse(text);
   if (!parsed) return std::nullopt;
   const Json& json = *parsed;
-  const auto maybe = [](const Json& value) { return value.is_null() ? kNotThere : value.get<double>(); };
+  const auto maybe = [](const Json& value) { return value.is_null() ? kNotAvailable : value.get<double>(); };
   CaseResult result;
   result.key = json.at("key").get<std::string>();
   result.fault = printable(json.at("fault").get<std::string>());

@@ -169,7 +169,7 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
     std::erase_if(running, [&](const Running& one) {
       cohort::Ended how;
       if (!cohort::has_ended(one.id, how)) return false;
-      done.push_back({one.number, {how.exit_code, how.signal, one.said.tail(cohort::kKeptSaid)}});
+      done.push_back({one.number, {how.exit_code, how.signal, one.said.tail(cohort::kRetainedOutput)}});
       return true;
     });
     for (const auto& [number, how] : done) ended(number, how);

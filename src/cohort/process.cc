@@ -94,7 +94,7 @@ void end_groups(std::vector<pid_t> ids) {
   }
 }
 
-Result<Said> ask(const std::vector<std::string>& command, const std::string& in) {
+Result<CommandOutput> ask(const std::vector<std::string>& command, const std::string& in) {
   MemoryFile input, out, err;
   input.write(in);
   const auto id = start(command, input.descriptor(), out.descriptor(), err.descriptor());
@@ -102,7 +102,7 @@ Result<Said> ask(const std::vector<std::string>& command, const std::string& in)
   Ended how;
   while (!has_ended(*id, how)) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   constexpr std::size_t kMost = 1 << 20;
-  return Said{how.exit_code, out.tail(kMost), err.tail(kMost)};
+  return CommandOutput{how.exit_code, out.tail(kMost), err.tail(kMost)};
 }
 
 }  // namespace palpate::cohort
@@ -122,7 +122,7 @@ Result<EndedProcess> run_process(const std::vector<std::string>& command, const 
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  return EndedProcess{how.exit_code, how.signal, said.tail(kKeptSaid)};
+  return EndedProcess{how.exit_code, how.signal, said.tail(kRetainedOutput)};
 }
 
 }  // namespace palpate

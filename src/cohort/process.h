@@ -44,15 +44,15 @@ class MemoryFile {
  private:
   int file_;
 };
-inline constexpr std::size_t kKeptSaid = 4096;  ///< Retained output of a case's process, bytes
+inline constexpr std::size_t kRetainedOutput = 4096;  ///< Retained output of a case's process, bytes
 
 /// Output of a short command.
-struct Said {
+struct CommandOutput {
   int exit_code = 0;
   std::string out, err;
 };
 /// Runs a command and waits.
 /// @param in  its standard input
-Result<Said> ask(const std::vector<std::string>& command, const std::string& in = "");
+Result<CommandOutput> ask(const std::vector<std::string>& command, const std::string& in = "");
 
 }  // namespace palpate::cohort

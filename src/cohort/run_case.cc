@@ -56,7 +56,8 @@ Result<void> check_structures(const Model& model, CaseResult& result, const Prog
     structure.name = model.name_of(s.id);
     structure.volume_mm3 = s.volume_mm3;
     structure.components = s.components;
-    if (const auto thin = thinnest_place(map.layers.front(), s)) structure.thinnest_mm = thin->thickness_mm;
+    if (const auto thin = minimum_thickness(map.layers.front(), s))
+      structure.thinnest_mm = thin->thickness_mm;
     for (const Leaks& leak : *leaks)
       if (leak.label == s.id) structure.gaps = leak.joints;
     structure.felt = std::ranges::find(felt, s.id) != felt.end();
@@ -166,7 +167,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     }
     times.picture_s = clock.lap();
 
-    if (auto felt = check_felt(*loaded); !felt) return failed(felt.error());
+    if (auto felt = require_touchable_tissue(*loaded); !felt) return failed(felt.error());
     const auto script =
         one.script ? load_script(*one.script) : parse_script(default_script_text(model), "embedded script");
     if (!script) return failed(script.error());

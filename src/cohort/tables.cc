@@ -32,7 +32,7 @@ constexpr Figure kOfStructure[] = {
 };
 
 Cells cells_of_case(const CaseResult& result) {
-  double volume = 0, thinnest = kNotThere, force = 0;
+  double volume = 0, thinnest = kNotAvailable, force = 0;
   double parts = 0, gaps = 0, forces = 0;
   for (const StructureResult& s : result.structures) {
     volume += s.volume_mm3;
@@ -43,8 +43,8 @@ Cells cells_of_case(const CaseResult& result) {
     if (!std::isnan(s.mean_force_N)) force += s.mean_force_N, ++forces;
   }
   const bool ran = result.ticks > 0;
-  const auto of_run = [&](double value) { return ran ? value : kNotThere; };
-  if (result.structures.empty()) return Cells(std::size(kOfCase), kNotThere);
+  const auto of_run = [&](double value) { return ran ? value : kNotAvailable; };
+  if (result.structures.empty()) return Cells(std::size(kOfCase), kNotAvailable);
   return {static_cast<double>(result.structures.size()),
           volume,
           parts,
@@ -53,13 +53,13 @@ Cells cells_of_case(const CaseResult& result) {
           of_run(result.palpated),
           of_run(result.held),
           of_run(result.failed_steps),
-          forces > 0 ? force / forces : kNotThere,
+          forces > 0 ? force / forces : kNotAvailable,
           of_run(result.largest_force_N)};
 }
 
 Cells cells_of_structure(const CaseResult& result, const std::string& name) {
   const auto s = std::ranges::find(result.structures, name, &StructureResult::name);
-  if (s == result.structures.end()) return Cells(std::size(kOfStructure), kNotThere);
+  if (s == result.structures.end()) return Cells(std::size(kOfStructure), kNotAvailable);
   return {s->volume_mm3,  static_cast<double>(s->components),
           s->thinnest_mm, static_cast<double>(s->gaps),
           s->held_s,      s->mean_force_N,
@@ -142,7 +142,7 @@ std::string times_tsv(const CohortResults& cohort, const fs::path& folder) {
     for (const char* name : {"read_s", "check_s", "palpate_s", "picture_s"}) {
       const Json* seconds = times ? times->find(name) : nullptr;
       const bool there = seconds != nullptr && seconds->is_number();
-      text += "\t" + decimal(there ? seconds->get<double>() : kNotThere, 3);
+      text += "\t" + decimal(there ? seconds->get<double>() : kNotAvailable, 3);
     }
     text += "\n";
   }

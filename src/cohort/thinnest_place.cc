@@ -96,7 +96,7 @@ NearestOutside nearest_outside(const std::array<int, 3>& dims, const Eigen::Vect
   return nearest;
 }
 
-std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const SegmentStatistics& structure) {
+std::optional<ThinSpot> minimum_thickness(const Volume<LabelId>& labels, const SegmentStatistics& structure) {
   const GridGeometry& grid = labels.geometry();
   // bounding box of the structure, extended by a voxel within the volume
   std::array<int, 3> low, dims;
@@ -214,7 +214,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
     constexpr double kOneSided = 0.25;
     if (sum.norm() > kOneSided * kRim_mm * static_cast<double>(voxels)) continue;
     const Eigen::Vector3d index(low[0] + here[0], low[1] + here[1], low[2] + here[2]);
-    return ThinPlace{one.thickness_mm, grid.X_PatientVoxel() * Point<Voxel>(index)};
+    return ThinSpot{one.thickness_mm, grid.X_PatientVoxel() * Point<Voxel>(index)};
   }
   return std::nullopt;
 }

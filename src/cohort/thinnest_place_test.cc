@@ -31,14 +31,14 @@ Volume<LabelId> where(const GridGeometry& grid, const In& in) {
   return labels;
 }
 
-std::optional<ThinPlace> thinnest_of(const Volume<LabelId>& labels) {
+std::optional<ThinSpot> thinnest_of(const Volume<LabelId>& labels) {
   LabelMap map;
   map.layers.push_back(labels);
   Segment segment;
   segment.id = segment.value = 1;
   map.segments.push_back(segment);
   const auto statistics = segment_statistics(map);
-  return statistics.empty() ? std::nullopt : thinnest_place(labels, statistics.front());
+  return statistics.empty() ? std::nullopt : minimum_thickness(labels, statistics.front());
 }
 
 TEST(NearestOutside, IsThatOfTheSearchThroughAllOfThem) {

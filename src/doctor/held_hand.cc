@@ -65,9 +65,9 @@ class EvenClock final : public ServoClock {
 };
 
 // twice the time integral of the force, which is held constant between ticks and delayed
-class TwiceIntegrated {
+class DoubleIntegral {
  public:
-  TwiceIntegrated(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to, double delay_s) {
+  DoubleIntegral(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to, double delay_s) {
     const double begun_s = ticks[from].time_s;
     double once = 0, twice = 0, last_s = begun_s;
     // forces commanded before the window act within it
@@ -156,7 +156,7 @@ class Window {
   }
   /// Residual sum of squares of a fit with this latency, m^2.
   double unexplained(double delay_s) {
-    const auto force = TwiceIntegrated(ticks_, from_, to_, delay_s).values();
+    const auto force = DoubleIntegral(ticks_, from_, to_, delay_s).values();
     terms_.col(0) = Eigen::Map<const Eigen::VectorXd>(force.data(), static_cast<Eigen::Index>(force.size()));
     normalise(terms_.leftCols(1));
     const Eigen::VectorXd fitted = terms_.colPivHouseholderQr().solve(way_);
@@ -201,7 +201,7 @@ std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step
   return static_cast<double>(place) * kDelayStep_s;
 }
 
-HeldHandTrial::HeldHandTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now)
+GripTrial::GripTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now)
     : settings_(settings),
       now_(now),
       made_ns_(now()),
@@ -212,13 +212,12 @@ HeldHandTrial::HeldHandTrial(const HeldHandSettings& settings, double rate_hz, d
   pushed_.reserve(static_cast<std::size_t>(2 * rate_hz * kPushed_s) + 16);
 }
 
-void HeldHandTrial::end(Ended why) noexcept {
+void GripTrial::end(Ended why) noexcept {
   Ended none = Ended::kNot;
   ended_.compare_exchange_strong(none, why);
 }
 
-void HeldHandTrial::update(std::span<const DeviceSample> samples,
-                           std::span<DeviceCommand> commands) noexcept {
+void GripTrial::update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept {
   for (DeviceCommand& command : commands) command = {};
   const DeviceSample& sample = samples[0];
   const std::int64_t now_ns = now_(), before_ns = last_update_ns_.exchange(now_ns);
@@ -255,8 +254,8 @@ void HeldHandTrial::update(std::span<const DeviceSample> samples,
 }
 
 // checks the time stamps of the sample and of the tick
-HeldHandTrial::Ended HeldHandTrial::odd_time(const DeviceSample& sample, std::int64_t now_ns,
-                                             std::int64_t before_ns) const {
+GripTrial::Ended GripTrial::odd_time(const DeviceSample& sample, std::int64_t now_ns,
+                                     std::int64_t before_ns) const {
   const double age_s = 1e-9 * static_cast<double>(now_ns - sample.taken_ns);
   if (age_s > kMaxAge_s) return Ended::kOld;
   if (age_s < -kFuture_s) return Ended::kTimes;
@@ -267,7 +266,7 @@ HeldHandTrial::Ended HeldHandTrial::odd_time(const DeviceSample& sample, std::in
   return sample.taken_ns < last_taken_ns_ ? Ended::kTimes : Ended::kNot;
 }
 
-bool HeldHandTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm) {
+bool GripTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm) {
   // keep as the oldest entry the newest one that is old enough
   while (kept_ > 1 && taken_ns - places_[(oldest_ + 1) % places_.size()].taken_ns >= kSpeedOver_ns) {
     oldest_ = (oldest_ + 1) % places_.size();
@@ -284,7 +283,7 @@ bool HeldHandTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_m
   return fast;
 }
 
-Eigen::Vector3d HeldHandTrial::force(const DeviceSample& sample, double time_s) {
+Eigen::Vector3d GripTrial::force(const DeviceSample& sample, double time_s) {
   const Eigen::Vector3d& tip_mm = sample.tip.eigen();
   const double steps =
       std::log(settings_.max_N_per_mm / settings_.first_N_per_mm) / std::log(settings_.growth);
@@ -310,7 +309,7 @@ Eigen::Vector3d HeldHandTrial::force(const DeviceSample& sample, double time_s) 
 
 // Pushes in alternating directions with different durations, so that the latency is unambiguous. Their number
 // is odd, so that the next round has opposite signs and the mean is zero.
-Eigen::Vector3d HeldHandTrial::push(double time_s) {
+Eigen::Vector3d GripTrial::push(double time_s) {
   constexpr std::array kLengths_s{0.03, 0.05, 0.02, 0.07, 0.04, 0.06, 0.05};
   static_assert(kLengths_s.size() % 2 == 1);
   double sign = 1, left_s = std::fmod(time_s, kPushPeriod_s);
@@ -323,7 +322,7 @@ Eigen::Vector3d HeldHandTrial::push(double time_s) {
   return {sign * std::min(kPush_N, settings_.most_force_N), 0, 0};
 }
 
-Eigen::Vector3d HeldHandTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) {
+Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) {
   const double within_s = time_s - spring_begun_s_;
   if (within_s >= kSpring_s) {
     judge();
@@ -346,7 +345,7 @@ Eigen::Vector3d HeldHandTrial::spring(const Eigen::Vector3d& tip_mm, double time
   return wanted;
 }
 
-void HeldHandTrial::judge() {
+void GripTrial::judge() {
   const double early = early_ > 0 ? std::sqrt(early_mm2_ / static_cast<double>(early_)) : 0;
   const double late = late_ > 0 ? std::sqrt(late_mm2_ / static_cast<double>(late_)) : 0;
   if (late_most_mm_ > threshold_mm_ && late > kStays * early) {
@@ -362,7 +361,7 @@ void HeldHandTrial::judge() {
   early_ = late_ = 0;
 }
 
-std::optional<HeldHandFigures> HeldHandTrial::figures() const {
+std::optional<HeldHandFigures> GripTrial::figures() const {
   const auto delay_s = delay_of(pushed_, 1e-3 * step_mm_);
   if (!delay_s) return std::nullopt;
   HeldHandFigures figures;
@@ -376,11 +375,11 @@ std::optional<HeldHandFigures> HeldHandTrial::figures() const {
 
 namespace {
 
-Error ended_by(HeldHandTrial::Ended why, const DeviceDriver& driver, const std::string& device) {
+Error ended_by(GripTrial::Ended why, const DeviceDriver& driver, const std::string& device) {
   const auto error = [&](const char* what, const char* cure) {
     return Error{ErrorKind::kUnavailable, what, device, cure};
   };
-  using Ended = HeldHandTrial::Ended;
+  using Ended = GripTrial::Ended;
   switch (why) {
     case Ended::kMoved:
       return error("the tip was moved away", "hold it at one place, lightly, and try again");
@@ -409,10 +408,10 @@ Error ended_by(HeldHandTrial::Ended why, const DeviceDriver& driver, const std::
 }
 
 /// The watchdog. Returns false if interrupted.
-bool watch(DeviceDriver& driver, HeldHandTrial& trial, const std::atomic<bool>& gone, Heartbeat* heartbeat,
+bool watch(DeviceDriver& driver, GripTrial& trial, const std::atomic<bool>& gone, Heartbeat* heartbeat,
            const Progress& progress, const std::string& name) {
   const std::int64_t begun_ns = monotonic_ns();
-  while (trial.ended() == HeldHandTrial::Ended::kNot && !gone.load()) {
+  while (trial.ended() == GripTrial::Ended::kNot && !gone.load()) {
     std::this_thread::sleep_for(kLook);
     const std::int64_t last_ns = trial.last_update_ns(), now_ns = monotonic_ns();
     if (heartbeat && last_ns != 0) {
@@ -420,12 +419,12 @@ bool watch(DeviceDriver& driver, HeldHandTrial& trial, const std::atomic<bool>& 
       heartbeat->looked_ns.store(now_ns);
     }
     const std::int64_t waits_ns = trial.begun() ? 0 : now_ns - begun_ns;
-    if (1e-9 * static_cast<double>(waits_ns) > HeldHandTrial::kBegin_s ||
+    if (1e-9 * static_cast<double>(waits_ns) > GripTrial::kBegin_s ||
         (waits_ns > kSettles_ns && driver.trouble()))
-      trial.end(HeldHandTrial::Ended::kNotReady);
+      trial.end(GripTrial::Ended::kNotReady);
     if (last_ns != 0 && now_ns - last_ns > kLate_ns) {
       driver.halt();
-      trial.end(HeldHandTrial::Ended::kLate);
+      trial.end(GripTrial::Ended::kLate);
     }
     if (progress.stopped()) return false;
     progress.report("holding " + name, std::min(0.99, trial.part_done()));
@@ -446,8 +445,8 @@ void await_end(const std::atomic<bool>& gone, Heartbeat* heartbeat) {
 
 }  // namespace
 
-Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettings& settings,
-                                      const Progress& progress) {
+Result<HeldHandFigures> run_grip_trial(DeviceDriver& driver, const HeldHandSettings& settings,
+                                       const Progress& progress) {
   PALPATE_CHECK(settings.most_force_N > 0 && settings.most_force_N <= 1 && settings.rate_hz >= 250 &&
                 settings.rate_hz <= 10000 && settings.first_N_per_mm > 0 && settings.growth > 1 &&
                 settings.max_N_per_mm >= settings.first_N_per_mm &&
@@ -456,7 +455,7 @@ Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettin
   const DeviceInfo info = driver.devices()[0];
   const double rate_hz =
       info.drive == DeviceInfo::Drive::kPulled ? settings.rate_hz : info.rate_hz.value_or(settings.rate_hz);
-  HeldHandTrial trial(settings, rate_hz, info.position_step_mm.value_or(0.06), monotonic_ns);
+  GripTrial trial(settings, rate_hz, info.position_step_mm.value_or(0.06), monotonic_ns);
   EvenClock clock(settings.rate_hz);
   std::atomic<bool> gone{false};
   std::thread running;
@@ -476,14 +475,14 @@ Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettin
   }
   const bool interrupted = !watch(driver, trial, gone, settings.heartbeat, progress, info.name);
   // the forces are already zero; the driver is halted as well
-  if (trial.ended() != HeldHandTrial::Ended::kDone) driver.halt();
-  if (interrupted) trial.end(HeldHandTrial::Ended::kFault);
+  if (trial.ended() != GripTrial::Ended::kDone) driver.halt();
+  if (interrupted) trial.end(GripTrial::Ended::kFault);
   clock.stop();
   await_end(gone, settings.heartbeat);
   running.join();
   if (settings.heartbeat) settings.heartbeat->looked_ns.store(Heartbeat::kResting);
   if (interrupted) return Error{ErrorKind::kInterrupted, "stopped", "", ""};
-  if (trial.ended() != HeldHandTrial::Ended::kDone) return ended_by(trial.ended(), driver, info.name);
+  if (trial.ended() != GripTrial::Ended::kDone) return ended_by(trial.ended(), driver, info.name);
   progress.report("holding " + info.name, 1);
   auto figures = trial.figures();
   if (!figures)

@@ -22,14 +22,14 @@ std::int64_t trial_ns = 0;
 
 /// A trial on a virtual clock with a simulated hand that holds its position.
 HeldHandFigures tried(const char* device, const char* hand, double delay_s, HeldHandSettings settings = {},
-                      double* largest_N = nullptr, HeldHandTrial::Ended* ended = nullptr) {
+                      double* largest_N = nullptr, GripTrial::Ended* ended = nullptr) {
   SimulatedDevice plant(*find_plant_device(device), *find_plant_hand(hand), delay_s);
   plant.reset(Point<Device>(3, -2, 10));
   trial_ns = 1'000'000'000;
-  HeldHandTrial trial(settings, settings.rate_hz, plant.info().position_step_mm.value_or(0.06),
-                      []() noexcept { return trial_ns; });
+  GripTrial trial(settings, settings.rate_hz, plant.info().position_step_mm.value_or(0.06),
+                  []() noexcept { return trial_ns; });
   DeviceCommand command;
-  for (int n = 0; n < 60 * settings.rate_hz && trial.ended() == HeldHandTrial::Ended::kNot; ++n) {
+  for (int n = 0; n < 60 * settings.rate_hz && trial.ended() == GripTrial::Ended::kNot; ++n) {
     DeviceSample sample = plant.read();
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
@@ -60,9 +60,9 @@ INSTANTIATE_TEST_SUITE_P(Each, HeldTrials,
 TEST_P(HeldTrials, AreToldByTheirDelayAndWhatTheyHold) {
   const HeldCase& tested = GetParam();
   double largest_N = 0;
-  HeldHandTrial::Ended ended = HeldHandTrial::Ended::kNot;
+  GripTrial::Ended ended = GripTrial::Ended::kNot;
   const HeldHandFigures figures = tried(tested.device, tested.hand, tested.delay_s, {}, &largest_N, &ended);
-  EXPECT_EQ(ended, HeldHandTrial::Ended::kDone);
+  EXPECT_EQ(ended, GripTrial::Ended::kDone);
   EXPECT_NEAR(figures.delay_s, tested.delay_s, 0.001);
   EXPECT_NEAR(figures.rate_hz, 1000, 1);
   EXPECT_LE(largest_N, 1 + 1e-12);
@@ -86,7 +86,7 @@ TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
   // result for an invalid sample that is processed some time after it was taken
   const auto after = [](const DeviceSample& wrong, std::int64_t later_ns, std::int64_t taken_later_ns = 0) {
     trial_ns = 1'000'000'000;
-    HeldHandTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
+    GripTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
     DeviceSample sample;
     DeviceCommand command;
     for (int n = 0; n < 700; ++n, trial_ns += 1'000'000) {
@@ -107,30 +107,30 @@ TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
   };
   DeviceSample wrong;
   wrong.fault = true;
-  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kFault);
+  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kFault);
   wrong = {};
   wrong.tip = Point<Device>(std::nan(""), 0, 0);
-  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kNoNumber);
+  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kNoNumber);
   wrong = {};
   wrong.tip = Point<Device>(0, 16, 0);
-  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kMoved);
+  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kMoved);
   wrong.tip = Point<Device>(5, 0, 0);
-  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kFast);
-  EXPECT_EQ(after({}, 11'000'000), HeldHandTrial::Ended::kOld);
-  EXPECT_EQ(after({}, 9'000'000, 9'000'000), HeldHandTrial::Ended::kLate) << "10 ms after the tick before";
-  EXPECT_EQ(after({}, 0, 2'000'000), HeldHandTrial::Ended::kTimes) << "from the future";
-  EXPECT_EQ(after({}, 0, -2'000'000), HeldHandTrial::Ended::kTimes) << "older than the one before";
+  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kFast);
+  EXPECT_EQ(after({}, 11'000'000), GripTrial::Ended::kOld);
+  EXPECT_EQ(after({}, 9'000'000, 9'000'000), GripTrial::Ended::kLate) << "10 ms after the tick before";
+  EXPECT_EQ(after({}, 0, 2'000'000), GripTrial::Ended::kTimes) << "from the future";
+  EXPECT_EQ(after({}, 0, -2'000'000), GripTrial::Ended::kTimes) << "older than the one before";
 }
 
 /// Result and end time, s, of a trial whose tip follows mm_at(time) along y.
 template <class Way>
-std::pair<HeldHandTrial::Ended, double> led(Way mm_at, double step_mm = 0.05, double rate_hz = 1000) {
+std::pair<GripTrial::Ended, double> led(Way mm_at, double step_mm = 0.05, double rate_hz = 1000) {
   trial_ns = 1'000'000'000;
-  HeldHandTrial trial({}, rate_hz, step_mm, []() noexcept { return trial_ns; });
+  GripTrial trial({}, rate_hz, step_mm, []() noexcept { return trial_ns; });
   DeviceSample sample;
   DeviceCommand command;
   double time_s = 0;
-  for (; time_s < 30 && trial.ended() == HeldHandTrial::Ended::kNot; time_s += 1 / rate_hz) {
+  for (; time_s < 30 && trial.ended() == GripTrial::Ended::kNot; time_s += 1 / rate_hz) {
     sample.taken_ns = trial_ns;
     sample.tip = Point<Device>(0, mm_at(time_s), 0);
     trial.update({&sample, 1}, {&command, 1});
@@ -148,22 +148,22 @@ TEST(HeldHand, ItsSpeedIsBounded) {
     for (const double step_mm : {0.001, 0.05, 1e9, -1.0, std::nan("")}) {
       SCOPED_TRACE(std::to_string(rate_hz) + " Hz, " + std::to_string(step_mm) + " mm");
       const auto [fast, at_s] = led(moves(550), step_mm, rate_hz);
-      EXPECT_EQ(fast, HeldHandTrial::Ended::kFast);
+      EXPECT_EQ(fast, GripTrial::Ended::kFast);
       EXPECT_LT(at_s, 1.015);
-      EXPECT_NE(led(moves(450), step_mm, rate_hz).first, HeldHandTrial::Ended::kFast);
+      EXPECT_NE(led(moves(450), step_mm, rate_hz).first, GripTrial::Ended::kFast);
     }
 }
 
 // the springs' rest position follows a drifting hand, but not indefinitely
 TEST(HeldHand, ItsWayIsBoundedFromWhereItRestedFirst) {
   const auto [ended, at_s] = led([](double time_s) { return std::max(0.0, 5 * (time_s - 2.5)); });
-  EXPECT_EQ(ended, HeldHandTrial::Ended::kMoved);
+  EXPECT_EQ(ended, GripTrial::Ended::kMoved);
   EXPECT_NEAR(at_s, 5.5, 0.01);
 }
 
 TEST(HeldHand, ItBeginsSoonOrNotAtAll) {
   trial_ns = 1'000'000'000;
-  HeldHandTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
+  GripTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
   DeviceSample sample;
   DeviceCommand command;
   sample.fault = true;
@@ -171,7 +171,7 @@ TEST(HeldHand, ItBeginsSoonOrNotAtAll) {
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
   }
-  EXPECT_EQ(trial.ended(), HeldHandTrial::Ended::kNotReady);
+  EXPECT_EQ(trial.ended(), GripTrial::Ended::kNotReady);
   // the fault ends
   sample.fault = false;
   for (int n = 0; n < 1000; ++n, trial_ns += 1'000'000) {
@@ -184,18 +184,18 @@ TEST(HeldHand, ItBeginsSoonOrNotAtAll) {
 // the pushes have zero mean
 TEST(HeldHand, ThePushesHaveNoMean) {
   trial_ns = 1'000'000'000;
-  HeldHandTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
+  GripTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
   DeviceSample sample;
   DeviceCommand command;
   double sum_N = 0, size_N = 0;
   for (int n = 0; n < 2499; ++n, trial_ns += 1'000'000) {
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
-    if (n >= 500 + std::lround(3 * 1e3 * HeldHandTrial::kPushPeriod_s)) continue;
+    if (n >= 500 + std::lround(3 * 1e3 * GripTrial::kPushPeriod_s)) continue;
     sum_N += command.force_N.x();
     size_N += std::abs(command.force_N.x());
   }
-  EXPECT_NEAR(size_N, 0.8 * 3e3 * HeldHandTrial::kPushPeriod_s, 0.01);
+  EXPECT_NEAR(size_N, 0.8 * 3e3 * GripTrial::kPushPeriod_s, 0.01);
   // a change that falls between two ticks contributes an error of up to two ticks
   EXPECT_LT(std::abs(sum_N), 0.01 * size_N);
 }
@@ -206,16 +206,16 @@ TEST(HeldHand, OneThatSwingsFromTheFirstHoldsNothing) {
   trial_ns = 1'000'000'000;
   HeldHandSettings settings;
   settings.first_N_per_mm = 3;
-  HeldHandTrial trial(settings, 1000, 0.03, []() noexcept { return trial_ns; });
+  GripTrial trial(settings, 1000, 0.03, []() noexcept { return trial_ns; });
   DeviceCommand command;
-  while (trial.ended() == HeldHandTrial::Ended::kNot && trial_ns < 30'000'000'000) {
+  while (trial.ended() == GripTrial::Ended::kNot && trial_ns < 30'000'000'000) {
     DeviceSample sample = plant.read();
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
     plant.advance(command, 0.001);
     trial_ns += 1'000'000;
   }
-  EXPECT_EQ(trial.ended(), HeldHandTrial::Ended::kSwung);
+  EXPECT_EQ(trial.ended(), GripTrial::Ended::kSwung);
 }
 
 TEST(HeldHand, IsTriedOnTheRealClock) {
@@ -227,7 +227,7 @@ TEST(HeldHand, IsTriedOnTheRealClock) {
   settings.growth = 2;
   settings.first_N_per_mm = 0.2;
   settings.max_N_per_mm = 0.4;
-  const auto figures = try_held_hand(driver, settings);
+  const auto figures = run_grip_trial(driver, settings);
   // on a loaded machine the trial may be aborted for lateness, and reports so
   if (!figures) {
     EXPECT_EQ(figures.error().kind, ErrorKind::kUnavailable);
@@ -239,7 +239,7 @@ TEST(HeldHand, IsTriedOnTheRealClock) {
   EXPECT_NEAR(figures->delay_s, 0.012, 0.003);
 
   const std::atomic<bool> stop{true};
-  const auto stopped = try_held_hand(driver, settings, Progress({}, &stop));
+  const auto stopped = run_grip_trial(driver, settings, Progress({}, &stop));
   ASSERT_FALSE(stopped.ok());
   EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
 }
@@ -286,7 +286,7 @@ TEST(HeldHand, ADriverThatDoesNotBeginIsNotWaitedFor) {
     HeldHandSettings settings;
     settings.realtime = false;
     settings.heartbeat = &heartbeat;
-    const auto figures = try_held_hand(driver, settings);
+    const auto figures = run_grip_trial(driver, settings);
     ASSERT_FALSE(figures.ok());
     EXPECT_EQ(figures.error().kind, ErrorKind::kUnavailable);
     EXPECT_THAT(figures.error().what, HasSubstr(says ? "the brake is on" : "not ready"));

@@ -26,7 +26,7 @@ struct PushedTick {
 std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step_m);
 
 /// Servo function of the trial. Time is that of the samples. Does not allocate in a tick.
-class HeldHandTrial final : public ServoFunction {
+class GripTrial final : public ServoFunction {
  public:
   enum class Ended : std::uint8_t {
     kNot,
@@ -44,7 +44,7 @@ class HeldHandTrial final : public ServoFunction {
 
   /// The trial starts with the first sample, which has to arrive within kBegin_s from construction.
   /// @param step_mm  resolution of the encoder; clamped to plausible values
-  HeldHandTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now);
+  GripTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now);
 
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
   /// Aborts the trial from another thread; forces are zero afterwards.

@@ -64,10 +64,10 @@ struct Unit {
 
   // ---- the servo's thread
   DeviceSample sample;
-  Trouble said_by_status = Trouble::kNone, off_why = Trouble::kNone;
+  Trouble status_trouble = Trouble::kNone, off_why = Trouble::kNone;
   std::int64_t status_ns = 0, failing_since_ns = 0, unheard_since_ns = 0, off_since_ns = 0;
   /// Cause of forces disabled by the operator, until the device reports them enabled; 0: none
-  int off_by_hand = 0;
+  int operator_off_cause = 0;
   bool force_on = false;   ///< Whether palpate has enabled forces
   bool motors_on = true;   ///< Whether the device last reported forces enabled; true if unknown
   bool is_broken = false;  ///< Whether its latest pose is invalid
@@ -169,7 +169,7 @@ bool is_by_hand(int cause) {
 }
 
 // with an unknown arm position the library's gravity compensation would act in a wrong direction
-bool is_without_place(DhdTrouble trouble) {
+bool is_unlocated(DhdTrouble trouble) {
   return trouble == DhdTrouble::kNoPower || trouble == DhdTrouble::kNotInitialised ||
          trouble == DhdTrouble::kByHand || trouble == DhdTrouble::kError || trouble == DhdTrouble::kBroken;
 }
@@ -257,7 +257,7 @@ class ForceDimensionDriver::Core {
     infos_.clear();
     for (std::size_t d = 0; d < count_; ++d) infos_.push_back(units_[d].info);
     try {
-      finder_ = std::thread([this] { find_lost(); });
+      finder_ = std::thread([this] { search_lost_devices(); });
     } catch (const std::system_error& error) {
       close_all();
       return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(),
@@ -408,7 +408,7 @@ class ForceDimensionDriver::Core {
 
   void close_all() {
     for (std::size_t d = 0; d < count_; ++d)
-      if (const char id = take_back(units_[d]); id != kNobody) {
+      if (const char id = reclaim_id(units_[d]); id != kNobody) {
         library_->dhdStop(id);
         close_device(*library_, id);
       }
@@ -433,8 +433,8 @@ class ForceDimensionDriver::Core {
     unit.failing_since_ns = 0;
     if (asked_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
       unit.status_ns = asked_ns;
-      unit.said_by_status = read_status(unit);
-      if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
+      unit.status_trouble = read_status(unit);
+      if (unit.status_trouble == DhdTrouble::kLost) return lose(unit);
     }
     // an old state has arbitrary contents, and says nothing about the current one
     if (got != dhd::kTimeGuard) {
@@ -446,7 +446,7 @@ class ForceDimensionDriver::Core {
         sample.taken_ns = asked_ns;
       }
     }
-    DhdTrouble trouble = unit.said_by_status;
+    DhdTrouble trouble = unit.status_trouble;
     if (unit.is_broken) trouble = DhdTrouble::kBroken;
     if (trouble == DhdTrouble::kNone && unit.unheard_since_ns != 0) trouble = DhdTrouble::kSilent;
     sample.velocity_mm_s = Vector<Device>(kNotKnown, kNotKnown, kNotKnown);
@@ -460,8 +460,8 @@ class ForceDimensionDriver::Core {
     sample.fault = trouble != DhdTrouble::kNone;
     unit.trouble.store(trouble);
     // the device's own button may have enabled them since the halt
-    if (unit.motors_on && (is_without_place(trouble) || halted_.load())) switch_off(unit);
-    if (unit.said_by_status != DhdTrouble::kNone) unit.force_on = false;
+    if (unit.motors_on && (is_unlocated(trouble) || halted_.load())) switch_off(unit);
+    if (unit.status_trouble != DhdTrouble::kNone) unit.force_on = false;
   }
 
   void switch_off(DhdUnit& unit) {
@@ -477,10 +477,10 @@ class ForceDimensionDriver::Core {
     unit.motors_on = status[dhd::kForce];
     // a cause set by the operator persists until forces are enabled, whatever the device reports meanwhile
     const int cause = status[dhd::kForceOffCause];
-    if (unit.motors_on) unit.off_by_hand = 0;
-    if (!unit.motors_on && is_by_hand(cause)) unit.off_by_hand = cause;
-    const bool by_hand = unit.off_by_hand != 0;
-    const int why = by_hand ? unit.off_by_hand : cause;
+    if (unit.motors_on) unit.operator_off_cause = 0;
+    if (!unit.motors_on && is_by_hand(cause)) unit.operator_off_cause = cause;
+    const bool by_hand = unit.operator_off_cause != 0;
+    const int why = by_hand ? unit.operator_off_cause : cause;
     if (!status[dhd::kPower]) return DhdTrouble::kNoPower;
     if (status[dhd::kError]) return DhdTrouble::kError;
     if (!is_initialised(*library_, id))
@@ -490,7 +490,7 @@ class ForceDimensionDriver::Core {
       if (!unit.motors_on && why != dhd::kBySoftware) unit.off_why = trouble_of_cause(why);
       // forces disabled at the device have to be enabled there
       const bool asks = !by_hand && unit.off_why != DhdTrouble::kForceOff;
-      if (!calm_for_long(unit) || (!asks && !unit.motors_on)) return unit.off_why;
+      if (!is_calm(unit) || (!asks && !unit.motors_on)) return unit.off_why;
       unit.off_since_ns = 0;
       return DhdTrouble::kNone;
     }
@@ -505,7 +505,7 @@ class ForceDimensionDriver::Core {
   }
 
   // delay before forces that the device disabled by itself are enabled again
-  static bool calm_for_long(DhdUnit& unit) {
+  static bool is_calm(DhdUnit& unit) {
     const std::int64_t now_ns = monotonic_ns();
     // an unknown velocity does not count as calm
     if (!(unit.sample.velocity_mm_s.norm() <= kCalm_mm_s)) unit.off_since_ns = now_ns;
@@ -530,8 +530,8 @@ class ForceDimensionDriver::Core {
 
   void come_back(DhdUnit& unit) {
     unit.failing_since_ns = unit.unheard_since_ns = unit.status_ns = unit.off_since_ns = 0;
-    unit.said_by_status = DhdTrouble::kNone;
-    unit.off_by_hand = 0;
+    unit.status_trouble = DhdTrouble::kNone;
+    unit.operator_off_cause = 0;
     unit.force_on = unit.is_broken = false;
     unit.motors_on = true;
     unit.state.store(DhdUnit::State::kThere);
@@ -551,9 +551,9 @@ class ForceDimensionDriver::Core {
 
   void switch_on(DhdUnit& unit) {
     // the operator may have used the device's own switch since the last query
-    unit.said_by_status = read_status(unit);
-    if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
-    if (unit.said_by_status != DhdTrouble::kNone) return;
+    unit.status_trouble = read_status(unit);
+    if (unit.status_trouble == DhdTrouble::kLost) return lose(unit);
+    if (unit.status_trouble != DhdTrouble::kNone) return;
     unit.force_on = library_->dhdEnableForce(1, unit.id.load()) >= 0;
     unit.motors_on = true;
     // a halt arrived meanwhile
@@ -577,7 +577,7 @@ class ForceDimensionDriver::Core {
   }
 
   // ---- the finder's thread
-  void find_lost() {
+  void search_lost_devices() {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load()) {
       std::this_thread::sleep_for(kFindPoll);
@@ -590,7 +590,7 @@ class ForceDimensionDriver::Core {
 
   // Takes the id, after which no thread makes calls for the device, and waits for calls in progress: a halt
   // may come from any thread and must not wait. If such a call hangs in the library, the device stays open.
-  static char take_back(DhdUnit& unit) {
+  static char reclaim_id(DhdUnit& unit) {
     const char id = unit.id.exchange(kNobody);
     const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
     while (unit.halts.load() > 0) {
@@ -601,7 +601,7 @@ class ForceDimensionDriver::Core {
   }
 
   void look_for(DhdUnit& unit) {
-    if (const char id = take_back(unit); id != kNobody) {
+    if (const char id = reclaim_id(unit); id != kNobody) {
       library_->dhdStop(id);
       close_device(*library_, id);
     }
@@ -631,7 +631,7 @@ class ForceDimensionDriver::Core {
           unit.state.store(DhdUnit::State::kBack);
           return;
         }
-        if (take_back(unit) == kNobody) continue;
+        if (reclaim_id(unit) == kNobody) continue;
       }
       close_device(*library_, id);
     }

@@ -42,7 +42,7 @@ class TimedSocket {
  public:
   /// Thrown when the deadline passes without data. Beast's state is unchanged then and the call can be
   /// repeated, unlike after an error.
-  struct NothingYet {};
+  struct DeadlinePassed {};
   using executor_type = tcp::socket::executor_type;
 
   explicit TimedSocket(asio::io_context& context) : socket_(context) {}
@@ -74,7 +74,7 @@ class TimedSocket {
 
   template <class Buffers>
   std::size_t read_some(const Buffers& buffers, boost::system::error_code& error) {
-    if (!wait_for(POLLIN)) throw NothingYet();
+    if (!wait_for(POLLIN)) throw DeadlinePassed();
     return socket_.receive(buffers, 0, error);
   }
   template <class Buffers>
@@ -138,7 +138,7 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
   answer.body_limit(kMaxAnswer_bytes);
   beast::http::read(socket, buffer, answer, error);
   return !error && answer.get().result() == beast::http::status::ok ? answer.get().body() : "";
-} catch (const TimedSocket::NothingYet&) {
+} catch (const TimedSocket::DeadlinePassed&) {
   return "";
 } catch (const boost::system::system_error&) {
   // out of file descriptors
@@ -177,7 +177,7 @@ class Connection::Stream {
     stream_.read_message_max(kMaxMessage_bytes);
     stream_.handshake(settings.host + ":" + std::to_string(port), "/", error);
     return !error;
-  } catch (const TimedSocket::NothingYet&) {
+  } catch (const TimedSocket::DeadlinePassed&) {
     return false;
   }
 
@@ -187,7 +187,7 @@ class Connection::Stream {
     try {
       stream_.next_layer().wait_until(at(until_ns));
       stream_.read(buffer_, error);
-    } catch (const TimedSocket::NothingYet&) {
+    } catch (const TimedSocket::DeadlinePassed&) {
       return Received::kNothing;
     }
     lost_ = static_cast<bool>(error);

@@ -258,7 +258,7 @@ class HaplyDriver::Core {
     count_ = std::min<std::size_t>(found->inventory.devices.size(), kMaxDevices);
     for (std::size_t d = 0; d < count_; ++d) ids_.push_back(found->inventory.devices[d].id);
     const State inventory = found->inventory;
-    patience_s_ = kOpenPatience_s;
+    reply_timeout_s_ = kOpenPatience_s;
     adopt(std::move(*found));
     const auto round_trip_s = measure();
     if (!round_trip_s) return error_for(trouble_.load(), "haply");
@@ -274,8 +274,8 @@ class HaplyDriver::Core {
 
   void run(ServoFunction& servo, ServoClock& clock) {
     commands_ = {};
-    patience_s_ = kGivenUp_s;
-    heard_ns_ = monotonic_ns();
+    reply_timeout_s_ = kGivenUp_s;
+    last_message_ns_ = monotonic_ns();
     const std::int64_t begun_ns = monotonic_ns();
     bool told = false;
     while (!clock.stopped()) {
@@ -285,7 +285,7 @@ class HaplyDriver::Core {
       if (told || monotonic_ns() - begun_ns > in_ns(kSilence_s))
         servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
-    leave_zero();
+    send_final_zero();
   }
 
   void halt() { halted_.store(true); }
@@ -316,7 +316,7 @@ class HaplyDriver::Core {
       case Connection::Received::kMessage:
         return take_message();
       case Connection::Received::kNothing:
-        return monotonic_ns() - heard_ns_ > in_ns(patience_s_) ? lose(Trouble::kSilent) : false;
+        return monotonic_ns() - last_message_ns_ > in_ns(reply_timeout_s_) ? lose(Trouble::kSilent) : false;
       case Connection::Received::kLost:
         break;
     }
@@ -338,7 +338,7 @@ class HaplyDriver::Core {
         case Connection::Received::kLost:
           return false;
         case Connection::Received::kMessage:
-          heard_ns_ = looked_ns;
+          last_message_ns_ = looked_ns;
           break;
         case Connection::Received::kNothing:
           drained_ns_ = looked_ns;
@@ -357,7 +357,7 @@ class HaplyDriver::Core {
   }
 
   bool take_message() {
-    heard_ns_ = monotonic_ns();
+    last_message_ns_ = monotonic_ns();
     outstanding_ = std::max(0, outstanding_ - 1);
     const auto state = haply::parse_state(text_);
     if (!state) {
@@ -370,7 +370,7 @@ class HaplyDriver::Core {
     // of several pending requests only the reply to the last one is current
     if (outstanding_ > 0) return false;
     zero_asked_ = false;
-    const bool braked = heard_ns_ < braked_until_ns_.load();
+    const bool braked = last_message_ns_ < braked_until_ns_.load();
     const bool queued = pace_.may_be_queued();
     Trouble worst = queued ? Trouble::kBehind : braked ? Trouble::kBrake : Trouble::kNone;
     for (std::size_t d = 0; d < count_; ++d) {
@@ -428,13 +428,13 @@ class HaplyDriver::Core {
     first_ = true;
     zero_asked_ = false;
     outstanding_ = broken_ = 0;
-    heard_ns_ = drained_ns_ = monotonic_ns();
-    pace_ = SenderPace(heard_ns_);
+    last_message_ns_ = drained_ns_ = monotonic_ns();
+    pace_ = SenderPace(last_message_ns_);
     // commands of the previous connection are obsolete
     commands_ = {};
   }
 
-  void leave_zero() {
+  void send_final_zero() {
     if (!connection_ || !send(zeros_)) return;
     const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
     while (outstanding_ > 0 && monotonic_ns() < until_ns) {
@@ -514,7 +514,7 @@ class HaplyDriver::Core {
       const auto received = events_->receive(text, monotonic_ns() + in_ns(1e-3));
       if (received == Connection::Received::kLost) events_.reset();
       if (received != Connection::Received::kMessage) return;
-      if (haply::tells_of_brake(text)) braked_until_ns_.store(monotonic_ns() + in_ns(kBraked_s));
+      if (haply::reports_brake(text)) braked_until_ns_.store(monotonic_ns() + in_ns(kBraked_s));
     }
   }
 
@@ -531,8 +531,8 @@ class HaplyDriver::Core {
   std::string text_;
   bool first_ = true, zero_asked_ = false;
   int outstanding_ = 0, broken_ = 0;
-  double patience_s_ = kGivenUp_s;
-  std::int64_t sent_ns_ = 0, heard_ns_ = 0, drained_ns_ = 0;
+  double reply_timeout_s_ = kGivenUp_s;
+  std::int64_t sent_ns_ = 0, last_message_ns_ = 0, drained_ns_ = 0;
   SenderPace pace_;
 
   std::atomic<bool> halted_{false}, wanted_{false}, end_{false};

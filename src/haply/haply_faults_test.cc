@@ -149,7 +149,7 @@ constexpr double kTransport_ms = 1;
 class HaplyPace : public ::testing::Test {
  protected:
   HaplyPace() : service_(testing::haply_hand()), driver_(service_.settings()) {
-    service_.tells_time = true;
+    service_.encodes_time = true;
     EXPECT_TRUE(driver_.open(false).ok());
     thread_ = std::thread([this] { driver_.run(ages_, clock_); });
   }
@@ -193,9 +193,9 @@ TEST_F(HaplyPace, AStateThatNobodyAskedForIsNoOlderThanItsSampleSays) {
 TEST_F(HaplyPace, AQueueOfOldStatesGivesNoForceUntilItIsEmpty) {
   service_.pushes_hz = 5000;
   for (int n = 0; n < 5; ++n) {
-    service_.hoards = true;
+    service_.withholds_states = true;
     wait_ms(150);
-    service_.hoards = false;
+    service_.withholds_states = false;
     wait_ms(100);
     EXPECT_TRUE(becomes_fresh());
   }
@@ -225,13 +225,13 @@ TEST_F(HaplyPace, OfAnyScheduleNoStateIsOlderThanItsSampleSays) {
     constexpr std::array kEach{1, 1, 1, 2, 7, 300};
     service_.pushes_hz = kPaces_hz[random() % kPaces_hz.size()];
     service_.answers_each = kEach[random() % kEach.size()];
-    service_.hoards = random() % 3 == 0;
+    service_.withholds_states = random() % 3 == 0;
     service_.silent = random() % 5 == 0;
     wait_ms(static_cast<int>(1 + random() % 40));
   }
   service_.pushes_hz = 0;
   service_.answers_each = 1;
-  service_.hoards = service_.silent = false;
+  service_.withholds_states = service_.silent = false;
   EXPECT_TRUE(becomes_fresh());
   expect_no_state_is_older_than_said();
 }

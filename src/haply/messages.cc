@@ -143,7 +143,7 @@ const char* force_key(const ServiceVersion& version) {
   return version.minor >= 5 ? "vector" : nullptr;
 }
 
-bool tells_of_brake(std::string_view text) {
+bool reports_brake(std::string_view text) {
   // the layout of events is undocumented, so that keywords are searched
   if (!Message(text).is_json()) return false;
   return text.find("ebrake_triggered") != std::string_view::npos ||

@@ -44,7 +44,7 @@ struct State {
 };
 
 /// Whether an event message reports a brake or a disconnected device.
-bool tells_of_brake(std::string_view text);
+bool reports_brake(std::string_view text);
 
 /// Whether services of this version send events.
 inline bool has_events(const ServiceVersion& version) {

@@ -234,14 +234,14 @@ class FakeInverseService::Session {
       sample = service_.plant_.advance(service_.acting_);
     }
     const std::int64_t made_ns = monotonic_ns();
-    if (service_.tells_time)
+    if (service_.encodes_time)
       sample.tip[2] = 1e-6 * static_cast<double>(made_ns % FakeInverseService::kEra_ns);
     std::string text = service_.state_text(sample, inventory);
     if (service_.breaks_json) text.resize(text.size() / 2);
     if (service_.says_other) text = R"({"hello":[1,2,3]})";
     const bool at_once = hoard_.empty();
     hoard_.push_back(std::move(text));
-    if (service_.hoards && !inventory) return true;
+    if (service_.withholds_states && !inventory) return true;
     std::string frames;
     for (const std::string& each : hoard_) frames += service_frame(each);
     hoard_.clear();

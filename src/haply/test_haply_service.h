@@ -40,9 +40,9 @@ class FakeInverseService {
   std::atomic<bool> odd_place{false};    ///< Sends a non-finite position
   /// Rate of unsolicited states, each with its own time of sampling; 0: none
   std::atomic<double> pushes_hz{0};
-  std::atomic<int> answers_each{1};  ///< Number of replies per request, all with the same state
-  std::atomic<bool> hoards{false};   ///< Withholds its states, and sends them all later
-  std::atomic<bool> tells_time{
+  std::atomic<int> answers_each{1};           ///< Number of replies per request, all with the same state
+  std::atomic<bool> withholds_states{false};  ///< Withholds its states, and sends them all later
+  std::atomic<bool> encodes_time{
       false};  ///< Encodes the time in the z coordinate in mm: milliseconds of monotonic_ns() modulo kEra_ns
   std::atomic<bool> calibrated{true}, power{true}, ready{true}, present{true}, in_use{false};
   std::atomic<std::uint32_t> buttons{0};

@@ -36,7 +36,7 @@ bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
 }
 
 // resamples scan or labels onto the finer of their grids, with a warning that says which
-Result<void> onto_one_grid(SceneVolumes& volumes, const Progress& progress, const Warn& warn) {
+Result<void> resample_to_common_grid(SceneVolumes& volumes, const Progress& progress, const Warn& warn) {
   if (!volumes.labels || !volumes.scan || volumes.labels->geometry().same_grid(volumes.scan->geometry()))
     return {};
   const LabelMap& labels = *volumes.labels;
@@ -44,7 +44,7 @@ Result<void> onto_one_grid(SceneVolumes& volumes, const Progress& progress, cons
   if (&field_grid(&labels.geometry(), &scan.geometry()) == &labels.geometry()) {
     // voxels outside the scan get its minimum value: 0 HU would be tissue
     const float darkest = *std::min_element(scan.voxels().begin(), scan.voxels().end());
-    auto moved = kept_resampled(scan, labels.geometry(), darkest, progress);
+    auto moved = cached_resampled(scan, labels.geometry(), darkest, progress);
     if (!moved) return moved.error();
     if (warn) {
       warn(
@@ -56,7 +56,7 @@ Result<void> onto_one_grid(SceneVolumes& volumes, const Progress& progress, cons
     volumes.scan = std::make_shared<const Volume<float>>(*std::move(moved));
     return {};
   }
-  auto moved = kept_resampled(labels, scan.geometry(), progress);
+  auto moved = cached_resampled(labels, scan.geometry(), progress);
   if (!moved) return moved.error();
   if (warn) {
     warn(
@@ -94,7 +94,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
 }
 
 // index of the label's tissue; -1: none
-int tissue_place(const ModelParts& parts, LabelId label) {
+int tissue_index(const ModelParts& parts, LabelId label) {
   return label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
 }
 
@@ -104,7 +104,7 @@ void set_label(ModelParts& parts, LabelId label, std::size_t tissue) {
 }
 
 // below every weight of a touchable tissue, above those of other tissues
-constexpr std::uint16_t kAdopted = 1;
+constexpr std::uint16_t kAdoptedWeight = 1;
 
 // Preference of each label when layers are flattened; the greatest wins. A segment without a tissue that is
 // nested in touchable ones, e.g. a target volume in an organ, adopts the tissue of the smallest of them.
@@ -112,19 +112,19 @@ std::vector<std::uint16_t> preferences(const LabelMap& labels, std::span<const S
                                        const std::vector<std::uint8_t>& weight_of_label, ModelParts& parts) {
   std::vector<std::uint16_t> preference(weight_of_label.begin(), weight_of_label.end());
   for (std::uint16_t& weight : preference)
-    if (weight > 0) weight += kAdopted;
+    if (weight > 0) weight += kAdoptedWeight;
   std::map<LabelId, std::size_t> voxels;
   for (const SegmentStatistics& of : segment_statistics(labels)) voxels[of.id] = of.voxels;
   std::map<LabelId, LabelId> smallest_around;
   for (const SegmentOverlap& overlap : overlaps) {
     if (!overlap.is_nested() || weight_of_label[overlap.larger] == 0) continue;
-    if (tissue_place(parts, overlap.smaller) >= 0) continue;
+    if (tissue_index(parts, overlap.smaller) >= 0) continue;
     const auto [around, is_first] = smallest_around.try_emplace(overlap.smaller, overlap.larger);
     if (!is_first && voxels[overlap.larger] < voxels[around->second]) around->second = overlap.larger;
   }
   for (const auto& [label, around] : smallest_around) {
-    set_label(parts, label, static_cast<std::size_t>(tissue_place(parts, around)));
-    preference[label] = kAdopted;
+    set_label(parts, label, static_cast<std::size_t>(tissue_index(parts, around)));
+    preference[label] = kAdoptedWeight;
   }
   return preference;
 }
@@ -200,12 +200,12 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
     if (!smoothed) return smoothed.error();
     return std::make_shared<const Field>(*smoothed);
   };
-  return preparation.storage == FieldStorage::k8Bit ? keep(kept_smooth(weights, options, progress))
-                                                    : keep(kept_smooth_16(weights, options, progress));
+  return preparation.storage == FieldStorage::k8Bit ? keep(cached_smooth(weights, options, progress))
+                                                    : keep(cached_smooth_16(weights, options, progress));
 }
 
 // warns of structures too thin to reach the force limit, weakest first
-void warn_of_thin(const MadeModel& made, const Warn& warn) {
+void warn_of_thin_structures(const MadeModel& made, const Warn& warn) {
   if (!warn) return;
   const Model& model = *made.model;
   // force that counts as sufficient if the scene has no limit
@@ -289,8 +289,8 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
 
 // Structures with published distances. No-go structures are always included, because the user needs their
 // distance before the tool is pushed back.
-ReportedDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
-                                    const std::vector<std::size_t>& voxels) {
+ReportedDistances reported_distances_of(const DistanceSettings& settings, const ModelParts& parts,
+                                        const std::vector<std::size_t>& voxels) {
   ReportedDistances told;
   told.reach_mm = settings.reach_mm;
   const auto is_kept_away_from = [&](std::size_t label) {
@@ -302,8 +302,8 @@ ReportedDistances told_distances_of(const DistanceSettings& settings, const Mode
   const auto is_chosen = [&](std::size_t label) {
     const int tissue = label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
     const bool felt = tissue >= 0 && parts.tissues[static_cast<std::size_t>(tissue)].felt;
-    return settings.structures == ToldStructures::kAll ||
-           (felt && settings.structures == ToldStructures::kFelt);
+    return settings.structures == ReportedStructures::kAll ||
+           (felt && settings.structures == ReportedStructures::kFelt);
   };
   for (std::size_t label = 1; label < voxels.size(); ++label)
     if (voxels[label] > 0 && (is_chosen(label) || is_kept_away_from(label)))
@@ -328,7 +328,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
     finer = &field_grid(&volumes.labels->geometry(), &volumes.scan->geometry());
   if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel, scene.source); !allowed)
     return allowed.error();
-  if (auto common = onto_one_grid(volumes, progress, warn); !common) {
+  if (auto common = resample_to_common_grid(volumes, progress, warn); !common) {
     Error error = common.error();
     if (error.where.empty()) error.where = scene.source;
     return error;
@@ -425,7 +425,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   auto no_go = no_go_of(scene, no_go_ids, parts.segments, voxels);
   if (!no_go) return no_go.error();
   parts.no_go = *std::move(no_go);
-  parts.reported_distances = told_distances_of(scene.distances, parts, voxels);
+  parts.reported_distances = reported_distances_of(scene.distances, parts, voxels);
   return ready;
 }
 
@@ -477,12 +477,12 @@ Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Pr
   const std::uint64_t read = bytes_of(volumes);
   auto ready = ready_parts(scene, volumes, progress, {});
   if (!ready) return ready.error();
-  return memory_of_parts(scene, *ready, read, KeptPreparing(), progress);
+  return memory_of_parts(scene, *ready, read, CachedPreparation(), progress);
 }
 
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
                                                  const Progress& progress, const Warn& warn,
-                                                 const Foretell& foretell) {
+                                                 const MemoryCallback& report_memory) {
   const auto of_scene = [&](Error error) {
     if (error.where.empty()) error.where = scene.source;
     return error;
@@ -492,10 +492,10 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   if (!ready_made) return of_scene(ready_made.error());
   ModelParts& parts = ready_made->parts;
   const GridGeometry grid = parts.labels->geometry();
-  const KeptPreparing preparing;
+  const CachedPreparation preparing;
   const auto memory = memory_of_parts(scene, *ready_made, read, preparing, progress);
   if (!memory) return of_scene(memory.error());
-  if (foretell) foretell(*memory);
+  if (report_memory) report_memory(*memory);
   if (auto allowed = allow_memory(memory->model.peak, scene.source); !allowed) return allowed.error();
   if (scene.preparation.method != PreparationMethod::kInwardRamp) {
     auto field = smoothed_field(scene.preparation, ready_made->weights, progress);
@@ -510,7 +510,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   }
   auto made = make_model(std::move(parts), preparing, progress);
   if (!made) return of_scene(made.error());
-  warn_of_thin(*made, warn);
+  warn_of_thin_structures(*made, warn);
   const std::shared_ptr<Model> model = made->model;
   model->caveats = merged_layers(*model);
   model->enclosing = std::move(ready_made->enclosing);
@@ -541,11 +541,11 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
 Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
                                                std::span<const ForceMethod> methods,
                                                const Progress& progress) {
-  return prepared_for(std::move(model), methods, KeptPreparing(), progress);
+  return prepared_for(std::move(model), methods, CachedPreparation(), progress);
 }
 
-std::unique_ptr<const Preparing> kept_preparing() {
-  return std::make_unique<KeptPreparing>();
+std::unique_ptr<const Preparing> cached_preparation() {
+  return std::make_unique<CachedPreparation>();
 }
 
 }  // namespace palpate

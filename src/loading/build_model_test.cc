@@ -69,7 +69,7 @@ Scene scene_of(const std::string& text) {
 // error message if touchable tissue is required and there is none; such a model can still be displayed
 std::string why_not_felt(const Scene& scene, const Result<std::shared_ptr<const Model>>& model) {
   if (!model) return "no model: " + model.error().message();
-  const auto felt = check_felt({scene, *model, ""});
+  const auto felt = require_touchable_tissue({scene, *model, ""});
   return felt ? "" : felt.error().what;
 }
 
@@ -81,7 +81,7 @@ TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
       const Scene scene = scene_of("[[tissue]]\nname = \"a\"\n" + std::string(tissue) + preparation);
       const auto model = build_model(scene, &labels, nullptr);
       ASSERT_TRUE(model.ok()) << model.error().message();
-      EXPECT_FALSE(is_anything_felt(**model));
+      EXPECT_FALSE(has_touchable_tissue(**model));
       EXPECT_EQ((*model)->labels->dense().voxels(), labels.layers[0].voxels());
       const Volume<float> field = (*model)->field->values();
       EXPECT_TRUE(std::all_of(field.voxels().begin(), field.voxels().end(), [](float v) { return v == 0; }));
@@ -90,13 +90,13 @@ TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
       for (const ForceMethodInfo& info : kForceMethods) (void)ready_for(*model, {&info.method, 1}).ok();
 
       const LoadedScene loaded{scene, *model, ""};
-      const auto felt = check_felt(loaded);
+      const auto felt = require_touchable_tissue(loaded);
       ASSERT_FALSE(felt.ok());
       EXPECT_EQ(felt.error().kind, ErrorKind::kBadInput);
       EXPECT_FALSE(simulate(loaded, Script{}, {}, "").ok());
     }
   const auto felt = build_model(scene_of(kScene), &labels, nullptr);
-  EXPECT_TRUE(is_anything_felt(**felt));
+  EXPECT_TRUE(has_touchable_tissue(**felt));
 }
 
 TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {

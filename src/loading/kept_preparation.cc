@@ -84,7 +84,7 @@ Bricks<T> get_bricks(FieldReader& in, const GridGeometry& grid, T outside) {
 // Looks up a cached result. A missing, truncated or invalid entry counts as a cache miss.
 // @param read  deserialises the payload; empty if it is invalid
 template <class Kept, class Read>
-std::optional<Kept> find_kept(const std::optional<cache::Digest>& key, const Read& read) try {
+std::optional<Kept> find_cached(const std::optional<cache::Digest>& key, const Read& read) try {
   if (!key) return std::nullopt;
   const auto payload = cache::find(*key);
   if (!payload) return std::nullopt;
@@ -98,7 +98,7 @@ std::optional<Kept> find_kept(const std::optional<cache::Digest>& key, const Rea
 // Stores a result in the cache.
 // @param write  serialises the result into a FieldWriter
 template <class Write>
-void keep_for_next(const std::optional<cache::Digest>& key, const Write& write) try {
+void store_result(const std::optional<cache::Digest>& key, const Write& write) try {
   if (!key) return;
   FieldWriter out;
   write(out);
@@ -181,7 +181,7 @@ Result<Volume<T>> kept_smoothed(const Volume<std::uint8_t>& weights, const Gauss
       key = parts.digest();
     }
   }
-  auto kept = find_kept<Volume<T>>(key, [&](FieldReader& in) {
+  auto kept = find_cached<Volume<T>>(key, [&](FieldReader& in) {
     Volume<T> volume(weights.geometry());
     get_voxels(in, volume);
     return std::optional(std::move(volume));
@@ -191,7 +191,7 @@ Result<Volume<T>> kept_smoothed(const Volume<std::uint8_t>& weights, const Gauss
     return *std::move(kept);
   }
   auto smoothed = smooth(weights, options, progress);
-  if (smoothed) keep_for_next(key, [&](FieldWriter& out) { put_voxels(*smoothed, out); });
+  if (smoothed) store_result(key, [&](FieldWriter& out) { put_voxels(*smoothed, out); });
   return smoothed;
 }
 
@@ -305,7 +305,7 @@ std::optional<cache::Digest> key_of_phantom(const PhantomParameters& parameters)
 
 }  // namespace
 
-const std::optional<cache::Digest>& KeptPreparing::digest_of(const Bricks<LabelId>& labels) const {
+const std::optional<cache::Digest>& CachedPreparation::digest_of(const Bricks<LabelId>& labels) const {
   if (labels_ == &labels) return of_labels_;
   labels_ = &labels;
   of_labels_.reset();
@@ -316,35 +316,35 @@ const std::optional<cache::Digest>& KeptPreparing::digest_of(const Bricks<LabelI
   return of_labels_;
 }
 
-Result<Ramps> KeptPreparing::ramps(const Bricks<LabelId>& labels,
-                                   const std::vector<RampStructure>& structures, const RampOptions& options,
-                                   const Progress& progress) const {
+Result<Ramps> CachedPreparation::ramps(const Bricks<LabelId>& labels,
+                                       const std::vector<RampStructure>& structures,
+                                       const RampOptions& options, const Progress& progress) const {
   const auto key = key_of_ramps(digest_of(labels), structures, options);
-  auto kept = find_kept<Ramps>(key, [&](FieldReader& in) { return get_ramps(in, labels, structures); });
+  auto kept = find_cached<Ramps>(key, [&](FieldReader& in) { return get_ramps(in, labels, structures); });
   if (kept) {
     report_found(progress);
     return *std::move(kept);
   }
   auto ramps = Preparing::ramps(labels, structures, options, progress);
-  if (ramps) keep_for_next(key, [&](FieldWriter& out) { put_ramps(*ramps, out); });
+  if (ramps) store_result(key, [&](FieldWriter& out) { put_ramps(*ramps, out); });
   return ramps;
 }
 
-Result<Volume<std::uint8_t>> kept_smooth(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
-                                         const Progress& progress) {
+Result<Volume<std::uint8_t>> cached_smooth(const Volume<std::uint8_t>& weights,
+                                           const GaussianOptions& options, const Progress& progress) {
   return kept_smoothed<std::uint8_t>(weights, options, progress,
                                      [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
                                         const Progress& p) { return gaussian_smooth(w, o, p); });
 }
 
-Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights,
-                                             const GaussianOptions& options, const Progress& progress) {
+Result<Volume<std::uint16_t>> cached_smooth_16(const Volume<std::uint8_t>& weights,
+                                               const GaussianOptions& options, const Progress& progress) {
   return kept_smoothed<std::uint16_t>(weights, options, progress,
                                       [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
                                          const Progress& p) { return gaussian_smooth_16(w, o, p); });
 }
 
-Result<std::vector<std::pair<LabelId, LabelId>>> KeptPreparing::touching_pairs(
+Result<std::vector<std::pair<LabelId, LabelId>>> CachedPreparation::touching_pairs(
     const Bricks<LabelId>& labels, const std::vector<LabelId>& structures, const Progress& progress) const {
   using Pairs = std::vector<std::pair<LabelId, LabelId>>;
   std::optional<cache::Digest> key;
@@ -356,7 +356,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> KeptPreparing::touching_pairs(
   const auto is_structure = [&](LabelId label) {
     return std::find(structures.begin(), structures.end(), label) != structures.end();
   };
-  auto kept = find_kept<Pairs>(key, [&](FieldReader& in) -> std::optional<Pairs> {
+  auto kept = find_cached<Pairs>(key, [&](FieldReader& in) -> std::optional<Pairs> {
     Pairs pairs;
     std::uint32_t count = 0;
     in.get(count);
@@ -375,7 +375,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> KeptPreparing::touching_pairs(
   }
   auto pairs = Preparing::touching_pairs(labels, structures, progress);
   if (pairs)
-    keep_for_next(key, [&](FieldWriter& out) {
+    store_result(key, [&](FieldWriter& out) {
       out.put(static_cast<std::uint32_t>(pairs->size()));
       for (const auto& [a, b] : *pairs) {
         out.put(a);
@@ -385,7 +385,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> KeptPreparing::touching_pairs(
   return pairs;
 }
 
-Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surfaces(
+Result<std::vector<std::shared_ptr<const Surface>>> CachedPreparation::outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) const {
   std::vector<std::shared_ptr<const Surface>> surfaces(groups.size());
@@ -395,7 +395,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surface
     for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
       const auto g = static_cast<std::size_t>(index);
       keys[g] = key_of_surface(*of_labels, groups[g], options);
-      if (auto kept = find_kept<std::shared_ptr<const Surface>>(keys[g], get_surface))
+      if (auto kept = find_cached<std::shared_ptr<const Surface>>(keys[g], get_surface))
         surfaces[g] = *std::move(kept);
       return !progress.stopped();
     });
@@ -419,19 +419,19 @@ Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surface
     for (std::size_t n = 0; n < go.size(); ++n) {
       const std::size_t g = places[go[n]];
       surfaces[g] = std::move((*prepared)[n]);
-      keep_for_next(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
+      store_result(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
     }
   }
   return surfaces;
 }
 
-Result<Volume<float>> kept_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
-                                     const Progress& progress) {
+Result<Volume<float>> cached_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
+                                       const Progress& progress) {
   const Volume<float>* const volumes[] = {&scan};
   auto parts = key_of_resampled<float>("resampled scan", volumes, grid);
   if (parts) parts->put(outside);
   const auto key = parts ? parts->digest() : std::nullopt;
-  auto kept = find_kept<Volume<float>>(key, [&](FieldReader& in) {
+  auto kept = find_cached<Volume<float>>(key, [&](FieldReader& in) {
     Volume<float> volume(grid);
     get_voxels(in, volume);
     return std::optional(std::move(volume));
@@ -441,16 +441,17 @@ Result<Volume<float>> kept_resampled(const Volume<float>& scan, const GridGeomet
     return *std::move(kept);
   }
   auto resampled = resample_linear(scan, grid, outside);
-  if (resampled) keep_for_next(key, [&](FieldWriter& out) { put_voxels(*resampled, out); });
+  if (resampled) store_result(key, [&](FieldWriter& out) { put_voxels(*resampled, out); });
   return resampled;
 }
 
-Result<LabelMap> kept_resampled(const LabelMap& labels, const GridGeometry& grid, const Progress& progress) {
+Result<LabelMap> cached_resampled(const LabelMap& labels, const GridGeometry& grid,
+                                  const Progress& progress) {
   std::vector<const Volume<LabelId>*> layers;
   for (const Volume<LabelId>& layer : labels.layers) layers.push_back(&layer);
   const auto parts = key_of_resampled<LabelId>("resampled labels", layers, grid);
   const auto key = parts ? parts->digest() : std::nullopt;
-  auto kept = find_kept<LabelMap>(key, [&](FieldReader& in) {
+  auto kept = find_cached<LabelMap>(key, [&](FieldReader& in) {
     LabelMap map{std::vector<Volume<LabelId>>(layers.size(), Volume<LabelId>(grid)), labels.segments};
     for (Volume<LabelId>& layer : map.layers) get_voxels(in, layer);
     return std::optional(std::move(map));
@@ -461,15 +462,15 @@ Result<LabelMap> kept_resampled(const LabelMap& labels, const GridGeometry& grid
   }
   auto resampled = resample_nearest(labels, grid);
   if (resampled)
-    keep_for_next(key, [&](FieldWriter& out) {
+    store_result(key, [&](FieldWriter& out) {
       for (const Volume<LabelId>& layer : resampled->layers) put_voxels(layer, out);
     });
   return resampled;
 }
 
-Result<Phantom> kept_phantom(const PhantomParameters& parameters, const Progress& progress) {
+Result<Phantom> cached_phantom(const PhantomParameters& parameters, const Progress& progress) {
   const auto key = key_of_phantom(parameters);
-  auto kept = find_kept<Phantom>(key, [&](FieldReader& in) -> std::optional<Phantom> {
+  auto kept = find_cached<Phantom>(key, [&](FieldReader& in) -> std::optional<Phantom> {
     const auto plain = phantom_without_voxels(parameters);
     if (!plain || !allow_memory(plain->grid.voxel_count() * (sizeof(LabelId) + sizeof(float)), "the cache"))
       return std::nullopt;
@@ -484,7 +485,7 @@ Result<Phantom> kept_phantom(const PhantomParameters& parameters, const Progress
   }
   auto phantom = make_phantom(parameters, progress);
   if (phantom)
-    keep_for_next(key, [&](FieldWriter& out) {
+    store_result(key, [&](FieldWriter& out) {
       put_voxels(phantom->labels.layers.front(), out);
       put_voxels(phantom->scan, out);
     });

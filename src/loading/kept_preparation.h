@@ -21,7 +21,7 @@ namespace palpate {
 inline constexpr std::uint32_t kPreparationVersion = 7;
 
 /// Cached slow steps of one model; labels are identified by their address.
-class KeptPreparing final : public Preparing {
+class CachedPreparation final : public Preparing {
  public:
   Result<Ramps> ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                       const RampOptions& options, const Progress& progress) const override;
@@ -41,16 +41,16 @@ class KeptPreparing final : public Preparing {
   mutable std::optional<cache::Digest> of_labels_;
 };
 
-Result<Volume<std::uint8_t>> kept_smooth(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
-                                         const Progress& progress);
-Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights,
-                                             const GaussianOptions& options, const Progress& progress);
+Result<Volume<std::uint8_t>> cached_smooth(const Volume<std::uint8_t>& weights,
+                                           const GaussianOptions& options, const Progress& progress);
+Result<Volume<std::uint16_t>> cached_smooth_16(const Volume<std::uint8_t>& weights,
+                                               const GaussianOptions& options, const Progress& progress);
 
 /// Cached resample_linear and resample_nearest.
-Result<Volume<float>> kept_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
-                                     const Progress& progress);
-Result<LabelMap> kept_resampled(const LabelMap& labels, const GridGeometry& grid, const Progress& progress);
+Result<Volume<float>> cached_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
+                                       const Progress& progress);
+Result<LabelMap> cached_resampled(const LabelMap& labels, const GridGeometry& grid, const Progress& progress);
 
-Result<Phantom> kept_phantom(const PhantomParameters& parameters, const Progress& progress);
+Result<Phantom> cached_phantom(const PhantomParameters& parameters, const Progress& progress);
 
 }  // namespace palpate

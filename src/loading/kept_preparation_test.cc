@@ -394,20 +394,20 @@ TEST_F(KeptPreparation, AScanOnAnotherGridIsResampledOnce) {
   grid.dims = {40, 20, 30};
   grid.spacing_mm = {0.7, 0.8, 0.9};
   const auto plain = resample_linear(scan, grid, -5);
-  const auto first = kept_resampled(scan, grid, -5, {}), second = kept_resampled(scan, grid, -5, {});
+  const auto first = cached_resampled(scan, grid, -5, {}), second = cached_resampled(scan, grid, -5, {});
   ASSERT_TRUE(plain.ok() && first.ok() && second.ok());
   EXPECT_EQ(first->voxels(), plain->voxels());
   EXPECT_EQ(second->voxels(), plain->voxels());
   // the result is taken from the cache
   forge_the_entry(folder_ / "cache");
-  EXPECT_NE(kept_resampled(scan, grid, -5, {})->voxels(), plain->voxels());
+  EXPECT_NE(cached_resampled(scan, grid, -5, {})->voxels(), plain->voxels());
   // any changed parameter misses the cache
-  EXPECT_EQ(kept_resampled(scan, grid, -4, {})->voxels(), resample_linear(scan, grid, -4)->voxels());
+  EXPECT_EQ(cached_resampled(scan, grid, -4, {})->voxels(), resample_linear(scan, grid, -4)->voxels());
   grid.origin[0] += 0.1;
-  EXPECT_EQ(kept_resampled(scan, grid, -5, {})->voxels(), resample_linear(scan, grid, -5)->voxels());
+  EXPECT_EQ(cached_resampled(scan, grid, -5, {})->voxels(), resample_linear(scan, grid, -5)->voxels());
   // errors are not cached
   grid.origin[0] += 1000;
-  EXPECT_FALSE(kept_resampled(scan, grid, -5, {}).ok());
+  EXPECT_FALSE(cached_resampled(scan, grid, -5, {}).ok());
   EXPECT_EQ(entries(), 3u);
 }
 
@@ -419,7 +419,7 @@ TEST_F(KeptPreparation, LabelsOnAnotherGridAreResampledOnce) {
   grid.dims = {40, 20, 30};
   grid.spacing_mm = {0.7, 0.8, 0.9};
   const auto plain = resample_nearest(labels, grid);
-  const auto first = kept_resampled(labels, grid, {}), second = kept_resampled(labels, grid, {});
+  const auto first = cached_resampled(labels, grid, {}), second = cached_resampled(labels, grid, {});
   ASSERT_TRUE(plain.ok() && first.ok() && second.ok());
   for (const LabelMap* map : {&*first, &*second}) {
     ASSERT_EQ(map->layers.size(), 2u);
@@ -428,7 +428,7 @@ TEST_F(KeptPreparation, LabelsOnAnotherGridAreResampledOnce) {
     EXPECT_EQ(map->segments[2].name, labels.segments[2].name);
   }
   forge_the_entry(folder_ / "cache");
-  EXPECT_NE(kept_resampled(labels, grid, {})->layers[1].voxels(), plain->layers[1].voxels());
+  EXPECT_NE(cached_resampled(labels, grid, {})->layers[1].voxels(), plain->layers[1].voxels());
 }
 
 // Random payloads with a valid checksum either give a result of the right shape or are treated as a miss; no
@@ -443,11 +443,11 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
   const std::vector<LabelId> structures{1, 2, 3};
   const std::vector<RampStructure> ramps{{1, 1.5, {}}, {2, 1.5, {}}, {3, 0.5, {1, 2}}};
   const auto all = [&] {
-    const KeptPreparing kept_parts;
+    const CachedPreparation kept_parts;
     const auto field = kept_parts.ramps(labels, ramps, {}, {});
     const auto touching = kept_parts.touching_pairs(labels, structures, {});
     const auto surfaces = kept_parts.outer_surfaces(labels, {structures}, {.reach_mm = 1}, {});
-    const auto smooth = kept_smooth(Volume<std::uint8_t>(labels.geometry(), 5), {}, {});
+    const auto smooth = cached_smooth(Volume<std::uint8_t>(labels.geometry(), 5), {}, {});
     PALPATE_CHECK(field.ok() && touching.ok() && surfaces.ok() && smooth.ok());
     EXPECT_EQ(field->field.geometry().voxel_count(), labels.geometry().voxel_count());
     EXPECT_LE(field->structures.size(), ramps.size());

@@ -45,7 +45,7 @@ std::string in_words(const LabelPlacement& placement) {
   return text;
 }
 
-std::string doubt_of(const LabelPlacement& placement) {
+std::string placement_warning(const LabelPlacement& placement) {
   if (placement.share() >= kDoubtedBelow) return "";
   return "only " + in_words(placement) +
          ": the scan may be another one's, or show a part of what is labelled";

@@ -52,8 +52,8 @@ TEST(LabelPlacement, IsToldDoubtedAndRefused) {
   const LabelPlacement all{1000, 1000}, most{1000, 999}, some{1000, 940}, few{1000, 499};
   EXPECT_EQ(in_words(all), "100.0 % of the labelled voxels lie inside the scan");
   EXPECT_EQ(in_words(LabelPlacement{100000, 99999}), "99.9 % of the labelled voxels lie inside the scan");
-  EXPECT_EQ(doubt_of(most), "");
-  EXPECT_THAT(doubt_of(some), HasSubstr("only 94.0 %"));
+  EXPECT_EQ(placement_warning(most), "");
+  EXPECT_THAT(placement_warning(some), HasSubstr("only 94.0 %"));
   EXPECT_TRUE(check_placement(some, "labels.nii", false));
   const auto refused = check_placement(few, "labels.nii", false);
   ASSERT_FALSE(refused);

@@ -114,7 +114,7 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
     const bool cropped = placing.scan_is_cropped || palpate::placing().scan_is_cropped;
     if (auto together = check_placement(*files.volumes.label_placement, *labels_file, cropped); !together)
       return together.error();
-    put_doubt(doubt_of(*files.volumes.label_placement), warn, files.volumes);
+    put_doubt(placement_warning(*files.volumes.label_placement), warn, files.volumes);
   }
   if (scan) put_doubt(doubt_of_file("The scan", scan->header), {}, files.volumes);
   if (labels) put_doubt(doubt_of_file("The label map", labels->header), {}, files.volumes);
@@ -137,7 +137,7 @@ Result<ReadScene> read_phantom(const std::string& what, const Progress& progress
   auto scene = scene_of_phantom(name, *parameters);
   if (!scene) return scene.error();
   prepare_by(preparation, scene->preparation);
-  auto phantom = kept_phantom(*parameters, progress);
+  auto phantom = cached_phantom(*parameters, progress);
   if (!phantom) return phantom.error();
   return ReadScene{
       *std::move(scene),
@@ -270,12 +270,12 @@ Placing placing_of(const Scene& scene) {
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
                                            const Warn& warn, std::optional<PreparationMethod> preparation,
-                                           const Foretell& foretell, std::optional<int> volume,
+                                           const MemoryCallback& report_memory, std::optional<int> volume,
                                            const std::optional<std::filesystem::path>& labels) {
   auto read = read_scene_or_data_set(what, labels, volume, progress, warn, preparation);
   if (!read) return read.error();
   const auto placement = read->volumes.label_placement;
-  auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
+  auto model = build_model(read->scene, std::move(read->volumes), progress, warn, report_memory);
   if (!model) return model.error();
   return LoadedScene{std::move(read->scene),     *std::move(model), std::move(read->data_set),
                      std::move(read->proposed),  placement,         std::move(read->origin_of_names),
@@ -289,7 +289,7 @@ Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const M
   std::optional<LabelMap>& labels = read->volumes.labels;
   const GridGeometry& grid = model.labels->geometry();
   if (!labels || labels->geometry().same_grid(grid)) return std::move(labels);
-  auto moved = kept_resampled(*labels, grid, progress);
+  auto moved = cached_resampled(*labels, grid, progress);
   if (!moved) return moved.error();
   return std::optional(*std::move(moved));
 }

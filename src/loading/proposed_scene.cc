@@ -62,15 +62,15 @@ Result<ProposedScene> propose_scene(const NewSceneInput& input) {
   return ProposedScene{*std::move(scene), std::move(note)};
 }
 
-bool is_anything_felt(const Model& model) {
+bool has_touchable_tissue(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   for (std::size_t label = 0; label < voxels.size(); ++label)
     if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label))) return true;
   return false;
 }
 
-Result<void> check_felt(const LoadedScene& loaded) {
-  if (is_anything_felt(*loaded.model)) return {};
+Result<void> require_touchable_tissue(const LoadedScene& loaded) {
+  if (has_touchable_tissue(*loaded.model)) return {};
   const bool switched_off = loaded.model->greatest_stiffness_N_per_mm() <= 0;
   std::string remedy =
       loaded.proposed.empty()

@@ -34,21 +34,21 @@ struct Cloud {
 using Tree =
     nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, 3, std::size_t>;
 
-struct Foot {
+struct SurfaceProjection {
   double distance_mm = 0;   // to the nearest point; positive outside
   double height_mm = 0;     // above the tangent plane there
   Eigen::Vector3d outward;  // normal of the tangent plane
 };
 
-std::optional<Foot> foot_by_field(const Surface& surface, const Eigen::Vector3d& x) {
+std::optional<SurfaceProjection> project_by_field(const Surface& surface, const Eigen::Vector3d& x) {
   const FieldSample here = sample_central_differences(surface.position(), Point<Patient>(x));
   const double slope = here.gradient.norm();
   // beyond its reach the distance field is constant
   if (slope < 0.5) return {};
-  return Foot{here.value / slope, here.value / slope, here.gradient.eigen() / slope};
+  return SurfaceProjection{here.value / slope, here.value / slope, here.gradient.eigen() / slope};
 }
 
-Cloud places_on(const Surface& surface) {
+Cloud sample_surface(const Surface& surface) {
   Cloud cloud;
   const Volume<float> values = surface.position().values();
   const GridGeometry& grid = values.geometry();
@@ -59,7 +59,7 @@ Cloud places_on(const Surface& surface) {
       for (int i = 0; i < grid.dims[0]; ++i) {
         if (std::abs(values.at(i, j, k)) > near_mm) continue;
         const Eigen::Vector3d x = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
-        const auto foot = foot_by_field(surface, x);
+        const auto foot = project_by_field(surface, x);
         if (!foot) continue;
         cloud.places.push_back(x - foot->distance_mm * foot->outward);
         cloud.outward.push_back(foot->outward);
@@ -69,7 +69,7 @@ Cloud places_on(const Surface& surface) {
 
 struct Fit {
   Transform<Patient, Tracker> X;
-  std::vector<Foot> feet;
+  std::vector<SurfaceProjection> feet;
   std::vector<bool> counts;
   double rms_mm = 0;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // centroid of the untrimmed points
@@ -82,7 +82,7 @@ class Fitter {
  public:
   Fitter(const Surface& surface, std::span<const Point<Tracker>> touched,
          const SurfaceRegistrationOptions& options)
-      : surface_(surface), touched_(touched), options_(options), cloud_(places_on(surface)) {
+      : surface_(surface), touched_(touched), options_(options), cloud_(sample_surface(surface)) {
     if (!cloud_.places.empty()) tree_.emplace(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16));
   }
   bool is_empty() const { return cloud_.places.empty(); }
@@ -108,9 +108,9 @@ class Fitter {
   }
 
  private:
-  Foot foot_of(const Eigen::Vector3d& x, bool by_field) const {
+  SurfaceProjection foot_of(const Eigen::Vector3d& x, bool by_field) const {
     if (by_field)
-      if (const auto foot = foot_by_field(surface_, x)) return *foot;
+      if (const auto foot = project_by_field(surface_, x)) return *foot;
     std::size_t nearest = 0;
     double square = 0;
     nanoflann::KNNResultSet<double, std::size_t> found(1);
@@ -226,7 +226,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
              out.rms_mm, options.max_rms_mm),
         "look whether it is that structure and that side of the patient, and begin nearer: with points that "
         "the scan shows");
-  const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const Foot& foot) {
+  const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const SurfaceProjection& foot) {
     return std::abs(foot.distance_mm) > options.far_mm;
   });
   if (static_cast<double>(far) > options.max_far * static_cast<double>(touched.size()))

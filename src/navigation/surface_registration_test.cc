@@ -49,7 +49,8 @@ Surface surface_of(const Distance& distance) {
   return Surface(field, field, 1);
 }
 
-std::vector<Point<Patient>> places_on(const Distance& distance, std::size_t count, std::mt19937& random) {
+std::vector<Point<Patient>> sample_surface(const Distance& distance, std::size_t count,
+                                           std::mt19937& random) {
   std::vector<Point<Patient>> places;
   while (places.size() < count) {
     Eigen::Vector3d x;
@@ -95,7 +96,7 @@ TEST(RegisterToSurface, ComesBackFromTenDegreesAndTenMillimetres) {
   const Surface surface = surface_of(rods);
   for (int turn = 0; turn < 12; ++turn) {
     SCOPED_TRACE("seed " + std::to_string(test::test_seed()) + ", turn " + std::to_string(turn));
-    const Case of = away_from(places_on(rods, 60, random), 0, random);
+    const Case of = away_from(sample_surface(rods, 60, random), 0, random);
     const auto found = register_to_surface(surface, of.touched, of.start);
     ASSERT_TRUE(found) << found.error().message();
     EXPECT_LT(max_off_mm(*found, of), 0.1);
@@ -109,7 +110,7 @@ TEST(RegisterToSurface, HandsThatShakeAndSlipAndABallThatTouches) {
   for (int turn = 0; turn < 6; ++turn) {
     SCOPED_TRACE("seed " + std::to_string(test::test_seed()) + ", turn " + std::to_string(turn));
     // centre of a ball of 1.5 mm
-    auto places = places_on([](const Eigen::Vector3d& x) { return rods(x) - 1.5; }, 120, random);
+    auto places = sample_surface([](const Eigen::Vector3d& x) { return rods(x) - 1.5; }, 120, random);
     Case of = away_from(places, 0.15, random);
     std::vector<std::size_t> slipped;
     for (std::size_t n = 0; n < of.touched.size(); n += 12) {
@@ -132,16 +133,16 @@ TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
     return found ? std::string("accepted") : found.error().message();
   };
   const Distance ball = [](const Eigen::Vector3d& x) { return x.norm() - 20; };
-  EXPECT_THAT(refused(ball, places_on(ball, 60, random)), HasSubstr("leave open a turn about"));
+  EXPECT_THAT(refused(ball, sample_surface(ball, 60, random)), HasSubstr("leave open a turn about"));
   const Distance rod = [](const Eigen::Vector3d& x) { return capsule(x, {-100, 0, 0}, {100, 0, 0}, 9); };
-  EXPECT_THAT(refused(rod, places_on(rod, 60, random)), HasSubstr("leave open a"));
-  auto mirrored = places_on(rods, 60, random);
+  EXPECT_THAT(refused(rod, sample_surface(rod, 60, random)), HasSubstr("leave open a"));
+  auto mirrored = sample_surface(rods, 60, random);
   for (auto& place : mirrored) place = {-place.x(), place.y(), place.z()};
   EXPECT_THAT(refused(rods, mirrored),
               AnyOf(HasSubstr("do not fit the surface"), HasSubstr("farther than 5 mm")));
   mirrored.resize(11);
   EXPECT_THAT(refused(rods, mirrored), HasSubstr("12 points at least, and there are 11"));
-  EXPECT_THAT(refused([](const Eigen::Vector3d&) { return 4.0; }, places_on(rods, 20, random)),
+  EXPECT_THAT(refused([](const Eigen::Vector3d&) { return 4.0; }, sample_surface(rods, 20, random)),
               HasSubstr("no surface"));
 }
 

@@ -11,7 +11,7 @@ constexpr double kMaxGap_s = 0.25;
 
 }  // namespace
 
-TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
+TouchDetector::State TouchDetector::see(const Point<Tracker>& tip, double time_s) {
   if (!seen_.empty() && time_s - seen_.back().time_s > kMaxGap_s) seen_.clear();
   seen_.push_back({tip, time_s});
   // keep the last sample older than hold_s: the tip has been held since then
@@ -19,7 +19,7 @@ TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
 
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Seen& each : seen_) mean += each.tip.eigen() / static_cast<double>(seen_.size());
-  HeldPlace place{Point<Tracker>(mean), 0, seen_.size()};
+  TouchedPoint place{Point<Tracker>(mean), 0, seen_.size()};
   double most = 0, squares = 0;
   for (const Seen& each : seen_) {
     const double away = (each.tip - place.at).norm();
@@ -32,7 +32,7 @@ TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
     seen_.erase(seen_.begin(), seen_.end() - 1);
     return State::kMoving;
   }
-  const auto is_near = [&](const HeldPlace& before) {
+  const auto is_near = [&](const TouchedPoint& before) {
     return (before.at - place.at).norm() < settings_.apart_mm;
   };
   if (std::any_of(taken_.begin(), taken_.end(), is_near)) return State::kTooNear;
@@ -43,7 +43,7 @@ TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
   return State::kTaken;
 }
 
-void TouchTaker::undo() {
+void TouchDetector::undo() {
   if (taken_.empty()) return;
   taken_.pop_back();
   seen_.clear();

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-using State = TouchTaker::State;
+using State = TouchDetector::State;
 
 /// A tip tracked at 50 Hz.
 class Touches : public ::testing::Test {
@@ -26,7 +26,7 @@ class Touches : public ::testing::Test {
     return last;
   }
   std::mt19937 random_{test::test_seed()};
-  TouchTaker taker_;
+  TouchDetector taker_;
   double time_s_ = 0;
 };
 
@@ -47,7 +47,7 @@ TEST_F(Touches, AreTakenWhereTheTipIsHeldForASecond) {
 TEST_F(Touches, AreTheMeanOfTheirPosesAndSayHowFarThoseLieApart) {
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   ASSERT_EQ(hold({10, 20, 30}, 1.3, 0.1), State::kTaken);
-  const HeldPlace& place = taker_.taken().back();
+  const TouchedPoint& place = taker_.taken().back();
   EXPECT_LT((place.at - Point<Tracker>(10, 20, 30)).norm(), 0.1);
   EXPECT_NEAR(place.held_mm, 0.1 * std::sqrt(3), 0.05);
   EXPECT_NEAR(static_cast<double>(place.poses), 51, 1);

@@ -242,7 +242,7 @@ class OpenHapticsDriver::Core {
         return refused(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
       }
       describe(units_[d]);
-      auto ready = take_what_is_held(units_[d]);
+      auto ready = subtract_attached_weight(units_[d]);
       if (ready) ready = prepare(units_[d]);
       if (!ready) {
         disable_all();
@@ -342,7 +342,7 @@ class OpenHapticsDriver::Core {
     drain(library);
   }
   /// Reduces the force limits by the weight of the attached mass.
-  Result<void> take_what_is_held(HdUnit& unit) const {
+  Result<void> subtract_attached_weight(HdUnit& unit) const {
     DeviceInfo& info = unit.info;
     unit.max_N = info.peak_force_N;
     if (!settings_.held_mass_kg) return {};

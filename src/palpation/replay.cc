@@ -188,7 +188,7 @@ Result<void> Replayer::advance_to(const TickRecord& recorded) {
       if (!ready) return ready.error();
       model_.felt = *std::move(ready);
     }
-    auto changed = next_version(model_, change, changes_.front().cuts, progress_, *kept_preparing());
+    auto changed = next_version(model_, change, changes_.front().cuts, progress_, *cached_preparation());
     if (!changed) return changed.error();
     model_ = *std::move(changed);
     changes_.pop_front();

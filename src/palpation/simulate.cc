@@ -20,7 +20,7 @@ constexpr double kMaxSeconds = 3600;
 Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress) {
-  if (auto felt = check_felt(loaded); !felt) return felt.error();
+  if (auto felt = require_touchable_tissue(loaded); !felt) return felt.error();
   auto setup = set_up_run(loaded, script, options, progress);
   if (!setup) return setup.error();
   const Model& model = *setup->model;  // model at the beginning of the run

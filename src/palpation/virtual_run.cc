@@ -88,7 +88,7 @@ void VirtualRun::change_law(TissueLaw law) {
   law_led_to_ = model_->version;
   if (law == model_->tissue_law) return;
   const ModelChange change = change_of_law(*model_, law);
-  auto next = next_version({model_, model_}, change, {}, progress_, *kept_preparing());
+  auto next = next_version({model_, model_}, change, {}, progress_, *cached_preparation());
   law_led_to_ = next ? change.version : 0;
   if (!next) return;
   model_ = std::move(next->felt);

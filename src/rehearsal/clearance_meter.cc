@@ -23,12 +23,12 @@ ClearanceMeter::ClearanceMeter(const std::vector<StructureDistance>& distances,
   }
 }
 
-void ClearanceMeter::see(const SeenTick& now) {
+void ClearanceMeter::see(const MeterInput& now) {
   for (Structure& structure : structures_) see(now, structure);
 }
 
-void ClearanceMeter::see(const SeenTick& now, Structure& structure) {
-  StructureApproach& approach = structure.approach;
+void ClearanceMeter::see(const MeterInput& now, Structure& structure) {
+  StructureClearance& approach = structure.approach;
   float& in_part = approach.over_time_mm[now.part];
   // Beyond the surface's own distance field the clearance changes by at most the displacement of the head. It
   // is not evaluated while it cannot be a new minimum and no required clearance is at stake.
@@ -52,15 +52,16 @@ void ClearanceMeter::see(const SeenTick& now, Structure& structure) {
   follow_breach(now, gap, structure);
 }
 
-void ClearanceMeter::follow_breach(const SeenTick& now, double gap, Structure& structure) {
-  StructureApproach& approach = structure.approach;
+void ClearanceMeter::follow_breach(const MeterInput& now, double gap, Structure& structure) {
+  StructureClearance& approach = structure.approach;
   if (!approach.asked_mm || gap >= *approach.asked_mm) return end_breach(structure);
   if (!structure.breach) {
-    structure.breach = DistanceBreach{approach.label, *approach.asked_mm, gap, now.place, now.place, 0, 0};
+    structure.breach =
+        ClearanceViolation{approach.label, *approach.asked_mm, gap, now.place, now.place, 0, 0};
   } else {
     approach.below_s += now.dt_s;
   }
-  DistanceBreach& breach = *structure.breach;
+  ClearanceViolation& breach = *structure.breach;
   breach.last_tick = now.place.tick;
   breach.end_s = now.place.time_s;
   if (gap < breach.nearest_mm) {
@@ -83,7 +84,7 @@ void ClearanceMeter::finish(PlanComparison& to) {
     end_breach(structure);
     to.approaches.push_back(std::move(structure.approach));
   }
-  std::ranges::stable_sort(breaches_, {}, [](const DistanceBreach& breach) { return breach.begin.tick; });
+  std::ranges::stable_sort(breaches_, {}, [](const ClearanceViolation& breach) { return breach.begin.tick; });
   to.breaches = std::move(breaches_);
   to.more_breaches = more_breaches_;
 }

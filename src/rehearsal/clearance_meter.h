@@ -16,25 +16,25 @@ class ClearanceMeter {
   ClearanceMeter(const std::vector<StructureDistance>& distances, const std::map<LabelId, double>& asked_mm,
                  std::size_t parts);
 
-  void see(const SeenTick& now);
+  void see(const MeterInput& now);
   void finish(PlanComparison& to);
 
  private:
   struct Structure {
     const StructureDistance* distance;
-    StructureApproach approach;
-    std::optional<DistanceBreach> breach;  // breach in progress
+    StructureClearance approach;
+    std::optional<ClearanceViolation> breach;  // breach in progress
     // state of the last evaluated tick
     bool known = false;
     ToolHead head;
     double gap_mm = 0;
   };
-  void see(const SeenTick& now, Structure& structure);
-  void follow_breach(const SeenTick& now, double gap_mm, Structure& structure);
+  void see(const MeterInput& now, Structure& structure);
+  void follow_breach(const MeterInput& now, double gap_mm, Structure& structure);
   void end_breach(Structure& structure);
 
   std::vector<Structure> structures_;
-  std::vector<DistanceBreach> breaches_;
+  std::vector<ClearanceViolation> breaches_;
   std::uint64_t more_breaches_ = 0;
 };
 

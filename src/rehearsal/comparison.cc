@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 /// Decimated path of the tip: keeps every tick, then every second, fourth, eighth ... as it grows.
-class ThinnedWay {
+class DecimatedPath {
  public:
   void see(const Point<Patient>& at) {
     last_ = at;
@@ -63,7 +63,7 @@ class RunMeter {
 
     const DeviceTick& device = tick.device[device_];
     see_turn(device);
-    const SeenTick now{
+    const MeterInput now{
         {tick.tick, time_s_ - begun_s_, tip_of(tool_, device)},
         head_of(model_, tool_, tick, device),
         dt_s,
@@ -71,7 +71,7 @@ class RunMeter {
         &device,
         shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
     if (!now.place.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
-      ++told_.without_place;
+      ++told_.invalid_ticks;
       return {};
     }
     clearance_.see(now);
@@ -109,7 +109,7 @@ class RunMeter {
   bool tells_turn_ = false;
   ClearanceMeter clearance_;
   std::vector<TrajectoryMeter> trajectories_;
-  ThinnedWay way_;
+  DecimatedPath way_;
   PlanComparison told_;
 };
 
@@ -124,7 +124,7 @@ double of_label(const VolumesByLabel& volumes, LabelId label) {
   return found != volumes.end() ? found->second : 0;
 }
 
-void tell_volumes(const PlannedVolumes& planned, const TakenVolumes& taken, PlanComparison& to) {
+void tell_volumes(const PlannedVolumes& planned, const RemovedVolumes& taken, PlanComparison& to) {
   for (std::size_t n = 0; n < planned.of_regions.size(); ++n)
     to.regions.push_back({sum_of(planned.of_regions[n]), sum_of(taken.in_plan.of_regions[n])});
   std::map<LabelId, StructureVolume> by_label;
@@ -139,15 +139,15 @@ void tell_volumes(const PlannedVolumes& planned, const TakenVolumes& taken, Plan
 
 }  // namespace
 
-const char* word_of(EntryMade made) {
+const char* word_of(EntryKind made) {
   switch (made) {
-    case EntryMade::kPassed:
+    case EntryKind::kPassed:
       return "passed";
-    case EntryMade::kTouched:
+    case EntryKind::kTouched:
       return "touched";
-    case EntryMade::kNearest:
+    case EntryKind::kNearest:
       return "nearest";
-    case EntryMade::kNone:
+    case EntryKind::kNone:
       break;
   }
   return "none";
@@ -155,8 +155,8 @@ const char* word_of(EntryMade made) {
 
 bool PlanComparison::kept() const {
   return ticks > 0 && !cut_short && missing_s == 0 &&
-         std::ranges::all_of(trajectories, [](const TrajectoryDone& done) { return done.kept(); }) &&
-         std::ranges::all_of(approaches, [](const StructureApproach& approach) { return approach.kept(); });
+         std::ranges::all_of(trajectories, [](const TrajectoryResult& done) { return done.kept(); }) &&
+         std::ranges::all_of(approaches, [](const StructureClearance& approach) { return approach.kept(); });
 }
 
 Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& model,
@@ -186,7 +186,7 @@ Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& m
   told.cut_short = !head.summary.has_value();
   const auto planned = planned_volumes(plan, model, progress);
   if (!planned) return planned.error();
-  tell_volumes(*planned, taken_volumes(plan, removal.removed()), told);
+  tell_volumes(*planned, removed_volumes(plan, removal.removed()), told);
   return told;
 }
 

@@ -75,7 +75,7 @@ const std::vector<StructureDistance>& ball_distances() {
 PlanInScene scene_plan(const std::string& text, const Model& model = ball()) {
   const auto plan = parse_plan("title = \"p\"\n" + text, "plan.toml");
   PALPATE_CHECK(plan.ok());
-  auto found = look_up_plan(*plan, model);
+  auto found = resolve_plan(*plan, model);
   PALPATE_CHECK(found.ok());
   return *std::move(found);
 }
@@ -121,11 +121,11 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
     PlanFile file;
     file.title = "p";
     file.trajectories.push_back({"t", entry, target, {"ball"}, 2, 1, 30, {}, 1});
-    const auto plan = look_up_plan(file, ball());
+    const auto plan = resolve_plan(file, ball());
     ASSERT_TRUE(plan) << plan.error().message();
     for (const double rate_hz : {1000.0, 4000.0}) {
-      const TrajectoryDone done = compared(*plan, run_along(way, rate_hz)).trajectories[0];
-      EXPECT_EQ(done.entry_made, EntryMade::kPassed);
+      const TrajectoryResult done = compared(*plan, run_along(way, rate_hz)).trajectories[0];
+      EXPECT_EQ(done.entry_made, EntryKind::kPassed);
       EXPECT_NEAR(done.entry_error_mm.value, (aside - entry).norm(), 0.02);
       EXPECT_EQ(done.entry_error_mm.kept(), done.entry_error_mm.value <= 2);
       // projection of the target onto the path
@@ -136,7 +136,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
       EXPECT_NEAR(done.lateral_mm, (off - axis * off.dot(axis)).norm(), 0.02);
       EXPECT_NEAR(done.angle_deg.value, angle_deg, 0.05);
       EXPECT_TRUE(done.angle_deg.kept());
-      EXPECT_LT(done.off_line_mm, 0.01);
+      EXPECT_LT(done.line_rms_mm, 0.01);
       EXPECT_NEAR(done.depth_mm, depth_mm * std::cos(angle_deg * kDegree), 0.03);
       EXPECT_NEAR(done.depth_error_mm.value, done.depth_mm - (target - entry).norm(), 1e-9);
       EXPECT_TRUE(done.depth_error_mm.kept());  // the plan has no depth tolerance
@@ -153,7 +153,7 @@ TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
   const auto in = [](double x, double z) { return Point<Patient>(x, 0, z); };
   const StraightWay way{{in(4, 40), in(4, 0), in(4, 40), in(1, 40), in(1, 12), in(1, 17), in(1, 9), in(1, 18),
                          in(1, 4), in(1, 40), in(-6, 40), in(-6, 9), in(-6, 40)}};
-  const TrajectoryDone done = compared(plan, run_along(way)).trajectories[0];
+  const TrajectoryResult done = compared(plan, run_along(way)).trajectories[0];
   EXPECT_NEAR(done.target_error_mm.value, 1, 0.01);
   EXPECT_NEAR(done.entry.at.x(), 1, 1e-6);
   EXPECT_NEAR(done.entry.at.z(), std::sqrt(15 * 15 - 1), 0.02);
@@ -176,8 +176,8 @@ entry_within = 1
   const Vector<Patient> turned = Vector<Patient>(0.1, 0, -1).normalized();
   const Point<Patient> beside = Point<Patient>(2, 0, 15);
   const StraightWay way{{{40, 0, 60}, beside - turned * 20, beside + turned * 8, {40, 0, 60}}};
-  const TrajectoryDone done = compared(plan, run_along(way)).trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryMade::kNearest);
+  const TrajectoryResult done = compared(plan, run_along(way)).trajectories[0];
+  EXPECT_EQ(done.entry_made, EntryKind::kNearest);
   EXPECT_NEAR(done.entry_error_mm.value, 2 * std::cos(std::atan(0.1)), 0.001);
   EXPECT_FALSE(done.kept());
   EXPECT_NEAR(done.angle_deg.value, std::atan(0.1) / kDegree, 0.05);
@@ -187,8 +187,8 @@ TEST(ComparePlan, WhatWasTouchedAloneOrNeverReached) {
   const PlanInScene plan = scene_plan(kStraightDown);
   const StraightWay way{{{3, 0, 40}, {3, 0, 16}, {3, 0, 40}}};
   Recording run = run_along(way);
-  TrajectoryDone done = compared(plan, run).trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryMade::kNone);
+  TrajectoryResult done = compared(plan, run).trajectories[0];
+  EXPECT_EQ(done.entry_made, EntryKind::kNone);
   EXPECT_TRUE(std::isnan(done.entry_error_mm.value));
   EXPECT_TRUE(std::isnan(done.angle_deg.value));
   EXPECT_TRUE(std::isnan(done.depth_mm));
@@ -202,7 +202,7 @@ TEST(ComparePlan, WhatWasTouchedAloneOrNeverReached) {
     tick.device[0].label = testing::kBone;
   }
   done = compared(plan, run).trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryMade::kTouched);
+  EXPECT_EQ(done.entry_made, EntryKind::kTouched);
   EXPECT_NEAR(done.entry_error_mm.value, std::hypot(3, 1.5), 0.03);
   // half a millimetre of path has no direction
   EXPECT_TRUE(std::isnan(done.angle_deg.value));
@@ -267,7 +267,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
       entered += below && !was_below;
       was_below = below;
     }
-    const StructureApproach& approach = made.approaches[s];
+    const StructureClearance& approach = made.approaches[s];
     EXPECT_EQ(approach.label, s == 0 ? testing::kBone : testing::kFat);
     EXPECT_NEAR(approach.nearest_mm, nearest, 1e-9);
     EXPECT_EQ(approach.nearest.tick, nearest_tick);
@@ -291,7 +291,7 @@ TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
   const PlanComparison made = compared(plan, run);
   ASSERT_EQ(made.breaches.size(), 3u);
   for (std::size_t n = 0; n < 3; ++n) {
-    const DistanceBreach& breach = made.breaches[n];
+    const ClearanceViolation& breach = made.breaches[n];
     const double turn = static_cast<double>(n);
     // 5 + 4 cos < 3 from one third to two thirds of each period
     EXPECT_NEAR(breach.begin.time_s, turn + 1.0 / 3, 0.002);
@@ -447,7 +447,7 @@ TEST(ComparePlan, WhatNobodySawIsNotKept) {
   EXPECT_FALSE(compared(plan, gap).kept());
   Recording blind = run;
   for (std::size_t n = 100; n < 200; ++n) blind.ticks[n].device[0].tip_patient_mm[1] = kNotKnown;
-  EXPECT_EQ(compared(plan, blind).without_place, 100u);
+  EXPECT_EQ(compared(plan, blind).invalid_ticks, 100u);
   EXPECT_NEAR(compared(plan, blind).trajectories[0].target_error_mm.value, 0, 1e-9);
 
   const auto refused = [&](const Recording& bad, std::size_t device = 0) {

@@ -106,7 +106,7 @@ std::uint64_t RegionInPlan::places_in(const GridGeometry& grid, int i, int j, in
   return in;
 }
 
-Result<PlanInScene> look_up_plan(const PlanFile& plan, const Model& model) {
+Result<PlanInScene> resolve_plan(const PlanFile& plan, const Model& model) {
   if (model.labels == nullptr)
     return Error{ErrorKind::kBadInput, "the scene has no label map, and a plan is of structures", plan.source,
                  "give the scene labels = \"...\" in [data]"};
@@ -162,7 +162,7 @@ Result<PlannedVolumes> planned_volumes(const PlanInScene& plan, const Model& mod
   return counts.mm3(grid);
 }
 
-TakenVolumes taken_volumes(const PlanInScene& plan, const RemovedVolume& removed) {
+RemovedVolumes removed_volumes(const PlanInScene& plan, const RemovedVolume& removed) {
   const GridGeometry& grid = removed.geometry();
   PlanCounts counts(plan);
   PlaceCounts outside;

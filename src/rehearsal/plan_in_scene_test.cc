@@ -51,7 +51,7 @@ across = "left"
 
 TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
   const Model model = testing::ball_model({0.7, 0.6, 0.8});
-  const auto plan = look_up_plan(plan_of(kThreeShapes), model);
+  const auto plan = resolve_plan(plan_of(kThreeShapes), model);
   ASSERT_TRUE(plan) << plan.error().message();
   const PlanTrajectory& t = plan->file.trajectories[0];
   const auto volumes = planned_volumes(*plan, model);
@@ -97,7 +97,7 @@ TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
 
 TEST(PlanInScene, ARegionIsOfWhatABurrCanTake) {
   Model model = testing::ball_model({1, 1, 1}, 1, 2);
-  const auto plan = look_up_plan(plan_of(R"([[region]]
+  const auto plan = resolve_plan(plan_of(R"([[region]]
 name = "shell"
 structures = ["shell"]
 [[region]]
@@ -125,7 +125,7 @@ structures = ["shell", "ball", "fat"]
 TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {
   const Model model = testing::ball_model({1, 1, 1});
   const auto refused = [&](const std::string& text) {
-    const auto plan = look_up_plan(plan_of(text), model);
+    const auto plan = resolve_plan(plan_of(text), model);
     return plan ? "accepted" : plan.error().message();
   };
   EXPECT_THAT(refused("[[keep_away]]\nstructures = [\"bal\"]\ndistance = 2\n"),
@@ -136,7 +136,7 @@ TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {
   EXPECT_THAT(
       refused("[[trajectory]]\nname = \"t\"\nentry = [0,0,0]\ntarget = [0,0,9]\nenters = [\"shell\"]\n"),
       AllOf(HasSubstr("plan.toml:2: the structure \"shell\" has no voxel"), HasSubstr("name another one")));
-  const auto twice = look_up_plan(plan_of("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 2\n"
+  const auto twice = resolve_plan(plan_of("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 2\n"
                                           "[[keep_away]]\nstructures = [5, \"fat\"]\ndistance = 1\n"),
                                   model);
   ASSERT_TRUE(twice);
@@ -144,7 +144,7 @@ TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {
   Model bare = model;
   bare.labels = nullptr;
   EXPECT_THAT(
-      look_up_plan(plan_of("[[keep_away]]\nstructures = [5]\ndistance = 1\n"), bare).error().message(),
+      resolve_plan(plan_of("[[keep_away]]\nstructures = [5]\ndistance = 1\n"), bare).error().message(),
       HasSubstr("no label map"));
 }
 

@@ -6,8 +6,8 @@
 namespace palpate {
 
 /// Input of the meters of a comparison for one tick.
-struct SeenTick {
-  PlaceInRun place;  ///< Position of the tip
+struct MeterInput {
+  RunPoint place;  ///< Position of the tip
   ToolHead head;
   double dt_s = 0;       ///< Time since the previous tick; 0 for the first
   std::size_t part = 0;  ///< Interval of PlanComparison::times_s

@@ -21,12 +21,12 @@ double angle_between_deg(const Vector<Patient>& a, const Vector<Patient>& b) {
 }
 
 /// Interpolated point between two ticks.
-PlaceInRun between(const PlaceInRun& from, const PlaceInRun& to, double part) {
+RunPoint between(const RunPoint& from, const RunPoint& to, double part) {
   return {to.tick, from.time_s + part * (to.time_s - from.time_s), from.at + (to.at - from.at) * part};
 }
 
 /// Point of the segment between two ticks that is nearest to a given point.
-PlaceInRun nearest_between(const PlaceInRun& from, const PlaceInRun& to, const Point<Patient>& place) {
+RunPoint nearest_between(const RunPoint& from, const RunPoint& to, const Point<Patient>& place) {
   const Vector<Patient> way = to.at - from.at;
   const double squared = way.squared_norm();
   return between(from, to, squared > 0 ? std::clamp((place - from.at).dot(way) / squared, 0.0, 1.0) : 1.0);
@@ -61,7 +61,7 @@ TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool
 
 // Distance outside the structures' surface, or outside the plane through the planned entry perpendicular to
 // the trajectory. Far outside it may be any lower bound above the threshold.
-double TrajectoryMeter::outside_mm(const SeenTick& now) {
+double TrajectoryMeter::outside_mm(const MeterInput& now) {
   if (surfaces_.empty()) return -along_mm(now.place.at);
   if (known_at_ && known_mm_ - (now.place.at - *known_at_).norm() > 2 * kClear_mm)
     return known_mm_ - (now.place.at - *known_at_).norm();
@@ -78,14 +78,14 @@ bool TrajectoryMeter::touches(const DeviceTick& device) const {
   return is_of_them(device.label) || std::ranges::any_of(device.contact_label, is_of_them);
 }
 
-void TrajectoryMeter::see(const SeenTick& now) {
+void TrajectoryMeter::see(const MeterInput& now) {
   const double outside = outside_mm(now);
   if (outside > kClear_mm)
-    end_way();
+    end_insertion();
   else
     look_for_entry(now, outside);
-  if (way_.made != EntryMade::kNone) go_on(now);
-  const PlaceInRun near = nearest_between(last_.value_or(now.place), now.place, planned_.target);
+  if (way_.made != EntryKind::kNone) go_on(now);
+  const RunPoint near = nearest_between(last_.value_or(now.place), now.place, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < nearest_mm_) {
     nearest_mm_ = mm;
     nearest_ = near;
@@ -94,36 +94,36 @@ void TrajectoryMeter::see(const SeenTick& now) {
   last_outside_mm_ = outside;
 }
 
-void TrajectoryMeter::look_for_entry(const SeenTick& now, double outside) {
+void TrajectoryMeter::look_for_entry(const MeterInput& now, double outside) {
   if (surfaces_.empty()) {
-    const PlaceInRun near = nearest_between(last_.value_or(now.place), now.place, planned_.entry);
+    const RunPoint near = nearest_between(last_.value_or(now.place), now.place, planned_.entry);
     const double mm = (near.at - planned_.entry).norm();
     if (mm >= nearest_entry_mm_) return;
-    begin(EntryMade::kNearest, near);
+    begin(EntryKind::kNearest, near);
     nearest_entry_mm_ = mm;
-  } else if (way_.made != EntryMade::kPassed && outside <= 0) {
+  } else if (way_.made != EntryKind::kPassed && outside <= 0) {
     // near the surface the distance is interpolated linearly between ticks
     const bool came_from_outside = last_ && last_outside_mm_ > 0;
-    begin(EntryMade::kPassed,
+    begin(EntryKind::kPassed,
           came_from_outside ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
                             : now.place);
-  } else if (way_.made == EntryMade::kNone && touches(*now.device)) {
-    begin(EntryMade::kTouched, now.place);
+  } else if (way_.made == EntryKind::kNone && touches(*now.device)) {
+    begin(EntryKind::kTouched, now.place);
   }
 }
 
-void TrajectoryMeter::begin(EntryMade made, const PlaceInRun& entry) {
-  end_way();
+void TrajectoryMeter::begin(EntryKind made, const RunPoint& entry) {
+  end_insertion();
   way_.made = made;
   way_.entry = entry;
   way_.fitted_to = entry.at;
 }
 
-void TrajectoryMeter::go_on(const SeenTick& now) {
+void TrajectoryMeter::go_on(const MeterInput& now) {
   const Point<Patient>& at = now.place.at;
   // in the first segment only the part after the entry
-  const PlaceInRun& from = last_ && last_->time_s >= way_.entry.time_s ? *last_ : way_.entry;
-  const PlaceInRun near = nearest_between(from, now.place, planned_.target);
+  const RunPoint& from = last_ && last_->time_s >= way_.entry.time_s ? *last_ : way_.entry;
+  const RunPoint near = nearest_between(from, now.place, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < way_.nearest_mm) {
     way_.nearest_mm = mm;
     way_.nearest = near;
@@ -141,20 +141,20 @@ void TrajectoryMeter::go_on(const SeenTick& now) {
   way_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNotKnown;
 }
 
-void TrajectoryMeter::end_way() {
-  if (way_.made != EntryMade::kNone && way_.nearest_mm <= best_.nearest_mm) best_ = way_;
+void TrajectoryMeter::end_insertion() {
+  if (way_.made != EntryKind::kNone && way_.nearest_mm <= best_.nearest_mm) best_ = way_;
   way_ = Way();
   nearest_entry_mm_ = std::numeric_limits<double>::infinity();
 }
 
-TrajectoryDone TrajectoryMeter::finish(bool tells_turn) {
-  end_way();
-  TrajectoryDone done;
+TrajectoryResult TrajectoryMeter::finish(bool reports_orientation) {
+  end_insertion();
+  TrajectoryResult done;
   done.entry_error_mm.allowed = planned_.entry_within_mm;
   done.target_error_mm.allowed = planned_.target_within_mm;
   done.angle_deg.allowed = planned_.angle_within_deg;
   done.depth_error_mm.allowed = planned_.depth_within_mm;
-  const bool made = best_.made != EntryMade::kNone;
+  const bool made = best_.made != EntryKind::kNone;
   done.entry_made = best_.made;
   done.nearest = made ? best_.nearest : nearest_;
   if (last_) {
@@ -170,14 +170,14 @@ TrajectoryDone TrajectoryMeter::finish(bool tells_turn) {
   done.deepest = best_.deepest;
   done.depth_mm = (best_.deepest.at - best_.entry.at).dot(axis_);
   done.depth_error_mm.value = done.depth_mm - planned_.length_mm();
-  if (tells_turn) done.shaft_deg = best_.shaft_deg;
+  if (reports_orientation) done.shaft_deg = best_.shaft_deg;
   const Vector<Patient> chord = best_.deepest.at - best_.entry.at;
   if (chord.norm() < kMinFitted_mm || best_.to_deepest.length_mm() < kMinFitted_mm) return done;
   const LineFit::Line line = best_.to_deepest.line();
   Vector<Patient> direction(line.direction);
   if (direction.dot(chord) < 0) direction = -direction;
   done.angle_deg.value = angle_between_deg(direction, axis_);
-  done.off_line_mm = line.off_mm;
+  done.line_rms_mm = line.off_mm;
   return done;
 }
 

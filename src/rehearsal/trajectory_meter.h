@@ -29,7 +29,7 @@ class LineFit {
   Eigen::Matrix3d squares_ = Eigen::Matrix3d::Zero();
 };
 
-/// Measures the execution of one trajectory (TrajectoryDone).
+/// Measures the execution of one trajectory (TrajectoryResult).
 class TrajectoryMeter {
  public:
   /// @param enters     structures by LabelId; empty: the entry is a free point
@@ -37,15 +37,15 @@ class TrajectoryMeter {
   TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,
                   const std::vector<StructureDistance>& distances);
 
-  void see(const SeenTick& now);
-  /// @param tells_turn  whether the device reports an orientation
-  TrajectoryDone finish(bool tells_turn);
+  void see(const MeterInput& now);
+  /// @param reports_orientation  whether the device reports an orientation
+  TrajectoryResult finish(bool reports_orientation);
 
  private:
   // one insertion, from its entry on
   struct Way {
-    EntryMade made = EntryMade::kNone;
-    PlaceInRun entry, nearest, deepest;
+    EntryKind made = EntryKind::kNone;
+    RunPoint entry, nearest, deepest;
     double nearest_mm = std::numeric_limits<double>::infinity();
     // along the trajectory, from the planned entry
     double deepest_mm = -std::numeric_limits<double>::infinity();
@@ -53,12 +53,12 @@ class TrajectoryMeter {
     LineFit fit, to_deepest;
     Point<Patient> fitted_to;
   };
-  double outside_mm(const SeenTick& now);
+  double outside_mm(const MeterInput& now);
   bool touches(const DeviceTick& device) const;
-  void look_for_entry(const SeenTick& now, double outside_mm);
-  void begin(EntryMade made, const PlaceInRun& entry);
-  void go_on(const SeenTick& now);
-  void end_way();
+  void look_for_entry(const MeterInput& now, double outside_mm);
+  void begin(EntryKind made, const RunPoint& entry);
+  void go_on(const MeterInput& now);
+  void end_insertion();
   double along_mm(const Point<Patient>& at) const { return (at - planned_.entry).dot(axis_); }
 
   PlanTrajectory planned_;
@@ -69,9 +69,9 @@ class TrajectoryMeter {
   // without structures: of the current insertion
   double nearest_entry_mm_ = std::numeric_limits<double>::infinity();
   // without any insertion: closest approach of the run to the target
-  PlaceInRun nearest_;
+  RunPoint nearest_;
   double nearest_mm_ = std::numeric_limits<double>::infinity();
-  std::optional<PlaceInRun> last_;
+  std::optional<RunPoint> last_;
   double last_outside_mm_ = 0;
   // last evaluated distance outside, and its point
   std::optional<Point<Patient>> known_at_;

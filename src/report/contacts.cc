@@ -126,7 +126,7 @@ void BeneathMeter::see(const TimedTick& now) {
       if (label == 0 || label == device.label || !std::isfinite(given_N)) continue;
       const auto [found, added] = place_.emplace(label, figures_.size());
       if (added) figures_.push_back({.label = label});
-      BeneathFigures& figures = figures_[found->second];
+      DeepFigures& figures = figures_[found->second];
       figures.time_s += now.end_s - now.begin_s;
       figures.peak_force_N = std::max(figures.peak_force_N, given_N);
       figures.max_depth_mm = std::fmax(figures.max_depth_mm, device.felt_depth_mm[n]);

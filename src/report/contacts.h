@@ -94,7 +94,7 @@ class StructureMeter {
 };
 
 /// Force contribution of a structure beneath the touched one, over the whole run.
-struct BeneathFigures {
+struct DeepFigures {
   LabelId label = 0;
   double time_s = 0;
   double peak_force_N = 0;  ///< Largest contribution: its share of the force sent
@@ -107,11 +107,11 @@ class BeneathMeter {
   explicit BeneathMeter(int devices) : devices_(devices) {}
   void see(const TimedTick& now);
   /// Call after the last tick. Structures in the order of their first contribution.
-  std::vector<BeneathFigures> finish() { return std::move(figures_); }
+  std::vector<DeepFigures> finish() { return std::move(figures_); }
 
  private:
   int devices_;
-  std::vector<BeneathFigures> figures_;
+  std::vector<DeepFigures> figures_;
   std::map<LabelId, std::size_t> place_;
 };
 

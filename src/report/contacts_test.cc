@@ -143,7 +143,7 @@ TEST(Contacts, WhatIsFeltBeneathWhatIsTouchedIsCountedByItself) {
   run.recording.ticks[11].device[0].felt_depth_mm[1] = kNotKnown;
   BeneathMeter meter(1);
   see_all(run.recording, [&](const TimedTick& now) { meter.see(now); });
-  const std::vector<BeneathFigures> figures = meter.finish();
+  const std::vector<DeepFigures> figures = meter.finish();
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_EQ(figures[0].label, 6);
   EXPECT_NEAR(figures[0].time_s, 0.099, 1e-9);

@@ -375,7 +375,7 @@ distance = 2
 )",
                                "plan.toml");
   PALPATE_CHECK(file.ok());
-  auto found = look_up_plan(*file, model);
+  auto found = resolve_plan(*file, model);
   PALPATE_CHECK(found.ok());
   return *std::move(found);
 }

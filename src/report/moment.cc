@@ -63,7 +63,7 @@ class RecentTips {
 };
 
 /// The model with its labels displaced by the deformation.
-std::shared_ptr<const Model> where_tissue_went(const Model& model, const DisplacedTissue& yielded) {
+std::shared_ptr<const Model> displaced_model(const Model& model, const DisplacedTissue& yielded) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
   const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
@@ -84,7 +84,7 @@ void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
     moment.dent_mm[static_cast<std::size_t>(device)] =
         yielded.moved_mm(Point<Patient>(leans[0], leans[1], leans[2]));
   }
-  moment.left = where_tissue_went(under, yielded);
+  moment.left = displaced_model(under, yielded);
 }
 
 /// Stops reading once all required ticks were read.
@@ -138,7 +138,7 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
                  "choose one of a run that went on for a while"};
   moment.ways = tips.ways();
   const report::RemovalFigures figures = removal.finish();
-  moment.left = report::model_left(model, figures.changes, moment.time_s);
+  moment.left = report::model_after_removal(model, figures.changes, moment.time_s);
   show_yielding(model, laws.at(moment.tick.model_version), moment);
   return moment;
 }

@@ -181,7 +181,7 @@ std::string draw_letters(const SectionPlane& plane) {
 
 }  // namespace
 
-void WayFollower::see(const TimedTick& now) {
+void PathRecorder::see(const TimedTick& now) {
   if (now.begin_s < contact_.begin_s - kWayMargin_s || now.begin_s > contact_.end_s + kWayMargin_s) return;
   const DeviceTick& device = now.tick.device[contact_.device];
   const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
@@ -200,7 +200,7 @@ void WayFollower::see(const TimedTick& now) {
   if (++points_ >= kMaxWayPoints) thin_out();
 }
 
-void WayFollower::thin_out() {
+void PathRecorder::thin_out() {
   step_ *= 2;
   points_ = 0;
   for (Way& way : ways_) {

@@ -24,9 +24,9 @@ struct Way {
 /// ends. Long paths are decimated to every second, fourth, eighth ... point, so that there are at most
 /// kMaxWayPoints.
 inline constexpr std::size_t kMaxWayPoints = 20'000;
-class WayFollower {
+class PathRecorder {
  public:
-  explicit WayFollower(const Contact& contact) : contact_(contact) {}
+  explicit PathRecorder(const Contact& contact) : contact_(contact) {}
   void see(const TimedTick& now);
   std::vector<Way> finish() { return std::move(ways_); }
 

@@ -98,7 +98,7 @@ Contact first_contact(const Recording& recording) {
 }
 
 std::vector<Way> way_around(const Recording& recording, const Contact& contact) {
-  WayFollower follower(contact);
+  PathRecorder follower(contact);
   see_ways(recording, [&](const TimedTick& now) { follower.see(now); });
   return follower.finish();
 }

@@ -24,50 +24,50 @@ std::string kept_text(bool is_asked, bool is_kept) {
   return !is_asked ? "" : is_kept ? "kept" : "<strong>not kept</strong>";
 }
 /// Tolerance and verdict: "at most 2.00, kept"
-std::string asked_text(const PlannedFigure& figure) {
+std::string asked_text(const ToleratedValue& figure) {
   return !figure.allowed ? ""
                          : "at most " + number(*figure.allowed, 2) + ", " + kept_text(true, figure.kept());
 }
 
-std::string figure_row(const std::string& name, const std::string& unit, const PlannedFigure& figure,
+std::string figure_row(const std::string& name, const std::string& unit, const ToleratedValue& figure,
                        const std::string& more) {
   return "<tr><th scope=\"row\">" + name + " <span class=\"unit\">" + unit + "</span></th>" +
          cell(number(figure.value, 2)) + cell(asked_text(figure)) + "<td>" + more + "</td></tr>\n";
 }
 
-std::string at_time(const PlaceInRun& place) {
+std::string at_time(const RunPoint& place) {
   return "at " + number(place.time_s, 3) + " s, tick " + std::to_string(place.tick);
 }
 
-std::string entry_text(const TrajectoryDone& done) {
+std::string entry_text(const TrajectoryResult& done) {
   switch (done.entry_made) {
-    case EntryMade::kPassed:
+    case EntryKind::kPassed:
       return "passed the surface " + at_time(done.entry);
-    case EntryMade::kTouched:
+    case EntryKind::kTouched:
       return "touched and never passed " + at_time(done.entry);
-    case EntryMade::kNearest:
+    case EntryKind::kNearest:
       return "nearest place of the way " + at_time(done.entry);
-    case EntryMade::kNone:
+    case EntryKind::kNone:
       break;
   }
   return "its structures were not reached";
 }
 
-std::string target_text(const TrajectoryDone& done) {
+std::string target_text(const TrajectoryResult& done) {
   if (std::isnan(done.target_error_mm.value)) return "";
   return number(done.lateral_mm, 2) + " mm across the trajectory, " + number(std::abs(done.along_mm), 2) +
          " mm " + (done.along_mm > 0 ? "beyond" : "before") + " the target, " + at_time(done.nearest);
 }
 
-std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryDone& done) {
+std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryResult& done) {
   std::string html = table_begin(heading_cell("Figure") + heading_cell("Made") + heading_cell("Allowed") +
                                  heading_cell("In detail"));
   html += figure_row("Entry error", "mm", done.entry_error_mm, entry_text(done));
   html += figure_row("Target error", "mm", done.target_error_mm, target_text(done));
   html += figure_row("Angle", "degrees", done.angle_deg,
-                     std::isnan(done.off_line_mm)
+                     std::isnan(done.line_rms_mm)
                          ? ""
-                         : "the way lies " + number(done.off_line_mm, 2) + " mm off its own line");
+                         : "the way lies " + number(done.line_rms_mm, 2) + " mm off its own line");
   html += figure_row("Depth error", "mm", done.depth_error_mm,
                      std::isnan(done.depth_mm) ? ""
                                                : number(done.depth_mm, 2) + " mm deep, planned " +
@@ -78,7 +78,7 @@ std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryDone
 }
 
 /// Two perpendicular sections through the trajectory, with the trajectory and the tip's path.
-std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryDone& done,
+std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryResult& done,
                                 const std::vector<Point<Patient>>& way, const SectionStyle& style) {
   constexpr double kMinWidth_mm = 40, kMargin = 1.5;
   const Point<Patient> middle = planned.entry + (planned.target - planned.entry) * 0.5;
@@ -102,7 +102,7 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
   return html + "</div>\n";
 }
 
-std::string volume_cells(const VolumeDone& volume) {
+std::string volume_cells(const VolumeResult& volume) {
   return cell(number(volume.planned_mm3, 1)) + cell(number(volume.taken_mm3, 1)) +
          cell(number(volume.left_mm3(), 1));
 }
@@ -134,7 +134,7 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
   std::string html = table_begin(heading_cell("Structure") + heading_cell("Nearest", "mm") +
                                  heading_cell("Keep away", "mm") + heading_cell("Nearer than that", "s") +
                                  heading_cell("") + heading_cell("When"));
-  for (const StructureApproach& approach : made.approaches)
+  for (const StructureClearance& approach : made.approaches)
     html += "<tr><th scope=\"row\">" + swatch(run.colour(approach.label)) + escape(run.name(approach.label)) +
             "</th>" + cell(number(approach.nearest_mm, 2)) +
             cell(approach.asked_mm ? number(*approach.asked_mm, 2) : "") +
@@ -147,7 +147,7 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
   html += table_begin(heading_cell("Not kept") + heading_cell("Nearest", "mm") + heading_cell("Ticks") +
                       heading_cell("When it was nearest"));
   for (std::size_t n = 0; n < std::min(made.breaches.size(), kMaxShownBreaches); ++n) {
-    const DistanceBreach& breach = made.breaches[n];
+    const ClearanceViolation& breach = made.breaches[n];
     html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) +
             "</th>" + cell(number(breach.nearest_mm, 2)) +
             cell(std::to_string(breach.begin.tick) + " to " + std::to_string(breach.last_tick)) + "<td>" +
@@ -165,7 +165,7 @@ std::vector<std::size_t> plotted_approaches(const PlanComparison& made) {
   std::vector<std::size_t> order(made.approaches.size());
   std::iota(order.begin(), order.end(), 0);
   std::ranges::stable_sort(order, {}, [&](std::size_t n) {
-    const StructureApproach& approach = made.approaches[n];
+    const StructureClearance& approach = made.approaches[n];
     return std::pair(!approach.asked_mm, approach.nearest_mm);
   });
   order.resize(std::min(order.size(), kMaxPlottedApproaches));

@@ -26,8 +26,8 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   EXPECT_THAT(*html, HasSubstr("Plan against done"));
   EXPECT_THAT(*html, HasSubstr("A &lt;plan&gt;"));
   EXPECT_THAT(*html, HasSubstr("<h3>way &amp; target</h3>"));
-  const TrajectoryDone& done = made->trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryMade::kPassed);
+  const TrajectoryResult& done = made->trajectories[0];
+  EXPECT_EQ(done.entry_made, EntryKind::kPassed);
   EXPECT_FALSE(done.kept());  // a millimetre off
   EXPECT_THAT(*html, HasSubstr(cell(number(done.entry_error_mm.value, 2)) +
                                cell("at most 0.50, <strong>not kept</strong>")));
@@ -36,9 +36,9 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   EXPECT_THAT(*html, HasSubstr(cell(number(made->regions[0].planned_mm3, 1)) + cell("0.0")));
   EXPECT_GT(made->regions[0].planned_mm3, 10);
   EXPECT_FALSE(made->breaches.empty());
-  for (const StructureApproach& approach : made->approaches)
+  for (const StructureClearance& approach : made->approaches)
     EXPECT_THAT(*html, HasSubstr(cell(number(approach.nearest_mm, 2))));
-  for (const DistanceBreach& breach : made->breaches)
+  for (const ClearanceViolation& breach : made->breaches)
     EXPECT_THAT(*html, HasSubstr(cell(std::to_string(breach.begin.tick) + " to " +
                                       std::to_string(breach.last_tick))));
   // two sections with the trajectory drawn

@@ -13,7 +13,7 @@ constexpr double kAlongAxis_mm = 0.1;
 constexpr int kWaysOut = 256;
 
 // directions distributed evenly on the sphere: a golden-angle spiral from pole to pole
-std::vector<Vector<Patient>> ways_out() {
+std::vector<Vector<Patient>> ray_directions() {
   std::vector<Vector<Patient>> ways;
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
   for (int n = 0; n < kWaysOut; ++n) {
@@ -71,7 +71,7 @@ double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
   if (depth_mm < reach_mm || reach_mm < kMinReach_mm) return depth_mm;
   // Where the distance is saturated, the surface is at least reach_mm away in every direction: each ray
   // advances by that (sphere tracing) until the remaining distance is within reach.
-  static const std::vector<Vector<Patient>> ways = ways_out();
+  static const std::vector<Vector<Patient>> ways = ray_directions();
   double shortest_mm = std::numeric_limits<double>::infinity();
   for (const Vector<Patient>& way : ways)
     for (double gone_mm = reach_mm; gone_mm < shortest_mm; gone_mm += reach_mm) {
@@ -211,8 +211,8 @@ void RemovalMeter::count_voxels() {
   });
 }
 
-std::shared_ptr<const Model> model_left(const Model& model, std::span<const RemovalChange> changes,
-                                        double time_s) {
+std::shared_ptr<const Model> model_after_removal(const Model& model, std::span<const RemovalChange> changes,
+                                                 double time_s) {
   // surfaces take longer to update and are not displayed
   auto seen = std::make_shared<Model>(model);
   seen->surfaces.clear();

@@ -114,8 +114,8 @@ class RemovalMeter {
 /// The model with the remaining labels at a time, for pictures; without surfaces. Null: nothing was removed
 /// by then.
 /// @param changes  RemovalFigures::changes
-std::shared_ptr<const Model> model_left(const Model& model, std::span<const RemovalChange> changes,
-                                        double time_s);
+std::shared_ptr<const Model> model_after_removal(const Model& model, std::span<const RemovalChange> changes,
+                                                 double time_s);
 
 /// Depth of a point below a surface, mm; negative above it. Within reach of the distance field it is the
 /// negated signed distance. Deeper it is the shortest of 256 straight paths out, which is never too small,

@@ -170,13 +170,13 @@ TEST(Removal, LabelsAreWhatWasLeftAtATime) {
     return seen.labels->at(static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y())),
                            static_cast<int>(std::lround(p.z())));
   };
-  EXPECT_EQ(model_left(model, figures.changes, 1.009), nullptr);
+  EXPECT_EQ(model_after_removal(model, figures.changes, 1.009), nullptr);
   struct Seen {
     double time_s;
     LabelId first, second;
   };
   for (const Seen& seen : {Seen{1.012, 0, kBone}, Seen{1.030, 0, 0}, Seen{1.045, 0, kBone}}) {
-    const auto left = model_left(model, figures.changes, seen.time_s);
+    const auto left = model_after_removal(model, figures.changes, seen.time_s);
     ASSERT_NE(left, nullptr);
     EXPECT_EQ(label_at(*left, first), seen.first) << seen.time_s;
     EXPECT_EQ(label_at(*left, second), seen.second) << seen.time_s;

@@ -109,7 +109,7 @@ std::vector<LabelId> felt_labels(const Run& run) {
   };
   if (!run.yields()) return labels;
   for (const StructureFigures& figure : run.structures) add(figure.label);
-  for (const BeneathFigures& figure : run.beneath) add(figure.label);
+  for (const DeepFigures& figure : run.beneath) add(figure.label);
   return labels;
 }
 
@@ -133,7 +133,7 @@ void layer_values(const Run& run, const TickRecord& tick, std::vector<double>& v
 
 Result<void> follow_contacts(const RecordingSource& recording, const Progress& progress, Run& run) {
   if (run.shown.empty()) return {};
-  std::vector<WayFollower> followers;
+  std::vector<PathRecorder> followers;
   for (const ShownContact& shown : run.shown) followers.emplace_back(shown.contact);
   run.layer_labels = felt_labels(run);
   Decimator layers(static_cast<std::size_t>(run.recording.ticks), 2 * run.layer_labels.size(), kMaxPoints);

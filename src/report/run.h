@@ -48,7 +48,7 @@ struct Run {
   double duration_s = 0;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;
-  std::vector<BeneathFigures> beneath;
+  std::vector<DeepFigures> beneath;
   std::vector<ShownContact> shown;                   ///< One contact per structure, with sections
   RecordingSummary summary;                          ///< Counted from the ticks if the recording is truncated
   TickCount interventions{intervention_flags(), 0};  ///< Ticks with an intervention of the safety stage

@@ -28,7 +28,7 @@ std::string beneath_table(const Run& run) {
       "scope=\"col\">Structure</th><th scope=\"col\">Time <span class=\"unit\">s</span></th><th "
       "scope=\"col\">Largest force that it gave <span class=\"unit\">N</span></th><th scope=\"col\">Most "
       "of the way in it <span class=\"unit\">mm</span></th></tr></thead><tbody>\n";
-  for (const BeneathFigures& figure : run.beneath)
+  for (const DeepFigures& figure : run.beneath)
     html += "<tr><th scope=\"row\">" + swatch(run.colour(figure.label)) + escape(run.name(figure.label)) +
             "</th>" + cell(number(figure.time_s, 2)) + cell(number(figure.peak_force_N, 2)) +
             cell(number(figure.max_depth_mm, 2)) + "</tr>\n";

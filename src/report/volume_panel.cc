@@ -157,7 +157,8 @@ Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress)
     pictures.html = too_large_html();
     return pictures;
   }
-  const auto left = model_left(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
+  const auto left =
+      model_after_removal(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
   const Model& model = left != nullptr ? *left : run.model;
   const std::vector<StructureLook> looks = structure_looks(model);
   auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);

@@ -12,7 +12,7 @@ const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* s
   return labels->voxel_volume_mm3() <= scan->voxel_volume_mm3() ? *labels : *scan;
 }
 
-double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan) {
+double largest_spacing_mm(const GridGeometry* labels, const GridGeometry* scan) {
   const double field_mm = field_grid(labels, scan).spacing_mm.maxCoeff();
   return labels ? std::max(field_mm, labels->spacing_mm.maxCoeff()) : field_mm;
 }

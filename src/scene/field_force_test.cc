@@ -45,10 +45,10 @@ TEST(FieldGrid, IsTheFinerOneAndTheLabelsWhereEqual) {
 
 TEST(WidestVoxel, CountsTheLabelsAndTheFieldsGrid) {
   const GridGeometry slices = grid_of(0.2, 0.2, 3), fine = grid_of(0.4, 0.4, 0.5), coarse = grid_of(4, 4, 4);
-  EXPECT_EQ(widest_voxel_mm(&fine, nullptr), 0.5);
-  EXPECT_EQ(widest_voxel_mm(nullptr, &slices), 3);
-  EXPECT_EQ(widest_voxel_mm(&slices, &fine), 3) << "labels resampled onto a finer grid keep their steps";
-  EXPECT_EQ(widest_voxel_mm(&fine, &coarse), 0.5) << "a coarser scan takes no part";
+  EXPECT_EQ(largest_spacing_mm(&fine, nullptr), 0.5);
+  EXPECT_EQ(largest_spacing_mm(nullptr, &slices), 3);
+  EXPECT_EQ(largest_spacing_mm(&slices, &fine), 3) << "labels resampled onto a finer grid keep their steps";
+  EXPECT_EQ(largest_spacing_mm(&fine, &coarse), 0.5) << "a coarser scan takes no part";
 }
 
 }  // namespace

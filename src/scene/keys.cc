@@ -1021,7 +1021,7 @@ std::string remedy_text(const KeySpec& key) {
   return key.default_text.empty() ? text : text + "; default " + std::string(key.default_text);
 }
 
-std::optional<Fault> number_fault(const KeySpec& key, double value) {
+std::optional<Fault> range_error(const KeySpec& key, double value) {
   const std::string name(key.name);
   if (!std::isfinite(value)) return Fault{name + " is not a finite number", remedy_text(key)};
   if (key.has_range() && (value < key.min || value > key.max))

@@ -85,7 +85,7 @@ struct Fault {
   std::string what, remedy;
 };
 /// Checks a number against the key's range. Empty: valid.
-std::optional<Fault> number_fault(const KeySpec& key, double value);
+std::optional<Fault> range_error(const KeySpec& key, double value);
 
 /// Shortest decimal that parses to the same number.
 std::string number_text(double value);

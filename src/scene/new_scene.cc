@@ -245,7 +245,7 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
 /// (docs/results/accuracy.md).
 std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
   const KeySpec& key = *scene_key_tables().preparation.find("sigma");
-  const double widest_mm = widest_voxel_mm(labels, scan);
+  const double widest_mm = largest_spacing_mm(labels, scan);
   // round up to a tenth, tolerating the rounding of a direction matrix
   const double sigma_mm = std::clamp(std::ceil(10 * widest_mm - 1e-6) / 10, 1.0, key.max);
   std::string text = "\n[preparation]\n";

@@ -37,11 +37,11 @@ void check_unique(const std::vector<Part>& parts, const Part& part, std::string_
 }
 
 void read_trajectories(const TableReader& top, PlanFile& plan, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "trajectory", kMaxPlanParts, kSplitPlan, problems)) {
+  for (const TomlTable* table : limited_tables(top, "trajectory", kMaxPlanParts, kSplitPlan, problems)) {
     const TableReader reader(table, plan_key_tables().trajectory, problems);
     PlanTrajectory trajectory;
     trajectory.line = table->line;
-    trajectory.name = name_of_part(reader, "a [[trajectory]]", problems);
+    trajectory.name = required_name(reader, "a [[trajectory]]", problems);
     const auto entry = reader.point("entry"), target = reader.point("target");
     for (const std::string_view key : {"entry", "target"})
       if (!reader.has(key))
@@ -100,7 +100,8 @@ void check_shape_keys(const TableReader& reader, PlanShape shape, Problems& prob
 
 /// Component of a direction perpendicular to a trajectory, normalised. Empty if the direction is nearly
 /// parallel.
-std::optional<Vector<Patient>> made_across(const Vector<Patient>& direction, const Vector<Patient>& axis) {
+std::optional<Vector<Patient>> perpendicular_direction(const Vector<Patient>& direction,
+                                                       const Vector<Patient>& axis) {
   // a unit vector that is already perpendicular is returned unchanged, bit for bit
   constexpr double kRounding = 1e-12;
   const Vector<Patient> unit =
@@ -114,11 +115,11 @@ std::optional<Vector<Patient>> made_across(const Vector<Patient>& direction, con
 void read_plan_regions(const TableReader& top, PlanFile& plan, Problems& problems) {
   std::vector<std::string_view> known;
   for (const PlanTrajectory& trajectory : plan.trajectories) known.push_back(trajectory.name);
-  for (const TomlTable* table : few_tables(top, "region", kMaxPlanParts, kSplitPlan, problems)) {
+  for (const TomlTable* table : limited_tables(top, "region", kMaxPlanParts, kSplitPlan, problems)) {
     const TableReader reader(table, plan_key_tables().region, problems);
     PlanRegion region;
     region.line = table->line;
-    region.name = name_of_part(reader, "a [[region]]", problems);
+    region.name = required_name(reader, "a [[region]]", problems);
     const auto shape = reader.choice("shape");
     if (shape) region.shape = std::ranges::find(kShapeWords, *shape, &ShapeWord::name)->shape;
     region.structures = structures_of(reader, "a [[region]]", false, problems);
@@ -147,9 +148,9 @@ void read_plan_regions(const TableReader& top, PlanFile& plan, Problems& problem
                      "write a depth that is greater than from");
       if (across) {
         const auto* vector = std::get_if<Eigen::Vector3d>(&*across);
-        const auto made =
-            made_across(vector ? Vector<Patient>(*vector) : direction_named(std::get<std::string>(*across)),
-                        along.axis());
+        const auto made = perpendicular_direction(
+            vector ? Vector<Patient>(*vector) : direction_named(std::get<std::string>(*across)),
+            along.axis());
         if (made)
           region.across = *made;
         else
@@ -163,7 +164,7 @@ void read_plan_regions(const TableReader& top, PlanFile& plan, Problems& problem
 }
 
 void read_distances(const TableReader& top, PlanFile& plan, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "keep_away", kMaxPlanParts, kSplitPlan, problems)) {
+  for (const TomlTable* table : limited_tables(top, "keep_away", kMaxPlanParts, kSplitPlan, problems)) {
     const TableReader reader(table, plan_key_tables().distance, problems);
     PlanDistance distance;
     distance.line = table->line;

@@ -94,8 +94,8 @@ TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
     const auto& elastic = preset.values.elastic;
     ASSERT_EQ(elastic.has_value(), preset.name != "bone") << preset.name;
     if (!elastic) continue;
-    EXPECT_FALSE(number_fault(*keys.find("youngs_modulus"), elastic->youngs_modulus_kPa)) << preset.name;
-    EXPECT_FALSE(number_fault(*keys.find("poissons_ratio"), elastic->poissons_ratio)) << preset.name;
+    EXPECT_FALSE(range_error(*keys.find("youngs_modulus"), elastic->youngs_modulus_kPa)) << preset.name;
+    EXPECT_FALSE(range_error(*keys.find("poissons_ratio"), elastic->poissons_ratio)) << preset.name;
   }
 }
 
@@ -110,7 +110,7 @@ TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
     EXPECT_TRUE(preset.values.elastic.has_value()) << preset.name;
     EXPECT_LT(relaxation.part(), 1) << preset.name;
     for (const RelaxationTerm& term : relaxation.term)
-      EXPECT_TRUE(term.part == 0 || !number_fault(key, term.time_s)) << preset.name;
+      EXPECT_TRUE(term.part == 0 || !range_error(key, term.time_s)) << preset.name;
   }
   EXPECT_EQ(relax, 3);
 }

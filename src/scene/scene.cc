@@ -178,7 +178,7 @@ void read_force(const TableReader& reader, ForceSettings& force) {
 
 // clears the presets' relaxation unless the tissue sets it, so that scenes written before relaxation existed
 // behave as before
-void take_out_presets_relaxation(const TableReader& top, Scene& scene) {
+void clear_preset_relaxation(const TableReader& top, Scene& scene) {
   const auto tables = top.tables("tissue");
   for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
     // errors of this table have already been reported
@@ -350,7 +350,8 @@ ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpe
 // A shaver cuts tissues that have a modulus or an explicit cutting energy; others, such as bone, are
 // protected from it. Protection applies to a structure regardless of the tool, so with a burr as the other
 // tool the scene has to set it explicitly.
-void suit_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene& scene, Problems& problems) {
+void protect_from_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene& scene,
+                          Problems& problems) {
   // cutting energy of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm
   // (docs/guide/burr.md)
   constexpr double kSoft_mJ_per_mm3 = 5;
@@ -388,7 +389,7 @@ void read_tools(const TableReader& top, Scene& scene, Problems& problems) {
                              scene.force.method, of_second));
     problems.add_from(of_second, keys.second_tool.heading);
   }
-  suit_shavers(top, read, scene, problems);
+  protect_from_shavers(top, read, scene, problems);
   scene.tools.clear();
   for (ReadTool& one : read) scene.tools.push_back(std::move(one.tool));
 }
@@ -404,9 +405,9 @@ void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
 
 void read_distances(const TableReader& reader, DistanceSettings& distances) {
   if (const auto structures = reader.choice("structures"))
-    distances.structures = *structures == "felt"  ? ToldStructures::kFelt
-                           : *structures == "all" ? ToldStructures::kAll
-                                                  : ToldStructures::kNone;
+    distances.structures = *structures == "felt"  ? ReportedStructures::kFelt
+                           : *structures == "all" ? ReportedStructures::kAll
+                                                  : ReportedStructures::kNone;
   distances.reach_mm = reader.number("reach").value_or(distances.reach_mm);
 }
 
@@ -658,7 +659,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
   read_yielding(TableReader(top.table("yielding"), keys.yielding, problems), scene, problems);
-  if (!scene.yielding.relaxation) take_out_presets_relaxation(top, scene);
+  if (!scene.yielding.relaxation) clear_preset_relaxation(top, scene);
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");

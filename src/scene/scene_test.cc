@@ -147,7 +147,7 @@ TEST(ParseScene, NoGoRegionsAreStructuresPlanesAndBalls) {
       "[[no_go]]\nname = 'slant'\npoint = [0, 0, 0]\noutward = [3, 0, 4]\n",
       "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
-  EXPECT_EQ(scene->distances.structures, ToldStructures::kAll);
+  EXPECT_EQ(scene->distances.structures, ReportedStructures::kAll);
   EXPECT_EQ(scene->distances.reach_mm, 30);
   ASSERT_EQ(scene->no_go.size(), 4u);
   EXPECT_EQ(scene->no_go[0].structures, (std::vector<LabelReference>{"facial nerve", 4}));

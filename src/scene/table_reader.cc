@@ -28,19 +28,19 @@ int hex_digit(char c) {
 
 }  // namespace
 
-void Problems::keep_first(std::optional<Problem>& first, int line, std::string what,
-                          std::string remedy) const {
+void Problems::keep_earliest(std::optional<Problem>& first, int line, std::string what,
+                             std::string remedy) const {
   if (first && line >= first->line) return;
   first = {line, Error{ErrorKind::kBadInput, std::move(what), source_ + ":" + std::to_string(line),
                        std::move(remedy)}};
 }
 
 void Problems::add(int line, std::string what, std::string remedy) {
-  keep_first(wrong_, line, std::move(what), std::move(remedy));
+  keep_earliest(wrong_, line, std::move(what), std::move(remedy));
 }
 
 void Problems::add_missing(int line, std::string what, std::string remedy) {
-  keep_first(missing_, line, std::move(what), std::move(remedy));
+  keep_earliest(missing_, line, std::move(what), std::move(remedy));
 }
 
 void Problems::add_from(const Problems& part, std::string_view heading) {
@@ -147,7 +147,7 @@ std::optional<double> TableReader::number_in_range(const KeySpec& key, const Tom
     problems_.add(line, name + " holds " + found_text(value) + " where a number belongs", remedy_text(key));
     return std::nullopt;
   }
-  if (auto fault = number_fault(key, *number)) {
+  if (auto fault = range_error(key, *number)) {
     problems_.add(line, std::move(fault->what), std::move(fault->remedy));
     return std::nullopt;
   }
@@ -426,8 +426,8 @@ Vector<Patient> direction_named(std::string_view name) {
   return {};
 }
 
-std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, std::size_t most,
-                                         std::string_view remedy, Problems& problems) {
+std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key, std::size_t most,
+                                             std::string_view remedy, Problems& problems) {
   auto tables = top.tables(key);
   if (tables.size() > most) {
     problems.add(tables[most]->line, "more than " + std::to_string(most) + " [[" + std::string(key) + "]]",
@@ -437,7 +437,7 @@ std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_vie
   return tables;
 }
 
-std::string name_of_part(const TableReader& reader, std::string_view heading, Problems& problems) {
+std::string required_name(const TableReader& reader, std::string_view heading, Problems& problems) {
   auto name = reader.text("name");
   if (!name && !reader.has("name"))
     problems.add_missing(reader.line(), std::string(heading) + " without a name", "add name = \"...\"");

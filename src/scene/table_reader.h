@@ -33,7 +33,7 @@ class Problems {
     int line;
     Error error;
   };
-  void keep_first(std::optional<Problem>& first, int line, std::string what, std::string remedy) const;
+  void keep_earliest(std::optional<Problem>& first, int line, std::string what, std::string remedy) const;
 
   std::string source_;
   std::optional<Problem> wrong_, missing_;
@@ -94,11 +94,11 @@ class TableReader {
 Vector<Patient> direction_named(std::string_view name);
 
 /// The first `most` tables of an array of tables; adds an error if there are more.
-std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, std::size_t most,
-                                         std::string_view remedy, Problems& problems);
+std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key, std::size_t most,
+                                             std::string_view remedy, Problems& problems);
 /// Reads the required key `name`.
 /// @param heading  description of the table in errors: "a [[region]]"
-std::string name_of_part(const TableReader& reader, std::string_view heading, Problems& problems);
+std::string required_name(const TableReader& reader, std::string_view heading, Problems& problems);
 /// Reads the key `structures`.
 /// @param needed  whether it is required
 std::vector<LabelReference> structures_of(const TableReader& reader, std::string_view heading, bool needed,

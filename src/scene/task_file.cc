@@ -13,11 +13,11 @@ namespace palpate {
 namespace {
 
 void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "region", kMaxTaskParts, "split the task", problems)) {
+  for (const TomlTable* table : limited_tables(top, "region", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().region, problems);
     TaskRegion region;
     region.line = table->line;
-    region.name = name_of_part(reader, "a [[region]]", problems);
+    region.name = required_name(reader, "a [[region]]", problems);
     region.structures = structures_of(reader, "a [[region]]", false, problems);
     if (const auto point = reader.point("point")) region.point = Point<Patient>(*point);
     if (const auto landmark = reader.choice("landmark")) region.landmark = direction_named(*landmark);
@@ -111,11 +111,11 @@ void check_step_keys(const TableReader& reader, const TaskStep& step, const Task
 }
 
 void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "step", kMaxTaskParts, "split the task", problems)) {
+  for (const TomlTable* table : limited_tables(top, "step", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().step, problems);
     TaskStep step;
     step.line = table->line;
-    step.name = name_of_part(reader, "a [[step]]", problems);
+    step.name = required_name(reader, "a [[step]]", problems);
     step.kind = kind_of_step(reader);
     const auto region = region_of_step(reader, step.kind, task, problems);
     step.region = region.value_or(0);
@@ -129,7 +129,7 @@ void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems)
 }
 
 void read_forces(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "force", kMaxTaskParts, "split the task", problems)) {
+  for (const TomlTable* table : limited_tables(top, "force", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().force, problems);
     TaskForce force;
     force.line = table->line;
@@ -140,7 +140,7 @@ void read_forces(const TableReader& top, TaskFile& task, Problems& problems) {
       problems.add_missing(reader.line(), "a [[force]] without band and limit", "add one of them");
     task.forces.push_back(std::move(force));
   }
-  for (const TomlTable* table : few_tables(top, "protected", kMaxTaskParts, "split the task", problems)) {
+  for (const TomlTable* table : limited_tables(top, "protected", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().protection, problems);
     TaskProtected protection;
     protection.line = table->line;
@@ -187,7 +187,7 @@ std::string missing_for(Metric metric, const TaskFile& task) {
 }
 
 void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
-  const auto tables = few_tables(top, "metric", kMaxTaskParts, "split the task", problems);
+  const auto tables = limited_tables(top, "metric", kMaxTaskParts, "split the task", problems);
   if (tables.empty() && !top.has("metric"))
     problems.add_missing(top.line("metric"), "the task measures nothing",
                          "add a [[metric]] with name = \"...\"");
@@ -250,7 +250,7 @@ bool is_key_of_data_set(const std::string& key) {
 }
 
 void read_draws(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "drawn", kMaxTaskParts, "split the task", problems)) {
+  for (const TomlTable* table : limited_tables(top, "drawn", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().drawn, problems);
     TaskDraw draw;
     const auto key = reader.text("key");

@@ -306,9 +306,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (auto possible = check_script(script); !possible) return possible.error();
   // without anything to touch a script is useless, while a viewer may still look and move the tip
-  const bool felt = is_anything_felt(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
+  const bool felt = has_touchable_tissue(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
   if (!felt && scripted)
-    if (auto touchable = check_felt(loaded); !touchable) return touchable.error();
+    if (auto touchable = require_touchable_tissue(loaded); !touchable) return touchable.error();
   SimulationOptions run = options.run;
   if (!felt) run.method = ForceMethod::kTrilinear;
   auto setup = scripted ? set_up_run(loaded, script, run, progress) : set_up_led_run(loaded, run, progress);

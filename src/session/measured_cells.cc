@@ -105,7 +105,7 @@ CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t
 
 Result<CarriedCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
                                         const Progress& progress) {
-  const auto preparing = kept_preparing();
+  const auto preparing = cached_preparation();
   if (has_other_surfaces(felt, law)) {
     // the current surfaces stay in memory meanwhile
     const auto bytes = memory_of_surfaces(displayed_under_law(felt, law), *preparing, progress);

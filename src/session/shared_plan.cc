@@ -82,7 +82,7 @@ Result<std::shared_ptr<SharedPlan>> SharedPlan::open(const std::filesystem::path
   if (!text) return text.error();
   auto plan = parse_plan(*text, file.string());
   if (!plan) return plan.error();
-  const auto found = look_up_plan(*plan, model);
+  const auto found = resolve_plan(*plan, model);
   if (!found) return found.error();
   std::vector<ViewedPlan::KeepAway> keep_away;
   for (const auto& [label, mm] : found->distances_mm) keep_away.push_back({label, mm});

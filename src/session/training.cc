@@ -113,7 +113,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
     if (!gone_->removed().by_label_mm3().empty())
       return cannot_train("something is taken off already", "begin",
                           "undo the strokes, or start another session");
-    live->evaluator.begin_after(*gone_);
+    live->evaluator.set_initial_removal(*gone_);
   }
   live->number = ++runs_;
   last_task_ = place;

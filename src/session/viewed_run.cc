@@ -179,7 +179,7 @@ ViewedTraining viewed_run(const TaskEvaluator& run, const std::string& name, std
   for (std::size_t n = 0; n < task.forces.size(); ++n) state.forces_N.push_back(run.force_N(n));
   for (std::size_t n = 0; n < task.protections.size(); ++n) state.protected_N.push_back(run.protected_N(n));
   state.touch_N = run.touch_N();
-  state.unseen = run.touches_unseen();
+  state.unseen = run.touches_invisible();
   state.missing_s = run.missing_s();
   tell_events(run.events(), run.more_events(), state);
   return state;

@@ -138,7 +138,7 @@ class SpaceMouseDriver::Core {
     }
     info_.name = mouse->name;
     try {
-      reader_ = std::thread([this] { read_for_ever(); });
+      reader_ = std::thread([this] { read_loop(); });
     } catch (const std::system_error& error) {
       ::close(file_);
       file_ = -1;
@@ -173,8 +173,7 @@ class SpaceMouseDriver::Core {
     if (sample_.fault) return;
     sample_.taken_ns = now_ns;
     sample_.buttons = buttons_.load();
-    const bool rests =
-        tells_changes_.load() && now_ns - told_ns_.load() > std::llround(kSilentIsRest_s * 1e9);
+    const bool rests = is_relative_.load() && now_ns - told_ns_.load() > std::llround(kSilentIsRest_s * 1e9);
     Eigen::Vector3d way = Eigen::Vector3d::Zero(), turn = Eigen::Vector3d::Zero();
     for (int i = 0; i < 3 && !rests; ++i) {
       way[i] = speed_of(deflection_[static_cast<std::size_t>(i)].load()) * settings_.speed_mm_s * passed_s;
@@ -189,7 +188,7 @@ class SpaceMouseDriver::Core {
   }
 
   // ---- the reader's thread
-  void read_for_ever() {
+  void read_loop() {
     while (!end_.load()) {
       if (file_ < 0) {
         std::this_thread::sleep_for(kFindEvery);
@@ -227,7 +226,7 @@ class SpaceMouseDriver::Core {
     if (event.type != EV_REL && event.type != EV_ABS) return;
     const auto axis = axis_of(event.code);
     if (!axis) return;
-    tells_changes_.store(event.type == EV_REL);
+    is_relative_.store(event.type == EV_REL);
     told_ns_.store(monotonic_ns());
     deflection_[axis->ours].store(axis->sign * std::clamp(event.value / kMaxDeflection, -1.0, 1.0));
   }
@@ -254,7 +253,7 @@ class SpaceMouseDriver::Core {
   std::array<std::atomic<double>, 6> deflection_{};
   std::atomic<std::uint32_t> buttons_{0};
   std::atomic<std::int64_t> told_ns_{0};
-  std::atomic<bool> tells_changes_{false}, lost_{false}, end_{false};
+  std::atomic<bool> is_relative_{false}, lost_{false}, end_{false};
   std::thread reader_;
 };
 

@@ -58,7 +58,7 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
 }
 
 void TaskEvaluator::hear(const RecordingEvent& event) {
-  if (gone_ && !ended_ && gone_->hear(event)) has_taken_ = true;
+  if (gone_ && !ended_ && gone_->hear(event)) removal_changed_ = true;
 }
 
 void TaskEvaluator::ForceMeter::see(double force_N, double dt_s,
@@ -148,11 +148,11 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
     tip_mm_ = tip_mm;
   }
   if (tip_known_) motion_.see(tick.time_s, tip_mm_, contact_count_ > 0);
-  if (task_.sight) see_sight(tick, dt_s);
-  if (gone_ && has_taken_ && tick.time_s - begun_s_ >= next_look_s_) see_removal(tick);
-  see_forces(tick, dt_s);
-  see_steps(tick, dt_s);
-  if (task_.answer_mm) see_answer(device, dt_s);
+  if (task_.sight) update_visibility(tick, dt_s);
+  if (gone_ && removal_changed_ && tick.time_s - begun_s_ >= next_look_s_) update_removal(tick);
+  update_forces(tick, dt_s);
+  update_steps(tick, dt_s);
+  if (task_.answer_mm) update_answer(device, dt_s);
   hash_word(hash_, tick.state_hash);
 
   begun_ = true;
@@ -170,7 +170,7 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
   return {};
 }
 
-void TaskEvaluator::see_sight(const TickRecord& tick, double dt_s) {
+void TaskEvaluator::update_visibility(const TickRecord& tick, double dt_s) {
   const bool unseen = contact_count_ > 0 && !contacts_[0].is_seen;
   // trapezoidal rule: a change counts for half the interval
   unseen_s_ += 0.5 * (static_cast<double>(unseen_) + static_cast<double>(unseen)) * dt_s;
@@ -178,16 +178,16 @@ void TaskEvaluator::see_sight(const TickRecord& tick, double dt_s) {
   unseen_ = unseen;
 }
 
-void TaskEvaluator::see_removal(const TickRecord& tick) {
-  const TakenVolumes taken = taken_volumes(task_.plan->plan, gone_->removed());
+void TaskEvaluator::update_removal(const TickRecord& tick) {
+  const RemovedVolumes taken = removed_volumes(task_.plan->plan, gone_->removed());
   for (std::size_t n = 0; n < taken_mm3_.size(); ++n) taken_mm3_[n] = sum_of(taken.in_plan.of_regions[n]);
-  has_taken_ = false;
+  removal_changed_ = false;
   next_look_s_ = tick.time_s - begun_s_ + kLook_s;
 }
 
 TaskEvaluator::Removal TaskEvaluator::removal() const {
   if (!gone_) return {};
-  const TakenVolumes taken = taken_volumes(task_.plan->plan, gone_->removed());
+  const RemovedVolumes taken = removed_volumes(task_.plan->plan, gone_->removed());
   Removal removal{sum_of(taken.in_plan.of_plan), sum_of(taken.outside), 0,
                   depth_past_plan_mm(task_.plan->plan, gone_->removed())};
   for (const auto& [label, mm3] : gone_->removed().by_label_mm3())
@@ -198,7 +198,7 @@ TaskEvaluator::Removal TaskEvaluator::removal() const {
   return removal;
 }
 
-void TaskEvaluator::see_forces(const TickRecord& tick, double dt_s) {
+void TaskEvaluator::update_forces(const TickRecord& tick, double dt_s) {
   for (std::size_t n = 0; n < forces_.size(); ++n) {
     const TaskForce& force = task_.file.forces[n];
     const double now_N = force_on(task_.forces[n]);
@@ -219,7 +219,7 @@ void TaskEvaluator::see_forces(const TickRecord& tick, double dt_s) {
 }
 
 // force on the step's region, including contacts beneath it
-double TaskEvaluator::touch_of_step(const TaskStep& step) {
+double TaskEvaluator::force_on_step(const TaskStep& step) {
   RegionInScene& region = task_.regions[step.region];
   const auto is_in = [&](const Contact& contact) {
     return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_seen || !step.seen);
@@ -244,10 +244,10 @@ std::optional<TaskEvaluator::Share> TaskEvaluator::share_asked(const TaskStep& s
   return Share{static_cast<double>(patches.covered()), step.coverage * static_cast<double>(patches.count())};
 }
 
-void TaskEvaluator::see_steps(const TickRecord& tick, double dt_s) {
+void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
   for (std::size_t n = 0; n < done_.size(); ++n) {
     const TaskStep& step = task_.file.steps[n];
-    const double force_N = step.kind == StepKind::kRemove ? 0 : touch_of_step(step);
+    const double force_N = step.kind == StepKind::kRemove ? 0 : force_on_step(step);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
     if (const auto share = share_asked(step)) {
@@ -269,7 +269,7 @@ void TaskEvaluator::see_steps(const TickRecord& tick, double dt_s) {
   }
 }
 
-void TaskEvaluator::see_answer(const DeviceTick& device, double dt_s) {
+void TaskEvaluator::update_answer(const DeviceTick& device, double dt_s) {
   const auto strongest =
       std::max_element(contacts_.begin(), contacts_.begin() + static_cast<std::ptrdiff_t>(contact_count_),
                        [](const Contact& a, const Contact& b) { return a.force_N < b.force_N; });

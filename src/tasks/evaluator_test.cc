@@ -345,9 +345,9 @@ TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
     std::vector<std::uint64_t> unseen;
     // an oscillation of twice the field's radius is outside for two thirds of the time
     watched_run(rate_hz, 2 * border_mm, [&](const TickRecord& tick) {
-      const bool was = evaluator.touches_unseen();
+      const bool was = evaluator.touches_invisible();
       ASSERT_TRUE(evaluator.see(tick).ok());
-      if (evaluator.touches_unseen() && !was) unseen.push_back(tick.tick);
+      if (evaluator.touches_invisible() && !was) unseen.push_back(tick.tick);
     });
     const TaskScore score = evaluator.score(false);
     EXPECT_NEAR(value(score, Metric::kUnseenTime) / (10 * 2.0 / 3), 1, 1e-3) << rate_hz;

@@ -106,12 +106,12 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
 }
 
 /// Resolves the plan of a task. Errors: no tool that cuts, absent structures, an empty region.
-Result<TaskPlan> look_up_task_plan(const TaskFile& task, const Model& model, const Progress& progress) {
+Result<TaskPlan> resolve_task_plan(const TaskFile& task, const Model& model, const Progress& progress) {
   if (!model.cuts())
     return Error{ErrorKind::kBadInput,
                  "something is to be taken off, and no tool of the scene takes anything", task.source,
                  "give the scene a burr or shaver as its [tool], docs/guide/scene.md"};
-  auto plan = look_up_plan(*task.plan, model);
+  auto plan = resolve_plan(*task.plan, model);
   if (!plan) return plan.error();
   const auto planned = planned_volumes(*plan, model, progress);
   if (!planned) return planned.error();
@@ -279,7 +279,7 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
   }
   if (task.scope) found.sight.emplace(task.scope->optics, model);
   if (task.plan) {
-    auto plan = look_up_task_plan(task, model, progress);
+    auto plan = resolve_task_plan(task, model, progress);
     if (!plan) return plan.error();
     found.plan = *std::move(plan);
   }

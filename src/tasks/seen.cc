@@ -22,7 +22,7 @@ Point<Patient> held_at(const DeviceTick& device) {
 
 }  // namespace
 
-ScopeSight::ScopeSight(const ScopeOptics& optics, const Model& model)
+ScopeVisibility::ScopeVisibility(const ScopeOptics& optics, const Model& model)
     : optics_(optics),
       labels_(model.labels),
       X_WorldPatient_(model.X_WorldPatient),
@@ -33,7 +33,7 @@ ScopeSight::ScopeSight(const ScopeOptics& optics, const Model& model)
     is_felt_.push_back(model.is_felt(static_cast<LabelId>(label)));
 }
 
-bool ScopeSight::sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) const {
+bool ScopeVisibility::sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) const {
   if (tick.devices < 2) return false;
   const DeviceTick& device = tick.device[1];
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) {
@@ -54,7 +54,7 @@ bool ScopeSight::sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) c
 }
 
 // the nearest voxel is tested first, to avoid interpolation in free space
-bool ScopeSight::is_solid(const Point<Patient>& at) const {
+bool ScopeVisibility::is_solid(const Point<Patient>& at) const {
   const Point<Voxel> p = X_VoxelPatient_ * at;
   const auto felt = [&](int i, int j, int k) {
     const LabelId label = labels_->anywhere(i, j, k);

@@ -64,12 +64,12 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
   EXPECT_LT((down * look_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
 
-TEST(ScopeSight, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
+TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
   std::mt19937_64 random(test::test_seed() + 43);
   const Model model = nothing_felt();
   for (int n = 0; n < 500; ++n) {
     const ScopeOptics optics{90.0 * (n % 7) / 6, 1.0 * (n % 20)};
-    const ScopeSight sight(optics, model);
+    const ScopeVisibility sight(optics, model);
     const Eigen::Vector3d eye = 20 * some_way(random), look = some_way(random);
     const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.01 * n, some_way(random)));
     const TickRecord tick = looking(model, optics, eye, look, turned);
@@ -81,9 +81,9 @@ TEST(ScopeSight, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
   }
 }
 
-TEST(ScopeSight, DoesNotSeeWhatLiesBehindWhatIsFelt) {
+TEST(ScopeVisibility, DoesNotSeeWhatLiesBehindWhatIsFelt) {
   const Model model = testing::ball_model({0.6, 0.6, 0.6});
-  const ScopeSight sight({30, 8}, model);
+  const ScopeVisibility sight({30, 8}, model);
   std::mt19937_64 random(test::test_seed() + 47);
   for (int n = 0; n < 300; ++n) {
     const Eigen::Vector3d out = some_way(random), aside = out.cross(some_way(random)).normalized();
@@ -109,9 +109,9 @@ TEST(ScopeSight, DoesNotSeeWhatLiesBehindWhatIsFelt) {
   }
 }
 
-TEST(ScopeSight, OfAPoseThatIsNotKnownNothingIsSeen) {
+TEST(ScopeVisibility, OfAPoseThatIsNotKnownNothingIsSeen) {
   const Model model = nothing_felt();
-  const ScopeSight sight({0, 0}, model);
+  const ScopeVisibility sight({0, 0}, model);
   const TickRecord good = looking(model, {0, 0}, {0, 0, 20}, {0, 0, -1}, Eigen::Quaterniond::Identity());
   EXPECT_TRUE(sight.sees(good, {0, 0, 0}));
   EXPECT_FALSE(sight.sees(good, {0, 0, 20})) << "its eye itself";

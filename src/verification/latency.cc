@@ -169,7 +169,7 @@ Result<SuiteReport> run_latency(const SuiteOptions& options, const Progress& pro
   if (auto error = out_of_range(options)) return *error;
   const auto loaded = load_scene_or_data_set(options.scene.value_or("knee-phantom"), progress, warn);
   if (!loaded) return loaded.error();
-  if (auto felt = check_felt(*loaded); !felt) return felt.error();
+  if (auto felt = require_touchable_tissue(*loaded); !felt) return felt.error();
   return measure_latency(*loaded, options, progress);
 }
 

@@ -197,7 +197,7 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
 Result<SuiteReport> run_removal(const Progress& progress) {
   auto figures = removal_figures(progress);
   if (!figures) return figures.error();
-  const auto volumes = led_volumes_figures({}, progress);
+  const auto volumes = path_volume_figures({}, progress);
   if (!volumes) return volumes.error();
   const auto plants = cutting_plants_figures({}, progress);
   if (!plants) return plants.error();

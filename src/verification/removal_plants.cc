@@ -44,18 +44,18 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     exploration.flat = exploration.cuts = true;
     exploration.time_s = times.explored_s;
     if (progress.stopped()) return Progress::interrupted();
-    const ExploredEnergy explored = explore_energy(*wall, exploration);
+    const EnergyBalance explored = explore_energy(*wall, exploration);
     exploration.presses = true;
     exploration.time_s = times.pressed_s;
-    const ExploredEnergy drilling = explore_energy(*wall, exploration);
+    const EnergyBalance drilling = explore_energy(*wall, exploration);
     exploration.motor_stops_s = times.pressed_s / 4;
-    const ExploredEnergy in_hole = explore_energy(*wall, exploration);
+    const EnergyBalance in_hole = explore_energy(*wall, exploration);
     exploration.motor_stops_s = exploration.time_s = times.settled_s;
     if (progress.stopped()) return Progress::interrupted();
-    const ExploredEnergy settled = explore_energy(*wall, exploration);
+    const EnergyBalance settled = explore_energy(*wall, exploration);
     exploration.cuts = false;
     exploration.time_s = times.pressed_s;
-    const ExploredEnergy still = explore_energy(*wall, exploration);
+    const EnergyBalance still = explore_energy(*wall, exploration);
 
     const std::string path = std::string("removal/") + device + "/" + grip;
     const auto ticks = [](double seconds) { return static_cast<std::uint64_t>(seconds * kCuttingRate_hz); };
@@ -64,7 +64,7 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     const double hidden_mJ = explored.largest_force_N * 2 * step_mm;
     energies.push_back({path + "/given-out", 0 - explored.min_mJ, "mJ", ticks(times.explored_s), hidden_mJ});
     energies.push_back({path + "/put-in", explored.last_mJ, "mJ", ticks(times.explored_s), {}});
-    const auto swing = [&](const char* name, const ExploredEnergy& of, double seconds,
+    const auto swing = [&](const char* name, const EnergyBalance& of, double seconds,
                            std::optional<double> limit_mm) {
       swings.push_back({path + "/swing" + name, of.swing_mm, "mm", ticks(seconds / 2), limit_mm});
       forces.push_back({path + "/pressed" + name, of.pressed_N, "N", ticks(seconds / 2), {}});

@@ -22,8 +22,8 @@ TEST(RemovalFigures, KeepTheirLimits) {
 }
 
 // a part of `palpate verify removal`
-TEST(LedVolumes, AreThoseOfGeometry) {
-  const auto figures = led_volumes_figures({.all = false}, {});
+TEST(PathVolumes, AreThoseOfGeometry) {
+  const auto figures = path_volume_figures({.all = false}, {});
   ASSERT_TRUE(figures.ok());
   EXPECT_EQ(figures->size(), 6);
   for (const Figure& figure : *figures)

@@ -19,15 +19,15 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 
 /// A head, with the parameters of a burr.
-struct LedHead {
+struct CutterHead {
   double tip_mm, end_mm, row_mm;  // radii, and distance between the centres of both ends
   Vector<Patient> spindle;
 };
 
 /// A path of the tip and the volume removed by it.
-struct LedThrough {
+struct CutterPath {
   const char* name;
-  LedHead head;
+  CutterHead head;
   std::vector<Point<Patient>> corners;
   double expected_mm3;
   double max_off_percent;              // limit of the error of the carved surface
@@ -71,7 +71,7 @@ double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, 
 
 // An upright head with the centre of its tip at a depth, then moved sideways: the section at each height is a
 // disc or its sweep. Up to the tangent circle of ball and cone it is the ball's, above it the cone's.
-double upright_mm3(const LedHead& head, double deep_mm, double way_mm) {
+double upright_mm3(const CutterHead& head, double deep_mm, double way_mm) {
   const double slope = (head.end_mm - head.tip_mm) / head.row_mm, cosine = std::sqrt(1 - slope * slope);
   const double touches_mm = -slope * head.tip_mm;
   const auto slice_mm2 = [&](double radius_mm) {
@@ -86,11 +86,11 @@ double upright_mm3(const LedHead& head, double deep_mm, double way_mm) {
          });
 }
 
-std::vector<LedThrough> led_ways() {
+std::vector<CutterPath> cutter_paths() {
   const Vector<Patient> up(0, 0, 1), along(1, 0, 0), across(0, 1, 0);
-  const LedHead ball{2, 0, 0, along};
-  const LedHead lying{1.5, 1.5, 5, along}, athwart{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
-  const LedHead cone{0.9, 1.75, 5, up};
+  const CutterHead ball{2, 0, 0, along};
+  const CutterHead lying{1.5, 1.5, 5, along}, athwart{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
+  const CutterHead cone{0.9, 1.75, 5, up};
   constexpr double kWay_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kApart_mm = 0.5;
   constexpr int kPasses = 5;
   const auto groove = [&](double y_mm, double z_mm) {
@@ -171,7 +171,7 @@ struct GoneOfBlock {
 /// A burr whose tip follows a prescribed path, in bone with negligible cutting resistance.
 class LedTip {
  public:
-  LedTip(const ExactBlock& block, const LedThrough& led, double rate_hz)
+  LedTip(const ExactBlock& block, const CutterPath& led, double rate_hz)
       : carved_(block.surface), removed_(block.model), tip_(led.corners.front()) {
     constexpr double kEnergy_mJ_per_mm3 = 2, kStiffness_N_per_mm = 2;
     options_.dt_s = 1 / rate_hz;
@@ -262,14 +262,14 @@ class LedTip {
 
 }  // namespace
 
-Result<std::vector<Figure>> led_volumes_figures(const LedVolumes& which, const Progress& progress) {
+Result<std::vector<Figure>> path_volume_figures(const PathVolumes& which, const Progress& progress) {
   std::vector<ExactBlock> blocks;
   for (const BlockGrid& grid : kBlockGrids) {
     blocks.push_back(exact_block(grid));
     if (!which.all) break;
   }
   std::vector<Figure> figures;
-  for (const LedThrough& led : led_ways()) {
+  for (const CutterPath& led : cutter_paths()) {
     const std::string name = led.name;
     if (!which.all && name != "cylinder/across" && name != "cone/drilling") continue;
     Spread rates, grids;

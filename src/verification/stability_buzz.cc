@@ -102,7 +102,7 @@ Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, Prepa
   return ready_for(*model, methods, progress);
 }
 
-std::vector<HeldPlace> places_on_plates(const Model& model, ForceMethod method, const PlantHand& hand) {
+std::vector<HoldPosition> hold_positions(const Model& model, ForceMethod method, const PlantHand& hand) {
   const double face_mm = kGap_mm / 2 + kPlate_mm;
   const double spring_mm = kHold_N / (hand.stiffness_N_per_m * 1e-3);
   const Point<Patient> gap(kOffMiddle_mm, 0, 0), before(face_mm + kBeforeWall_mm, 0, 0),
@@ -126,7 +126,7 @@ Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation,
                     static_cast<double>(index_of(info.method)) / kForceMethods.size());
     for (const char* grip : {"light-grip", "firm-grip"}) {
       const PlantHand hand = *find_plant_hand(grip);
-      for (const HeldPlace& place : places_on_plates(**model, info.method, hand)) {
+      for (const HoldPosition& place : hold_positions(**model, info.method, hand)) {
         const auto held = hold_tip(
             **model, {device, hand, info.method, kBuzzRate_hz, kDelay_s, 1, place.from, place.at}, progress);
         if (!held) return held.error();

@@ -18,12 +18,12 @@ Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, Prepa
 std::vector<ForceMethodInfo> methods_on(PreparationMethod preparation);
 
 /// A hold position on the plates: the hand moves at constant speed from one point to the other, and rests.
-struct HeldPlace {
+struct HoldPosition {
   const char* name;
   Point<Patient> from, at;
 };
 /// Between the plates, at the outer surface of one at 1 N, and 5 mm inside it.
-std::vector<HeldPlace> places_on_plates(const Model& model, ForceMethod method, const PlantHand& hand);
+std::vector<HoldPosition> hold_positions(const Model& model, ForceMethod method, const PlantHand& hand);
 
 /// Figures of every method and preparation at those positions with both devices and both grips, at 1 kHz with
 /// a delay of 1 ms. Errors: kInterrupted.

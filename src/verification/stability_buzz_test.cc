@@ -13,7 +13,7 @@ HeldTip held(ForceMethod method, const char* grip, const std::string& place_name
   const auto& model = preparation == PreparationMethod::kUnionGaussian ? union_model : ramp_model;
   PALPATE_CHECK(model.ok());
   const PlantHand hand = *find_plant_hand(grip);
-  for (const HeldPlace& place : places_on_plates(**model, method, hand)) {
+  for (const HoldPosition& place : hold_positions(**model, method, hand)) {
     if (place.name != place_name) continue;
     const auto tip = hold_tip(
         **model, {*find_plant_device("premium-1.5"), hand, method, 1000, 1e-3, 1, place.from, place.at});

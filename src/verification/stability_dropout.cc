@@ -22,7 +22,7 @@ constexpr double kSilent_s = 10e-3, kReturning_s = 0.1;
 
 }  // namespace
 
-DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
+DropoutResult drop_out(const Model& wall, const Dropout& dropout) {
   SimulatedDevice plant(dropout.device, dropout.hand, dropout.delay_s);
   WorkspaceSettings workspace;
   workspace.force_gain = dropout.stiffness_N_per_mm;
@@ -49,7 +49,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
   TickRecord record;
   Wrench sent;
   DeviceSample sample = plant.read();
-  DroppedOut result;
+  DropoutResult result;
   result.silent = true;
   double before_mm = 0;
   long last_away = 0;
@@ -100,11 +100,11 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
     for (const PlantHand& hand : known_plant_hands()) {
       if (progress.stopped()) return Progress::interrupted();
       Dropout dropout{device, hand, *stiffness, kDelay_s};
-      const DroppedOut lost = drop_out(**wall, dropout);
+      const DropoutResult lost = drop_out(**wall, dropout);
       dropout.by = Return::kAtOnce;
-      const DroppedOut at_once = drop_out(**wall, dropout);
+      const DropoutResult at_once = drop_out(**wall, dropout);
       dropout.by = Return::kWithoutKick;
-      const DroppedOut without_kick = drop_out(**wall, dropout);
+      const DropoutResult without_kick = drop_out(**wall, dropout);
       // a hand that cannot meet it even in the ideal case is exempt
       const bool can = without_kick.sink_mm <= kMaxSink_mm;
       const std::string path =

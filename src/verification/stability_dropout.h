@@ -32,7 +32,7 @@ struct Dropout {
 };
 
 /// Effect of the interruption.
-struct DroppedOut {
+struct DropoutResult {
   double before_N = 0;  ///< Force of the wall before it
   double sink_mm = 0;   ///< Drop of the true tip
   /// Time from the first fresh pose until the force stays above four fifths of before_N
@@ -40,7 +40,7 @@ struct DroppedOut {
   double kick_N = 0;    ///< Largest increase of the force in a tick of the first 100 ms
   bool silent = false;  ///< Whether no force was sent for poses that were 10 ms old or older
 };
-DroppedOut drop_out(const Model& wall, const Dropout& dropout);
+DropoutResult drop_out(const Model& wall, const Dropout& dropout);
 
 /// Figures of an interruption of 20 ms at 1 N, at the stiffness recommended for a delay of 1 ms, for every
 /// device and documented hand, with the lower bound of sinking given that poses older than 10 ms generate no

@@ -7,8 +7,8 @@
 namespace palpate {
 namespace {
 
-DroppedOut dropped_out(const std::string& device, const std::string& hand, double time_s,
-                       Return by = Return::kTick) {
+DropoutResult dropped_out(const std::string& device, const std::string& hand, double time_s,
+                          Return by = Return::kTick) {
   static const auto wall = flat_wall();
   PALPATE_CHECK(wall.ok());
   return drop_out(**wall, {*find_plant_device(device), *find_plant_hand(hand), 1.16, 1e-3, time_s, 1, by});
@@ -22,7 +22,7 @@ TEST(StabilityDropout, AHandThatPressesIsHeldAgainSoonAfterAShortOne) {
   for (const char* device : {"premium-1.5", "touch"})
     for (const auto& [hand, max_sink_mm, max_back_s] : hands) {
       SCOPED_TRACE(std::string(device) + ", " + hand);
-      const DroppedOut lost = dropped_out(device, hand, 20e-3);
+      const DropoutResult lost = dropped_out(device, hand, 20e-3);
       EXPECT_NEAR(lost.before_N, 1, 0.2);
       EXPECT_TRUE(lost.silent);
       EXPECT_LT(lost.sink_mm, max_sink_mm);
@@ -46,7 +46,7 @@ TEST(StabilityDropout, AHandSinksHardlyMoreThanZeroAndNoKickCost) {
 }
 
 TEST(StabilityDropout, ALongerOneComesBackByTheRamp) {
-  const DroppedOut lost = dropped_out("premium-1.5", "firm-grip", 21e-3);
+  const DropoutResult lost = dropped_out("premium-1.5", "firm-grip", 21e-3);
   EXPECT_TRUE(lost.silent);
   EXPECT_GT(lost.sink_mm, 2) << "as far as the hand's spring lets it";
   EXPECT_GT(lost.back_s, 0.1);

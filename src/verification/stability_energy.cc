@@ -197,7 +197,7 @@ Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, Ti
   return prepared_for(made->model, {&proxy, 1}, {}, progress);
 }
 
-ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration) {
+EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) {
   SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
   WorkspaceSettings workspace;
   // the gain scales a ball of 1 N/mm; deformable tissue has its own stiffness
@@ -232,7 +232,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   SessionState state;
   TickRecord record;
   Wrench sent;
-  ExploredEnergy result;
+  EnergyBalance result;
   std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
   VirtualClockYieldSolver yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
@@ -313,7 +313,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     Exploration free = exploration;
     free.controller = false;
     const Model& model = exploration.flat ? **wall : **ball;
-    const ExploredEnergy with = explore_energy(model, exploration), without = explore_energy(model, free);
+    const EnergyBalance with = explore_energy(model, exploration), without = explore_energy(model, free);
     const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s * exploration.rate_hz));
     // energy within one encoder step, which cannot be observed
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;

@@ -49,7 +49,7 @@ struct Exploration {
 
 /// Energy balance of the virtual environment. The energy is the actual one: work of the force that acted
 /// along the path of the true tip, relative to the object.
-struct ExploredEnergy {
+struct EnergyBalance {
   /// Minimum of the net energy supplied by the hand; negative: the environment generated energy
   double min_mJ = 0;
   double last_mJ = 0;  ///< At the end
@@ -63,7 +63,7 @@ struct ExploredEnergy {
   double damped = 0;     ///< Fraction of ticks in contact in which the passivity controller was active
 };
 /// @param ball  exploration_ball(), or flat_wall() if `flat`; with its tool
-ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration);
+EnergyBalance explore_energy(const Model& ball, const Exploration& exploration);
 
 /// Figures of a minute of exploration, with and without the passivity controller, at the recommended
 /// stiffness of every delay, and without delay on a rotating object and at twice that stiffness. Errors:

@@ -24,9 +24,9 @@ void expect_little_given_out(const std::string& device_name, const std::string& 
                    std::to_string(seed));
       Exploration exploration{device, *find_plant_hand(grip), method, *stiffness};
       exploration.seed = seed;
-      const ExploredEnergy with = explore_energy(**ball, exploration);
+      const EnergyBalance with = explore_energy(**ball, exploration);
       exploration.controller = false;
-      const ExploredEnergy without = explore_energy(**ball, exploration);
+      const EnergyBalance without = explore_energy(**ball, exploration);
       EXPECT_GT(without.contacts, 20);
       EXPECT_LT(without.min_mJ, -0.5);
       EXPECT_EQ(without.damped, 0);
@@ -67,9 +67,9 @@ TEST(StabilityEnergy, SoItIsOnATurningObjectAndTwiceAsStiff) {
         exploration.time_s = 20;
         SCOPED_TRACE(std::string(name_of(method)) + ", " + std::to_string(times) +
                      " times the recommended stiffness, turning " + std::to_string(turning));
-        const ExploredEnergy with = explore_energy(**ball, exploration);
+        const EnergyBalance with = explore_energy(**ball, exploration);
         exploration.controller = false;
-        const ExploredEnergy without = explore_energy(**ball, exploration);
+        const EnergyBalance without = explore_energy(**ball, exploration);
         EXPECT_LT(without.min_mJ, -0.4);
         EXPECT_GE(with.min_mJ, 0.05 * without.min_mJ);
         EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
@@ -118,12 +118,12 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
       Exploration exploration{device, *find_plant_hand(grip), ForceMethod::kProxy, *stiffness};
       exploration.delay_s = delay_s;
       exploration.time_s = 20;
-      const ExploredEnergy told = explore_energy(**ball, exploration);
+      const EnergyBalance told = explore_energy(**ball, exploration);
       const double hidden_mJ = told.largest_force_N * 2 * device.encoder_step_m * 1e3;
       EXPECT_GE(told.min_mJ, delay_s > 2e-3 ? -2 * hidden_mJ : -hidden_mJ);
       EXPECT_GT(told.contacts, 5);
       exploration.told_s = 0;
-      const ExploredEnergy not_told = explore_energy(**ball, exploration);
+      const EnergyBalance not_told = explore_energy(**ball, exploration);
       EXPECT_LT(not_told.min_mJ, -0.12);
       EXPECT_LT(told.deepest_mm, not_told.deepest_mm + 0.1) << "the wall is as stiff";
     }
@@ -148,11 +148,11 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
           exploration.rate_hz = rate_hz;
           exploration.jitter = 0.5;
           exploration.time_s = rate_hz > 1000 ? 2 : 15;
-          const ExploredEnergy with = explore_energy(flat ? **wall : **ball, exploration);
+          const EnergyBalance with = explore_energy(flat ? **wall : **ball, exploration);
           EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GE(with.contacts, 1);
           exploration.controller = false;
-          const ExploredEnergy without = explore_energy(flat ? **wall : **ball, exploration);
+          const EnergyBalance without = explore_energy(flat ? **wall : **ball, exploration);
           EXPECT_LT(with.deepest_mm, without.deepest_mm + 0.6) << "a wall still";
           given_out_mJ = std::max(given_out_mJ, -without.min_mJ);
         }
@@ -210,7 +210,7 @@ TEST(StabilityEnergy, UnpunctualTicksOnSeamsAndLayersKeepTheBound) {
           exploration.rate_hz = rate_hz;
           exploration.jitter = 0.5;
           exploration.time_s = 15;
-          const ExploredEnergy with = explore_energy(*ball, exploration);
+          const EnergyBalance with = explore_energy(*ball, exploration);
           EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GT(with.contacts, 3);
         }
@@ -222,8 +222,7 @@ TEST(StabilityEnergy, AnExplorationRepeats) {
   ASSERT_TRUE(ball);
   Exploration exploration{*find_plant_device("touch"), *find_plant_hand("firm-grip")};
   exploration.time_s = 3;
-  const ExploredEnergy once = explore_energy(**ball, exploration),
-                       again = explore_energy(**ball, exploration);
+  const EnergyBalance once = explore_energy(**ball, exploration), again = explore_energy(**ball, exploration);
   EXPECT_EQ(once.last_mJ, again.last_mJ);
   exploration.seed = 2;
   EXPECT_NE(explore_energy(**ball, exploration).last_mJ, once.last_mJ);

@@ -66,7 +66,7 @@ class Presser {
     sum_N_ += force_N;
     ++looks_;
   }
-  PressedDevice result() const { return {high_mm_ - low_mm_, sum_N_ / looks_}; }
+  PressResult result() const { return {high_mm_ - low_mm_, sum_N_ / looks_}; }
 
  private:
   static WorkspaceSettings workspace_of(const PressingDevice& pressing) {
@@ -104,7 +104,7 @@ double following_delay_s(const PressingDevice& owner, const PressingDevice& foll
   return follower.delay_s + 1 / follower.rate_hz + 1 / owner.rate_hz;
 }
 
-std::array<PressedDevice, 2> press_together(const Model& wall, const Following& following) {
+std::array<PressResult, 2> run_following(const Model& wall, const Following& following) {
   const auto& [owner, follower, press_N, controller, is_delay_counted] = following;
   Presser owns(wall, owner, press_N, -kApart_mm / 2), follows(wall, follower, press_N, kApart_mm / 2);
   Parameters parameters = parameters_of(controller);
@@ -143,7 +143,7 @@ std::array<PressedDevice, 2> press_together(const Model& wall, const Following& 
   return {owns.result(), follows.result()};
 }
 
-PressedDevice press_alone(const Model& wall, const PressingDevice& pressing, bool controller) {
+PressResult press_alone(const Model& wall, const PressingDevice& pressing, bool controller) {
   Presser alone(wall, pressing, Following{}.press_N, -kApart_mm / 2);
   Parameters parameters = parameters_of(controller);
   parameters.device[0] = alone.parameters(pressing.delay_s);
@@ -192,8 +192,8 @@ Result<std::vector<Figure>> following_figures(const Progress& progress) {
     for (const char* grip : {"light-grip", "firm-grip"}) {
       if (progress.stopped()) return Progress::interrupted();
       both.owner.hand = both.follower.hand = alone.hand = *find_plant_hand(grip);
-      const auto [owner, follower] = press_together(**wall, both);
-      const auto swing = [&](const char* what, const PressedDevice& pressed, const PlantDevice& device) {
+      const auto [owner, follower] = run_following(**wall, both);
+      const auto swing = [&](const char* what, const PressResult& pressed, const PlantDevice& device) {
         lengths.push_back(
             {path + "/" + grip + "/" + what, pressed.swing_mm, "mm", 1, 2e3 * device.encoder_step_m});
       };

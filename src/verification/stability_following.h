@@ -31,16 +31,16 @@ struct Following {
 };
 
 /// Result of one device in the last of four seconds.
-struct PressedDevice {
+struct PressResult {
   double swing_mm = 0;  ///< Peak-to-peak motion of the true tip normal to the wall
   double force_N = 0;   ///< Mean force sent
 };
 /// Latency from a command to its force for a follower, s: larger by a period of each clock.
 double following_delay_s(const PressingDevice& owner, const PressingDevice& follower);
 /// Index 0 is the owner, 1 the follower.
-std::array<PressedDevice, 2> press_together(const Model& wall, const Following& following);
+std::array<PressResult, 2> run_following(const Model& wall, const Following& following);
 /// A single device whose clock runs the tick, at the position of the owner.
-PressedDevice press_alone(const Model& wall, const PressingDevice& pressing, bool controller = true);
+PressResult press_alone(const Model& wall, const PressingDevice& pressing, bool controller = true);
 
 /// Figures of both devices in either role, at 1 kHz and 250 Hz, in both documented grips, each at the
 /// stiffness recommended for its clock and latency, and of the same device alone. Errors: kInterrupted.

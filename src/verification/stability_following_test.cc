@@ -16,7 +16,7 @@ const Model& followed_wall() {
   return **wall;
 }
 
-double steps(const PressedDevice& pressed, const PressingDevice& pressing) {
+double steps(const PressResult& pressed, const PressingDevice& pressing) {
   return pressed.swing_mm / (pressing.device.encoder_step_m * 1e3);
 }
 
@@ -38,10 +38,10 @@ TEST(Following, AtWhatIsRecommendedForItsDelayADeviceIsAsQuietAsAlone) {
       const double careful = careful_bounds(info).stiffness_N_per_mm;
       EXPECT_LT(careful, recommended) << "who knows less is more careful";
 
-      const PressedDevice owner_alone = press_alone(followed_wall(), both.owner);
+      const PressResult owner_alone = press_alone(followed_wall(), both.owner);
       for (const double stiffness_N_per_mm : {recommended, careful}) {
         both.follower.stiffness_N_per_mm = stiffness_N_per_mm;
-        const auto [owner, follower] = press_together(followed_wall(), both);
+        const auto [owner, follower] = run_following(followed_wall(), both);
         EXPECT_LE(steps(follower, both.follower), 2) << stiffness_N_per_mm;
         EXPECT_NEAR(follower.force_N, 1, 0.2);
         // the owner is unaffected by the follower
@@ -65,7 +65,7 @@ TEST(Following, WhatADeviceBearsAloneItDoesNotBearHere) {
     EXPECT_LE(steps(press_alone(followed_wall(), both.follower, false), both.follower), 2)
         << "alone at 1 kHz";
     both.follower.rate_hz = 250;
-    const auto [owner, follower] = press_together(followed_wall(), both);
+    const auto [owner, follower] = run_following(followed_wall(), both);
     EXPECT_GT(steps(follower, both.follower), 10);
   }
 }

@@ -57,7 +57,7 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffnes
   return ready_for(*model, {&method, 1}, progress);
 }
 
-HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness_N_per_mm) {
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, double stiffness_N_per_mm) {
   SimulatedDevice plant(led.device, led.hand, led.delay_s);
   const WorkspaceSettings workspace;
   WorkspaceMapping mapping(plant.info(), workspace);
@@ -91,7 +91,7 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
   SessionState state;
   TickRecord record;
   Wrench sent;
-  HeldOff result;
+  NoGoResult result;
   double deepest_mm = 0;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (long n = 0; n < ticks; ++n) {
@@ -136,7 +136,7 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
         for (const PlantHand& hand : known_plant_hands()) {
           if (progress.stopped()) return Progress::interrupted();
           const double felt = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
-          const HeldOff led = lead_against(
+          const NoGoResult led = run_no_go_approach(
               *model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
           const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
                                    "/" + hand.name + "/" + loop_name(rate_hz, delay_s);

@@ -25,7 +25,7 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffnes
                                                 const LabelMap& labels, const Progress& progress = {});
 
 /// A hand that moves the tip against such a region.
-struct LedAgainst {
+struct NoGoApproach {
   PlantDevice device;
   PlantHand hand;
   double rate_hz = 1000, delay_s = 1e-3;
@@ -35,7 +35,7 @@ struct LedAgainst {
   bool slides = false;  ///< Whether it moves 8 mm along the boundary after a second, and then rests again
 };
 /// Result of the motion.
-struct HeldOff {
+struct NoGoResult {
   double past_mm = 0;    ///< Maximum depth of the true tip beyond the boundary, minus force over stiffness
   double force_N = 0;    ///< Maximum force sent
   bool clamped = false;  ///< Whether the force was limited by the device
@@ -43,7 +43,7 @@ struct HeldOff {
 };
 /// Runs the motion through the real tick.
 /// @param stiffness_N_per_mm  of the spring at the boundary, as felt
-HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness_N_per_mm);
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, double stiffness_N_per_mm);
 
 /// Figures at 0.1 m/s against all three kinds, for both devices and every documented hand, at 250 Hz, 1 kHz
 /// and 4 kHz, at the stiffness recommended for a delay of one tick. Errors: kInterrupted.

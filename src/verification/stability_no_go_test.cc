@@ -32,7 +32,7 @@ TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
           SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name + ", " +
                        std::to_string(rate_hz));
           if (rate_hz > 1000 && place != NoGoPlace::kStructure) continue;
-          const HeldOff led = lead_against(
+          const NoGoResult led = run_no_go_approach(
               stiff_no_go(place),
               {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, place == NoGoPlace::kFelt},
               kFelt_N_per_mm);
@@ -55,7 +55,7 @@ TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
     for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt})
       for (const PlantHand& hand : known_plant_hands()) {
         SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name);
-        const HeldOff led = lead_against(
+        const NoGoResult led = run_no_go_approach(
             stiff_no_go(place),
             {device, hand, kSlowest_hz, 1 / kSlowest_hz, *held, 100, 1, place == NoGoPlace::kFelt},
             0.9 * *held);
@@ -128,7 +128,7 @@ TEST(StabilityNoGo, HoldsAgainAfterADropout) {
     ASSERT_TRUE(model.ok());
     for (const char* hand : {"light-grip", "firm-grip"}) {
       SCOPED_TRACE(std::string(name_of(place)) + ", " + hand);
-      const DroppedOut lost =
+      const DropoutResult lost =
           drop_out(**model, {*find_plant_device("premium-1.5"), *find_plant_hand(hand), 1.16, 1e-3, 20e-3});
       EXPECT_NEAR(lost.before_N, 1, 0.2);
       EXPECT_TRUE(lost.silent);

@@ -21,7 +21,7 @@ constexpr int kFrames = 41, kRippleSteps = 8, kNoduleSteps = 20;
 constexpr double kLayerRoots[] = {0.3, 0.4};
 
 /// Worst of several cases.
-class Farthest {
+class WorstCase {
  public:
   void add(const TissueCase& one) {
     off_percent_ = std::max(off_percent_, std::abs(one.off_percent));
@@ -64,7 +64,7 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
   for (const AtSpeed& speed : speeds) {
     char at[32];
     std::snprintf(at, sizeof at, "/%.0f-mm-s", speed.mm_s);
-    const auto add = [&](const char* way, const TickOff& off) {
+    const auto add = [&](const char* way, const TickError& off) {
       const auto samples = static_cast<std::uint64_t>(off.samples);
       const std::string path = prefix + way + at;
       figures.push_back({path + "/largest", off.largest_percent, "percent", samples, speed.largest_percent});
@@ -121,14 +121,14 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   const auto nodule = yielding_block(true, TissueLaw::kElastic, kSeries);
   for (const auto* model : {&elastic, &relaxing, &nodule})
     if (!*model) return model->error();
-  const RelaxedOff pressed = press_relaxing(*relaxing, *elastic, kSeries, 6);
+  const RelaxationError pressed = press_relaxing(*relaxing, *elastic, kSeries, 6);
   const auto samples = static_cast<std::uint64_t>(pressed.samples);
   const std::string in = "tissue/relaxation/";
   figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});
   figures.push_back({in + "held/off", pressed.held_percent, "percent", samples, 1});
   figures.push_back({in + "held/left", 100 * pressed.left, "percent", 1, {}});
   if (progress.stopped()) return Progress::interrupted();
-  for (const SwungOff& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
+  for (const OscillationError& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
     char at[32];
     std::snprintf(at, sizeof at, "swung/%.0f-Hz/", swung.hz);
     figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 1});
@@ -184,7 +184,7 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
         for (const PlantHand& hand : std::span(hands).first(of.hands)) {
           if (progress.stopped()) return Progress::interrupted();
           exploration.hand = hand;
-          const ExploredEnergy energy = explore_energy(**ball, exploration);
+          const EnergyBalance energy = explore_energy(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
           std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device,
@@ -213,7 +213,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   one("cantilever", cantilever_case(8), 3);
   one("cook", cook_case(96), 3);
   if (stopped()) return Progress::interrupted();
-  Farthest series;
+  WorstCase series;
   for (const double seam : {0.0, 0.25, 0.5, 0.7}) series.add(series_case(seam));
   figures.push_back(series.figure("tissue/layers-in-series", 2));
   for (const double nu : {0.3, 0.45, 0.49})
@@ -225,7 +225,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   for (const auto& [name, outward] : kNormals) {
     // compressible tissue separately: its error is larger where the surface runs within cells along their
     // faces
-    Farthest off, compressible, ripple;
+    WorstCase off, compressible, ripple;
     for (const double radius : {1.0, 2.0, 4.0}) {
       HalfSpacePress press;
       press.cells = 40;
@@ -266,7 +266,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
                      {}});
   figures.push_back({"tissue/nodule/stiffer", loop.stiffer_percent, "percent", 1, {}});
 
-  Farthest stretched;
+  WorstCase stretched;
   for (const double part : {0.6, 0.8, 1.3}) stretched.add(stretched_case(part));
   figures.push_back(stretched.figure("tissue/neo-hookean/stretched", 0.1));
   if (stopped()) return Progress::interrupted();

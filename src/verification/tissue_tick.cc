@@ -110,8 +110,8 @@ class TissueComparison {
     sum_N_ += off_N;
     ++off_.samples;
   }
-  TickOff off() const {
-    TickOff off = off_;
+  TickError off() const {
+    TickError off = off_;
     if (off.samples == 0) return off;
     off.largest_percent = 100 * largest_N_ / off.peak_N;
     off.mean_percent = 100 * sum_N_ / off.samples / off.peak_N;
@@ -123,7 +123,7 @@ class TissueComparison {
   const int every_;
   int ticks_ = 0;
   double largest_N_ = 0, sum_N_ = 0;
-  TickOff off_;
+  TickError off_;
 };
 
 // interval that gives some twenty comparisons along a path
@@ -188,7 +188,7 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law,
   return prepared_for(made->model, {&proxy, 1});
 }
 
-TickOff press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm) {
+TickError press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm) {
   constexpr double kDepth_mm = 4;
   TissueTip tip(model);
   TissueComparison comparison(model, ticks_between_comparisons(kDepth_mm, speed_mm_s));
@@ -198,7 +198,7 @@ TickOff press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_
   return comparison.off();
 }
 
-TickOff slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s) {
+TickError slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s) {
   constexpr double kDepth_mm = 3, kFar_mm = 18;
   TissueTip tip(model);
   TissueComparison comparison(model, ticks_between_comparisons(2 * kFar_mm, speed_mm_s));
@@ -265,9 +265,9 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
   return {100 * (over_N / plain_N - 1), 100 * ((over_N - over_before_N) / (plain_N - plain_before_N) - 1)};
 }
 
-RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
-                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
-                          double held_s) {
+RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
+                               const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
+                               double held_s) {
   constexpr double kDepth_mm = 3;
   constexpr int kEvery = 10, kOfPress = 1000;
   const auto forces_N = [&](const std::shared_ptr<const Model>& model) {
@@ -280,7 +280,7 @@ RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
     return forces;
   };
   const std::vector<double> felt_N = forces_N(relaxing), at_once_N = forces_N(elastic);
-  RelaxedOff off;
+  RelaxationError off;
   for (std::size_t n = kEvery; n < felt_N.size(); n += kEvery) {
     // the change of the force is assumed to be uniform within its tick, i.e. at its middle
     double truth_N = 0;
@@ -297,9 +297,9 @@ RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
   return off;
 }
 
-std::vector<SwungOff> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
-                                     const std::shared_ptr<const Model>& elastic,
-                                     const Relaxation& relaxation) {
+std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
+                                             const std::shared_ptr<const Model>& elastic,
+                                             const Relaxation& relaxation) {
   constexpr double kHz[] = {1, 3, 10}, kSwing_mm = 0.1;
   constexpr int kSettle = 4000, kSeen = 4000;
   // Fourier coefficients at each frequency over whole periods of all of them, with a Hann window that
@@ -324,7 +324,7 @@ std::vector<SwungOff> swing_relaxing(const std::shared_ptr<const Model>& relaxin
     return sums;
   };
   const std::vector<Eigen::Vector2d> felt = waves(relaxing), at_once = waves(elastic);
-  std::vector<SwungOff> all;
+  std::vector<OscillationError> all;
   for (std::size_t f = 0; f < std::size(kHz); ++f) {
     double stored = 1, lost = 0;
     for (const RelaxationTerm& term : relaxation.term) {

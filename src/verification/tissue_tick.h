@@ -16,15 +16,15 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law =
                                                     const Relaxation& relaxation = {});
 
 /// Error of the tick's force relative to that of the converged solution at the same position.
-struct TickOff {
+struct TickError {
   double largest_percent = 0, mean_percent = 0;  ///< Percent of the path's peak force
   double peak_N = 0;
   int samples = 0;
 };
 /// Presses at a constant speed to 4 mm, at `x_mm`.
-TickOff press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm);
+TickError press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm);
 /// Slides at a constant speed 3 mm deep, from x = -18 mm to 18 mm.
-TickOff slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s);
+TickError slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s);
 /// Maximum change of the force per tick while held still 4 mm deep, from 0.1 s after the motion, N.
 double change_at_rest_N(const std::shared_ptr<const Model>& model);
 /// Presses 3 mm deep, slides over the nodule, lifts and returns through free space: energy generated, percent
@@ -41,25 +41,25 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
 
 /// Error of the force of a relaxing block, percent. The reference is the same tool in a block without
 /// relaxation, with its force history weighted by the relaxation function (Boltzmann superposition).
-struct RelaxedOff {
+struct RelaxationError {
   /// Maximum while it is pressed 3 mm deep at 100 mm/s and in the following second
   double pressed_percent = 0;
   double held_percent = 0;  ///< Maximum while it is held afterwards
   double left = 0;          ///< Final fraction of the instantaneous force
   int samples = 0;
 };
-RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
-                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
-                          double held_s);
+RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
+                               const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
+                               double held_s);
 /// Oscillation around a depth of 3 mm by a sum of sines: errors of phase lead and magnitude, relative to the
 /// block without relaxation, compared with those of the Prony series; percent.
-struct SwungOff {
+struct OscillationError {
   double hz = 0;
   double angle_percent = 0, size_percent = 0;
   double angle_deg = 0;
 };
-std::vector<SwungOff> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
-                                     const std::shared_ptr<const Model>& elastic,
-                                     const Relaxation& relaxation);
+std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
+                                             const std::shared_ptr<const Model>& elastic,
+                                             const Relaxation& relaxation);
 
 }  // namespace palpate

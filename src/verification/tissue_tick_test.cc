@@ -27,7 +27,7 @@ class TissueTick : public ::testing::Test {
 std::shared_ptr<const Model> TissueTick::nodule_, TissueTick::plain_;
 
 TEST_F(TissueTick, AToolThatPressesFeelsWhatASolutionGivesInTheEnd) {
-  const TickOff off = press_tissue(nodule_, 50, 0);
+  const TickError off = press_tissue(nodule_, 50, 0);
   EXPECT_GT(off.samples, 10);
   EXPECT_GT(off.peak_N, 0.2);
   EXPECT_LT(off.largest_percent, 6);
@@ -35,7 +35,7 @@ TEST_F(TissueTick, AToolThatPressesFeelsWhatASolutionGivesInTheEnd) {
 }
 
 TEST_F(TissueTick, AToolThatSlidesOverSomethingHardFeelsItWhereItIs) {
-  const TickOff off = slide_on_tissue(nodule_, 50);
+  const TickError off = slide_on_tissue(nodule_, 50);
   EXPECT_GT(off.samples, 10);
   EXPECT_LT(off.largest_percent, 6);
 }
@@ -47,7 +47,7 @@ TEST_F(TissueTick, AtRestAFrameIsNotFelt) {
 TEST_F(TissueTick, ANeoHookeanBodyIsHarderThereAndKeepsWhatWasPutIn) {
   const auto nodule = block(true, TissueLaw::kNeoHookean), plain = block(false, TissueLaw::kNeoHookean);
   EXPECT_GT(over_nodule(nodule, plain, 3).stiffness_percent, 22);
-  const TickOff off = press_tissue(nodule, 20, 0);
+  const TickError off = press_tissue(nodule, 20, 0);
   EXPECT_GT(off.samples, 10);
   EXPECT_LT(off.largest_percent, 10);
   EXPECT_LT(work_given_out_percent(nodule, 20), 2);
@@ -63,7 +63,7 @@ TEST_F(TissueTick, WhatRelaxesIsWhatItsSeriesLeavesOfTheSameTissue) {
   constexpr Relaxation kSeries{{{{0.5, 0.2}, {}}}};
   const auto elastic = yielding_block(false), relaxing = yielding_block(false, TissueLaw::kElastic, kSeries);
   ASSERT_TRUE(elastic.ok() && relaxing.ok());
-  const RelaxedOff off = press_relaxing(*relaxing, *elastic, kSeries, 1.2);
+  const RelaxationError off = press_relaxing(*relaxing, *elastic, kSeries, 1.2);
   EXPECT_GT(off.samples, 100);
   EXPECT_LT(off.pressed_percent, 1);
   EXPECT_LT(off.held_percent, 1);

@@ -61,10 +61,10 @@ inline constexpr std::size_t kMaxCases = 100'000;
 // ---- a case ---------------------------------------------------------------------------------------------
 
 /// Marks a value that is not available.
-inline constexpr double kNotThere = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double kNotAvailable = std::numeric_limits<double>::quiet_NaN();
 
 /// Location of minimum thickness of a structure.
-struct ThinPlace {
+struct ThinSpot {
   double thickness_mm = 0;
   Point<Patient> place;
 };
@@ -75,7 +75,7 @@ struct ThinPlace {
 /// boundary of the volume is not a side. Empty if there is no such voxel (a structure of a few voxels, or one
 /// that fills the volume).
 /// @param labels  flattened
-std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const SegmentStatistics& structure);
+std::optional<ThinSpot> minimum_thickness(const Volume<LabelId>& labels, const SegmentStatistics& structure);
 /// Radius within which the medial surface has to continue on all sides.
 inline constexpr double kRim_mm = 3;
 
@@ -95,12 +95,12 @@ struct StructureResult {
   double volume_mm3 = 0;
   /// Number of connected components.
   int components = 0;
-  double thinnest_mm = kNotThere;
+  double thinnest_mm = kNotAvailable;
   /// Number of gaps through which a point may slip (palpate/surfaces/surfaces.h, Leaks)
   std::size_t gaps = 0;
   bool felt = false;
   /// Palpation by the script (HoldFigure); NaN if not palpated.
-  double held_s = kNotThere, mean_force_N = kNotThere, peak_force_N = kNotThere;
+  double held_s = kNotAvailable, mean_force_N = kNotAvailable, peak_force_N = kNotAvailable;
 };
 
 /// Result of a case. It contains no times, no paths and no text of the case's files except names of
@@ -113,7 +113,7 @@ struct CaseResult {
   std::vector<StructureResult> structures;  ///< In the model's order; empty: the case could not be read
   int palpated = 0, held = 0;  ///< Number of structures that the script touches, and of those held for 0.1 s
   int failed_steps = 0;
-  double largest_force_N = kNotThere;
+  double largest_force_N = kNotAvailable;
   std::uint64_t ticks = 0, run_hash = 0;
   std::vector<std::string> notes;  ///< Warnings and failed steps
 };

@@ -53,8 +53,8 @@ struct HeldHandFigures {
 ///
 /// Errors: those of open(); kUnavailable, with a remedy, for the reason of an abort, if even the softest
 /// spring oscillated, or if no latency fits clearly better than others; kInterrupted.
-Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettings& settings,
-                                      const Progress& progress = {});
+Result<HeldHandFigures> run_grip_trial(DeviceDriver& driver, const HeldHandSettings& settings,
+                                       const Progress& progress = {});
 
 /// Keyed by the device's name (DeviceInfo::name) in the spelling of printable_name().
 using HeldHands = std::map<std::string, HeldHandFigures>;

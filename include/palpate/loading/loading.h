@@ -35,7 +35,7 @@ LabelPlacement placement_of(const LabelMap& labels, const GridGeometry& scan);
 /// Text such as "97.3 % of the labelled voxels lie inside the scan"
 std::string in_words(const LabelPlacement& placement);
 /// Warning for the user if more than 5 % of the labelled voxels are outside the scan; otherwise empty.
-std::string doubt_of(const LabelPlacement& placement);
+std::string placement_warning(const LabelPlacement& placement);
 /// Checks that at least half of the labelled voxels are inside the scan. Otherwise error kBadInput with
 /// `labels_file`, unless the scan covers only part of the labelled region.
 /// @param scan_is_cropped  whether the scene or the user states that the scan is cropped
@@ -70,7 +70,7 @@ struct SceneMemory {
   std::uint64_t stays() const { return scan + model.stays(); }
 };
 /// Called with the estimate before the memory is allocated.
-using Foretell = std::function<void(const SceneMemory&)>;
+using MemoryCallback = std::function<void(const SceneMemory&)>;
 
 struct Placing;
 /// Orientation, axes and spacing that a scene declares for its volumes (palpate/volume_io/volume_io.h).
@@ -88,7 +88,8 @@ Placing placing_of(const Scene& scene);
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
                                            const Warn& warn = {},
                                            std::optional<PreparationMethod> preparation = {},
-                                           const Foretell& foretell = {}, std::optional<int> volume = {},
+                                           const MemoryCallback& report_memory = {},
+                                           std::optional<int> volume = {},
                                            const std::optional<std::filesystem::path>& labels = {});
 
 /// Labels of a scene with all layers, resampled onto the model's grid if theirs differs; empty if the scene
@@ -105,9 +106,9 @@ Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, co
                                             std::optional<int> volume = {});
 
 /// Whether the model has a touchable tissue with at least one voxel. Other models can only be displayed.
-bool is_anything_felt(const Model& model);
+bool has_touchable_tissue(const Model& model);
 /// Error kBadInput with a remedy if the model has no touchable tissue.
-Result<void> check_felt(const LoadedScene& loaded);
+Result<void> require_touchable_tissue(const LoadedScene& loaded);
 
 /// The volumes of a scene.
 struct SceneVolumes {
@@ -129,7 +130,7 @@ Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const P
 /// the surfaces of the proxy are made by ready_for.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
                                                  const Progress& progress = {}, const Warn& warn = {},
-                                                 const Foretell& foretell = {});
+                                                 const MemoryCallback& report_memory = {});
 /// Overload that copies, for callers that retain the volumes. One of them may be null.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress = {},
@@ -142,6 +143,6 @@ Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> mode
 
 /// Slow preparation steps of a model that changes (next_version, palpate/model/changed_model.h), with results
 /// taken from the cache. An instance serves one model.
-std::unique_ptr<const Preparing> kept_preparing();
+std::unique_ptr<const Preparing> cached_preparation();
 
 }  // namespace palpate

@@ -24,8 +24,8 @@ Result<ToolTip> parse_tip(std::string_view text, const std::string& where);
 struct RegistrationOutcome {
   PointRegistration by_points;
   std::vector<std::string> names;  ///< Names of the points, in their order
-  /// For points touched live: scatter of the tip while it was held (HeldPlace). Empty: the points came from a
-  /// file.
+  /// For points touched live: scatter of the tip while it was held (TouchedPoint). Empty: the points came
+  /// from a file.
   std::vector<double> held_mm;
   bool is_fle_known = false;  ///< Whether the FLE was given instead of estimated from the residuals
   /// Argument of rigid_error; empty: unknown, because the residuals are exactly zero.

@@ -10,7 +10,7 @@
 namespace palpate {
 
 /// A point that was touched and held.
-struct HeldPlace {
+struct TouchedPoint {
   Point<Tracker> at;   ///< Mean of the tip positions while held
   double held_mm = 0;  ///< RMS distance of these from the mean
   std::size_t poses = 0;
@@ -28,7 +28,7 @@ struct TouchSettings {
 ///
 ///     tip      moves ~~~~ held still ----|~~~~ moves ~~~ held still ----|
 ///     touch                              1                              2
-class TouchTaker {
+class TouchDetector {
  public:
   enum class State {
     kMoving,   ///< Moving, or no pose at present
@@ -37,14 +37,14 @@ class TouchTaker {
     kTaken,    ///< This pose has completed a point: taken().back()
   };
 
-  explicit TouchTaker(const TouchSettings& settings = {}) : settings_(settings) {}
+  explicit TouchDetector(const TouchSettings& settings = {}) : settings_(settings) {}
 
   /// Processes a tip position.
   /// @param time_s  of any clock, strictly increasing
   State see(const Point<Tracker>& tip, double time_s);
   /// Removes the last recorded point, if any.
   void undo();
-  const std::vector<HeldPlace>& taken() const { return taken_; }
+  const std::vector<TouchedPoint>& taken() const { return taken_; }
 
  private:
   struct Seen {
@@ -53,7 +53,7 @@ class TouchTaker {
   };
   const TouchSettings settings_;
   std::deque<Seen> seen_;  // samples of the last hold_s
-  std::vector<HeldPlace> taken_;
+  std::vector<TouchedPoint> taken_;
 };
 
 }  // namespace palpate

@@ -21,7 +21,7 @@
 namespace palpate {
 
 /// A measured deviation with its tolerance from the plan.
-struct PlannedFigure {
+struct ToleratedValue {
   double value = kNotKnown;
   /// Tolerance of the absolute value; empty: none
   std::optional<double> allowed;
@@ -30,16 +30,16 @@ struct PlannedFigure {
 };
 
 /// How the actual entry point was determined.
-enum class EntryMade : std::uint8_t {
+enum class EntryKind : std::uint8_t {
   kNone,     ///< No entry point: the structures were not reached
   kPassed,   ///< The tip passed through the structures' surface
   kTouched,  ///< The tip touched the structures without passing through
   kNearest,  ///< The plan names no structures: the point of the path nearest to the planned entry
 };
-const char* word_of(EntryMade made);  ///< Name in reports: "passed", ..., "none"
+const char* word_of(EntryKind made);  ///< Name in reports: "passed", ..., "none"
 
 /// A tick with the position of the tip.
-struct PlaceInRun {
+struct RunPoint {
   std::uint64_t tick = 0;
   double time_s = 0;
   Point<Patient> at;
@@ -48,22 +48,22 @@ struct PlaceInRun {
 /// Actual execution of a PlanTrajectory. An *insertion* starts at the entry point and ends when the tip is 10
 /// mm outside the structures (without structures: outside the plane through the planned entry, perpendicular
 /// to the trajectory). Of several insertions in a run the one closest to the target is evaluated.
-struct TrajectoryDone {
-  EntryMade entry_made = EntryMade::kNone;
+struct TrajectoryResult {
+  EntryKind entry_made = EntryKind::kNone;
   /// `nearest`: nearest to the target; `deepest`: farthest along the trajectory
-  PlaceInRun entry, nearest, deepest;
-  PlannedFigure entry_error_mm;   ///< Distance from the planned to the actual entry point
-  PlannedFigure target_error_mm;  ///< Distance from the target to the nearest point of the insertion
+  RunPoint entry, nearest, deepest;
+  ToleratedValue entry_error_mm;   ///< Distance from the planned to the actual entry point
+  ToleratedValue target_error_mm;  ///< Distance from the target to the nearest point of the insertion
   /// Components of the target error: perpendicular to the trajectory, and along it, positive beyond the
   /// target.
   double lateral_mm = kNotKnown, along_mm = kNotKnown;
   /// Angle between the trajectory and the line fitted to the path from the entry to the deepest point (total
   /// least squares, path segments weighted by their length), 0 ... 180. Unknown for paths below 1 mm.
-  PlannedFigure angle_deg;
-  double off_line_mm = kNotKnown;  ///< RMS distance of the path from that line
+  ToleratedValue angle_deg;
+  double line_rms_mm = kNotKnown;  ///< RMS distance of the path from that line
   /// Distance from the actual entry to the deepest point, along the trajectory
   double depth_mm = kNotKnown;
-  PlannedFigure depth_error_mm;  ///< depth_mm minus the trajectory's length: positive is too deep
+  ToleratedValue depth_error_mm;  ///< depth_mm minus the trajectory's length: positive is too deep
   /// Angle between the trajectory and the tool's shaft (the spindle of a burr, otherwise the longest capsule)
   /// at the deepest point. Known only for tools with a shaft and devices that report an orientation.
   double shaft_deg = kNotKnown;
@@ -74,23 +74,23 @@ struct TrajectoryDone {
 };
 
 /// Planned and removed volume.
-struct VolumeDone {
+struct VolumeResult {
   double planned_mm3 = 0, taken_mm3 = 0;
   double left_mm3() const { return planned_mm3 - taken_mm3; }
 };
 /// Removal of one structure: planned volume, volume removed within the plan, and volume removed outside it.
 struct StructureVolume {
   LabelId label = 0;
-  VolumeDone in_plan;
+  VolumeResult in_plan;
   double outside_mm3 = 0;
 };
 
 /// Clearance of the tool's head to a structure: from the head's surface to the structure's surface as
 /// prepared, before any removal; negative inside.
-struct StructureApproach {
+struct StructureClearance {
   LabelId label = 0;
   double nearest_mm = kNotKnown;
-  PlaceInRun nearest;
+  RunPoint nearest;
   std::optional<double> asked_mm;  ///< Minimum clearance required by the plan
   double below_s = 0;              ///< Duration below that clearance
   /// Minimum in each interval of PlanComparison::times_s; NaN if no tick had a valid position.
@@ -99,10 +99,10 @@ struct StructureApproach {
   bool kept() const { return !asked_mm || nearest_mm >= *asked_mm; }
 };
 /// Interval in which a required clearance was violated.
-struct DistanceBreach {
+struct ClearanceViolation {
   LabelId label = 0;
   double asked_mm = 0, nearest_mm = 0;
-  PlaceInRun begin, nearest;
+  RunPoint begin, nearest;
   std::uint64_t last_tick = 0;
   double end_s = 0;
 };
@@ -110,19 +110,19 @@ struct DistanceBreach {
 /// Result of compare_recording().
 struct PlanComparison {
   std::uint64_t ticks = 0;
-  std::uint64_t without_place = 0;            ///< Number of ticks with a non-finite tip position
-  double time_s = 0;                          ///< Duration from the first to the last tick
-  bool cut_short = false;                     ///< Whether the recording is truncated
-  double missing_s = 0;                       ///< Total duration of gaps in the tick numbers
-  std::vector<TrajectoryDone> trajectories;   ///< In the order of the plan
-  std::vector<VolumeDone> regions;            ///< In the order of the plan
-  std::vector<StructureVolume> volumes;       ///< Structures that are in the plan or were cut
-  std::vector<StructureApproach> approaches;  ///< Every structure, in the order of structure_distances()
+  std::uint64_t invalid_ticks = 0;             ///< Number of ticks with a non-finite tip position
+  double time_s = 0;                           ///< Duration from the first to the last tick
+  bool cut_short = false;                      ///< Whether the recording is truncated
+  double missing_s = 0;                        ///< Total duration of gaps in the tick numbers
+  std::vector<TrajectoryResult> trajectories;  ///< In the order of the plan
+  std::vector<VolumeResult> regions;           ///< In the order of the plan
+  std::vector<StructureVolume> volumes;        ///< Structures that are in the plan or were cut
+  std::vector<StructureClearance> approaches;  ///< Every structure, in the order of structure_distances()
   /// Start times of intervals of equal numbers of ticks, at most kMaxPlanTimes
   std::vector<double> times_s;
-  std::vector<DistanceBreach> breaches;  ///< In the order of their start, at most kMaxBreaches
-  std::uint64_t more_breaches = 0;       ///< Number of breaches beyond these
-  std::vector<Point<Patient>> way;       ///< Path of the tip, decimated to at most kMaxWayPlaces points
+  std::vector<ClearanceViolation> breaches;  ///< In the order of their start, at most kMaxBreaches
+  std::uint64_t more_breaches = 0;           ///< Number of breaches beyond these
+  std::vector<Point<Patient>> way;           ///< Path of the tip, decimated to at most kMaxWayPlaces points
 
   /// Whether every tolerance of the plan was met, the recording is not truncated, and no tick is missing (a
   /// tolerance may have been violated in a missing tick). Volumes have no tolerance.

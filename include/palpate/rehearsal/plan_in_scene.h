@@ -50,7 +50,7 @@ struct PlanInScene {
 
 /// Resolves a plan in a model. Errors: kBadInput with the line of a structure that is absent or has no voxel,
 /// and for a model without labels.
-Result<PlanInScene> look_up_plan(const PlanFile& plan, const Model& model);
+Result<PlanInScene> resolve_plan(const PlanFile& plan, const Model& model);
 
 /// Removable volume by structure, mm3.
 using VolumesByLabel = std::map<LabelId, double>;
@@ -64,12 +64,12 @@ Result<PlannedVolumes> planned_volumes(const PlanInScene& plan, const Model& mod
                                        const Progress& progress = {});
 
 /// Removed volume within and outside the plan.
-struct TakenVolumes {
+struct RemovedVolumes {
   PlannedVolumes in_plan;
   VolumesByLabel outside;  ///< Outside all regions
 };
 /// Volumes of `removed` within each region, within the plan and outside it, by structure.
-TakenVolumes taken_volumes(const PlanInScene& plan, const RemovedVolume& removed);
+RemovedVolumes removed_volumes(const PlanInScene& plan, const RemovedVolume& removed);
 /// Maximum distance of removed tissue outside all regions from the nearest of the plan's shapes, mm; 0 if
 /// there is none. Sampled at the 64 points of each voxel, so it is underestimated by up to half their
 /// spacing.

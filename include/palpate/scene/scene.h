@@ -139,10 +139,10 @@ struct YieldingSettings {
 };
 
 /// Structures whose distances to the tool are published.
-enum class ToldStructures : std::uint8_t { kNone, kFelt, kAll };
+enum class ReportedStructures : std::uint8_t { kNone, kFelt, kAll };
 /// Published distances between the tool and structures.
 struct DistanceSettings {
-  ToldStructures structures = ToldStructures::kNone;
+  ReportedStructures structures = ReportedStructures::kNone;
   /// Maximum distance that is reported.
   double reach_mm = 20;
 };
@@ -214,7 +214,7 @@ const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* s
 /// Largest voxel spacing of the grids behind the field, mm. Label boundaries are stair-stepped on their own
 /// grid, and the field is interpolated on field_grid(); a sigma below this spacing leaves the steps
 /// perceptible (docs/results/accuracy.md).
-double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan);
+double largest_spacing_mm(const GridGeometry* labels, const GridGeometry* scan);
 /// Maximum force deep inside a tissue under a union Gaussian, N: stiffness * sigma * sqrt(2 pi), the height
 /// of a Gaussian-smoothed step whose slope at the surface equals the stiffness. Without smoothing the ramp is
 /// one voxel wide.

@@ -78,7 +78,7 @@ class TaskEvaluator {
   explicit TaskEvaluator(TaskInScene task);
 
   /// Sets the tissue already removed before the first tick, for a task with a plan.
-  void begin_after(const RemovalFollower& told) { gone_ = told; }
+  void set_initial_removal(const RemovalFollower& told) { gone_ = told; }
   /// Processes an event of the recording; call it before the first tick that follows the event.
   void hear(const RecordingEvent& event);
   /// Processes a tick. Errors: kBadInput if the tick's time is not finite or does not increase, or if the
@@ -103,7 +103,7 @@ class TaskEvaluator {
   double protected_N(std::size_t protection) const { return protections_[protection].last_N; }
   double touch_N() const { return force_on({}); }
   /// Whether the outermost contact of the last tick is invisible to the task's scope.
-  bool touches_unseen() const { return unseen_; }
+  bool touches_invisible() const { return unseen_; }
   /// Last valid tip position, patient frame, mm.
   std::optional<Eigen::Vector3d> tip_mm() const { return tip_known_ ? std::optional(tip_mm_) : std::nullopt; }
   const std::vector<TaskEvent>& events() const { return events_; }
@@ -140,16 +140,16 @@ class TaskEvaluator {
 
   void read_contacts(const TickRecord& tick);
   double force_on(const std::vector<bool>& labels) const;
-  void see_forces(const TickRecord& tick, double dt_s);
-  void see_steps(const TickRecord& tick, double dt_s);
+  void update_forces(const TickRecord& tick, double dt_s);
+  void update_steps(const TickRecord& tick, double dt_s);
   struct Share {
     double part = 0, asked = 0;
   };
-  double touch_of_step(const TaskStep& step);
+  double force_on_step(const TaskStep& step);
   std::optional<Share> share_asked(const TaskStep& step) const;
-  void see_answer(const DeviceTick& device, double dt_s);
-  void see_sight(const TickRecord& tick, double dt_s);
-  void see_removal(const TickRecord& tick);
+  void update_answer(const DeviceTick& device, double dt_s);
+  void update_visibility(const TickRecord& tick, double dt_s);
+  void update_removal(const TickRecord& tick);
   Removal removal() const;
   void tell(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N);
   double value_of(std::size_t metric, const Removal& removal) const;
@@ -180,7 +180,7 @@ class TaskEvaluator {
   // plan: removed tissue, and the volume removed of each region at the last evaluation
   std::optional<RemovalFollower> gone_;
   std::vector<double> taken_mm3_;
-  bool has_taken_ = true;
+  bool removal_changed_ = true;
   double next_look_s_ = 0;
 };
 

@@ -18,10 +18,10 @@ namespace palpate {
 /// the interpolated fraction of touchable labels exceeds one half. The last part of the ray, twice the
 /// largest voxel spacing, is skipped, because it is in the touched structure. A camera inside touchable
 /// tissue sees nothing. Immutable.
-class ScopeSight {
+class ScopeVisibility {
  public:
   /// @param model  a model with labels
-  ScopeSight(const ScopeOptics& optics, const Model& model);
+  ScopeVisibility(const ScopeOptics& optics, const Model& model);
 
   /// Whether the scope of the tick's second device sees a point. False if its pose is unknown.
   /// @param place_mm  patient frame, finite

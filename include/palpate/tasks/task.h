@@ -74,7 +74,7 @@ struct TaskInScene {
   std::vector<std::vector<bool>> metrics;
   std::optional<Eigen::Vector3d> answer_mm;  ///< Centroid of the structures to be found
   std::vector<bool> answer_labels;           ///< Structures to be found, by LabelId
-  std::optional<ScopeSight> sight;
+  std::optional<ScopeVisibility> sight;
   std::optional<TaskPlan> plan;
 };
 
