@@ -403,7 +403,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
     else if (elastic)
       std::printf("rigid        ");
     if (factor != 1) std::printf("%-9.3g  ", tissue.felt ? factor * tissue.stiffness_N_per_mm : 0.0);
-    std::printf("%-9.3g  %-8.3g  %-10s  %s\n", max_N, tissue.friction_coefficient, structures.c_str(),
+    std::printf("%-9.3g  %-8.3g  %-10s  %s\n", max_N, tissue.friction, structures.c_str(),
                 join(tissue.rests_on).c_str());
   }
   if (scene.force.method == ForceMethod::kProxy)

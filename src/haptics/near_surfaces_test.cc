@@ -227,7 +227,7 @@ std::vector<ContactSurface> few_surfaces(std::mt19937& random) {
   std::vector<ContactSurface> few{ball_at({0, 0, -6}, 6, random, 4), ball_at({9, 0, -5}, 5, random, 4),
                                   ball_at({0, 9, -4}, 4, random, 4)};
   few[2].puncture_N = 1.5;
-  few[0].static_friction = few[0].dynamic_friction = 0.2;
+  few[0].static_friction = few[0].friction = 0.2;
   return few;
 }
 

@@ -614,7 +614,7 @@ class Walk {
       for (const OwnerShare& share : owners.all()) {
         const ContactSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
         known.still += share.part * felt.static_friction;
-        known.sliding += share.part * felt.dynamic_friction;
+        known.sliding += share.part * felt.friction;
       }
     }
     return friction_[place];
@@ -826,7 +826,7 @@ class Springs {
       for (const OwnerShare& share : owners_[n].all()) {
         const ContactSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
         const double multiplier_mm = contact.multiplier_mm * share.part;
-        friction += multiplier_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
+        friction += multiplier_mm * (state.sticking ? felt.static_friction : felt.friction);
         if (felt.yield_modulus_N_per_mm2 > 0) {
           pressed.add(multiplier_mm, felt, arm_mm, sphere.radius_at_mm(contact.part));
           continue;

@@ -32,7 +32,7 @@ ProxyRun on_floor(double friction_static = 0, double friction_dynamic = 0, doubl
   run.surfaces = {felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), floor_mm)};
   run.surfaces[0].stiffness_N_per_mm = stiffness;
   run.surfaces[0].static_friction = friction_static;
-  run.surfaces[0].dynamic_friction = friction_dynamic;
+  run.surfaces[0].friction = friction_dynamic;
   run.at({0, 0, 3});
   return run;
 }
@@ -440,9 +440,9 @@ ProxyRun two_feels() {
   ProxyRun run;
   run.surfaces.resize(2);
   run.surfaces[0].stiffness_N_per_mm = 1;
-  run.surfaces[0].static_friction = run.surfaces[0].dynamic_friction = 0.2;
+  run.surfaces[0].static_friction = run.surfaces[0].friction = 0.2;
   run.surfaces[1].stiffness_N_per_mm = 0.4;
-  run.surfaces[1].static_friction = run.surfaces[1].dynamic_friction = 0.1;
+  run.surfaces[1].static_friction = run.surfaces[1].friction = 0.1;
   run.surfaces.push_back(felt_surface(grid, floor_mm));
   run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
   run.surfaces[2].owners = std::make_shared<const Owners>(
@@ -742,7 +742,7 @@ TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {
   run.surfaces[2].layer = 1;
   const auto in_first_layer = [&](ContactSurface felt) {
     felt.to_N_per_mm = 0.05;
-    felt.static_friction = felt.dynamic_friction = 0;
+    felt.static_friction = felt.friction = 0;
     return felt;
   };
   ContactSurface common = in_first_layer(felt_surface(grid, floor_mm));
@@ -881,7 +881,7 @@ double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<P
 TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
   for (const double towards : {1.0, -1.0}) {
     ProxyRun run = two_feels();
-    for (ContactSurface& felt : run.surfaces) felt.static_friction = felt.dynamic_friction = 0;
+    for (ContactSurface& felt : run.surfaces) felt.static_friction = felt.friction = 0;
     const Point<Patient> from(-5 * towards, 0, -8), to(5 * towards, 0, -8);
     run.at({from.x(), 0, 5});
     run.lead({from.x(), 0, 5}, from, 0.05);
@@ -1010,7 +1010,7 @@ TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
     run.surfaces = {
         felt_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) { return up.eigen().dot(p); })};
     run.surfaces[0].static_friction = mu_static;
-    run.surfaces[0].dynamic_friction = mu_dynamic;
+    run.surfaces[0].friction = mu_dynamic;
     run.spheres = {{{}, n % 2 == 0 ? 0 : 1.5 * unit(random)}};
     const double above_mm = run.spheres[0].radius_mm;
     const auto tip = [&](double way_mm, double height_mm) {
@@ -1044,7 +1044,7 @@ TEST(Proxy, DoesNotDriftWhileItSticks) {
       return curved ? (p + Eigen::Vector3d(0, 0, 10)).norm() - 10 : p.z() + 0.2 * p.x();
     })};
     run.surfaces[0].static_friction = 0.6;
-    run.surfaces[0].dynamic_friction = 0.5;
+    run.surfaces[0].friction = 0.5;
     run.at({1, 0.5, 3});
     run.lead({1, 0.5, 3}, {1, 0.5, -2}, 0.05);
     for (int n = 0; n < 20; ++n) run.at({1, 0.5, -2});
@@ -1067,7 +1067,7 @@ TEST(Proxy, AWallThatIsMetOnTheWayLetsNoFrictionGo) {
     run.surfaces.push_back(
         felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.x(); }));
     run.surfaces[1].static_friction = 0.8;
-    run.surfaces[1].dynamic_friction = 0.2;
+    run.surfaces[1].friction = 0.2;
     run.surfaces[1].stiffness_N_per_mm = 2;
     run.lead({before_wall_mm, 0, 3}, {before_wall_mm, 0, -1}, 0.1);
     ASSERT_TRUE(run.state.sticking);
@@ -1244,8 +1244,8 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
           cube_grid(9, {0.5, 0.5, 0.5}),
           [=](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 2));
       ContactSurface& felt = run.surfaces.back();
-      felt.dynamic_friction = 0.4 * unit(random);
-      felt.static_friction = felt.dynamic_friction + 0.3 * unit(random);
+      felt.friction = 0.4 * unit(random);
+      felt.static_friction = felt.friction + 0.3 * unit(random);
       felt.layer = s / 2;
       if (scene % 3 == 0 && s == 0) felt.puncture_N = 1.5;
     }

@@ -17,7 +17,7 @@ Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& vel
   const Vector<Patient> along_surface = velocity_mm_s - n * n.dot(velocity_mm_s);
   const double speed = along_surface.norm();
   if (speed == 0) return {};
-  const double cap = std::min(tissue.friction_max_N, tissue.friction_coefficient * normal_force_N.norm());
+  const double cap = std::min(tissue.friction_max_N, tissue.friction * normal_force_N.norm());
   const double magnitude =
       std::min(std::min(tissue.friction_damping_N_s_per_mm, max_N_s_per_mm) * speed, cap);
   return along_surface * (-magnitude / speed);

@@ -37,7 +37,7 @@ TEST(Viscosity, TakesEnergyAndFadesTowardsTheSurface) {
 TEST(PseudoFriction, IsTangentialOpposesTheMotionAndKeepsBothCaps) {
   std::mt19937 random(11);
   Tissue tissue;
-  tissue.friction_coefficient = 0.2;
+  tissue.friction = 0.2;
   tissue.friction_damping_N_s_per_mm = 0.01;
   tissue.friction_max_N = 0.3;
   for (int i = 0; i < 1000; ++i) {

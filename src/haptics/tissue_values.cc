@@ -20,9 +20,10 @@ SupportValues support_values(const Tissue& tissue) {
 
 }  // namespace
 
-std::optional<TissueFault> friction_fault(double static_friction, double friction) {
-  if (static_friction >= friction) return std::nullopt;
-  return TissueFault{text_of("static_friction = ", static_friction, " is less than friction = ", friction),
+std::optional<TissueFault> friction_fault(const ContactProperties& properties) {
+  if (properties.static_friction >= properties.friction) return std::nullopt;
+  return TissueFault{text_of("static_friction = ", properties.static_friction,
+                             " is less than friction = ", properties.friction),
                      "what sticks holds at least as much as what slides"};
 }
 
@@ -39,38 +40,28 @@ std::optional<TissueFault> support_fault(const SupportValues& tissue, const Supp
 }
 
 Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t index) {
-  const auto error = [](TissueFault fault, const char* key) {
-    return Error{ErrorKind::kBadInput, std::move(fault.what), key, std::move(fault.remedy)};
+  const auto error = [](TissueFault fault, std::string_view name) {
+    return Error{ErrorKind::kBadInput, std::move(fault.what), std::string(name), std::move(fault.remedy)};
   };
   const Tissue& changed = tissues[index];
-  struct Number {
-    const char* key;
-    double value;
-    ValueRange range;
-    const char* unit;
-  };
-  const Number numbers[] = {
-      {"stiffness", changed.stiffness_N_per_mm, kStiffnessRange_N_per_mm, " N/mm"},
-      {"friction", changed.friction_coefficient, kFrictionRange, ""},
-      {"static_friction", changed.static_friction, kFrictionRange, ""},
-      {"viscosity", changed.viscosity_N_s_per_mm, kViscosityRange_N_s_per_mm, " N·s/mm"}};
-  for (const Number& number : numbers) {
-    const auto& [min, max] = number.range;
-    const std::string range = text_of(min, " ... ", max, number.unit);
-    const std::string remedy = text_of(number.key, " takes a number, ", range);
-    if (!std::isfinite(number.value))
-      return error({text_of(number.key, " is not a finite number"), remedy}, number.key);
-    if (number.value < min || number.value > max)
-      return error({text_of(number.key, " = ", number.value, " is outside ", range), remedy}, number.key);
+  for (const ContactProperty& property : kContactProperties) {
+    const double value = changed.*property.value;
+    const auto& [min, max] = property.range;
+    const std::string range = text_of(min, " ... ", max, property.unit.empty() ? "" : " ", property.unit);
+    const std::string remedy = text_of(property.key, " takes a number, ", range);
+    if (!std::isfinite(value))
+      return error({text_of(property.key, " is not a finite number"), remedy}, property.name);
+    if (value < min || value > max)
+      return error({text_of(property.key, " = ", value, " is outside ", range), remedy}, property.name);
   }
-  if (auto fault = friction_fault(changed.static_friction, changed.friction_coefficient))
-    return error(*std::move(fault), "static_friction");
+  if (auto fault = friction_fault(changed))
+    return error(*std::move(fault), contact_property(&ContactProperties::static_friction).name);
   for (const Tissue& tissue : tissues) {
     if (!tissue.felt) continue;
     for (const int support : tissue.rests_on)
       if (auto fault = support_fault(support_values(tissue),
                                      support_values(tissues[static_cast<std::size_t>(support)])))
-        return error(*std::move(fault), "stiffness");
+        return error(*std::move(fault), contact_property(&ContactProperties::stiffness_N_per_mm).name);
   }
   return {};
 }

@@ -284,7 +284,7 @@ ProxyRun on_soft_floor(double friction = 0) {
   run.surfaces = {
       felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
   run.surfaces[0].yield_modulus_N_per_mm2 = kModulus;
-  run.surfaces[0].static_friction = run.surfaces[0].dynamic_friction = friction;
+  run.surfaces[0].static_friction = run.surfaces[0].friction = friction;
   run.spheres[0].radius_mm = 3;
   return run;
 }

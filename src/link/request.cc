@@ -141,14 +141,10 @@ TissueRequest read_tissue(Fields& fields) {
   TissueRequest request;
   fields.want("tissue");
   request.tissue = static_cast<int>(fields.whole("tissue", 0, kMaxTissues).value_or(0));
-  request.stiffness_N_per_mm = fields.number("stiffness_N_per_mm");
-  request.static_friction = fields.number("static_friction");
-  request.dynamic_friction = fields.number("dynamic_friction");
-  request.viscosity_N_s_per_mm = fields.number("viscosity_N_s_per_mm");
-  const bool any = request.stiffness_N_per_mm || request.static_friction || request.dynamic_friction ||
-                   request.viscosity_N_s_per_mm;
+  for (const ContactProperty& property : kContactProperties)
+    request.changes[property.value] = fields.number(property.name);
   fields.end();
-  if (!any) fields.refuse("", "nothing is asked for");
+  if (request.changes.empty()) fields.refuse("", "nothing is asked for");
   return request;
 }
 

@@ -95,12 +95,12 @@ TEST(Request, EveryMessageOfTheDocument) {
 
   const auto tissue = parsed<TissueRequest>(
       R"({"type": "tissue", "id": 2, "tissue": 3, "stiffness_N_per_mm": 0.8, "static_friction": 0.3,
-          "dynamic_friction": 0.2, "viscosity_N_s_per_mm": 0})");
+          "friction": 0.2, "viscosity_N_s_per_mm": 0})");
   ASSERT_TRUE(tissue);
   EXPECT_EQ(tissue->tissue, 3);
   EXPECT_EQ(tissue->stiffness_N_per_mm, 0.8);
   EXPECT_EQ(tissue->static_friction, 0.3);
-  EXPECT_EQ(tissue->dynamic_friction, 0.2);
+  EXPECT_EQ(tissue->friction, 0.2);
   EXPECT_EQ(tissue->viscosity_N_s_per_mm, 0);
 
   EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "undo", "id": 8})")->action, StrokeAction::kUndo);

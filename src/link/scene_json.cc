@@ -64,11 +64,11 @@ const char* who_stopped(const ViewedState& state, std::uint32_t reader) {
   return "palpate";
 }
 
-Json tissue_state_json(const ViewedTissueState& tissue) {
-  return {{"stiffness_N_per_mm", tissue.stiffness_N_per_mm},
-          {"static_friction", tissue.static_friction},
-          {"dynamic_friction", tissue.dynamic_friction},
-          {"viscosity_N_s_per_mm", tissue.viscosity_N_s_per_mm}};
+Json contact_json(const ContactProperties& properties) {
+  Json json = Json::object();
+  for (const ContactProperty& property : kContactProperties)
+    json[std::string(property.name)] = properties.*property.value;
+  return json;
 }
 
 Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
@@ -80,7 +80,7 @@ Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
                  {"protection", tissue.protection},
                  {"colour", colour_json(tissue.colour)},
                  {"opacity", tissue.opacity}};
-    json.update(tissue_state_json(t < state.tissues.size() ? state.tissues[t] : ViewedTissueState{}));
+    json.update(contact_json(t < state.tissues.size() ? state.tissues[t] : ContactProperties{0, 0, 0, 0}));
     json["rests_on"] = tissue.rests_on;
     tissues.push_back(std::move(json));
   }
@@ -252,7 +252,7 @@ std::string state_json(const ViewedState& state, const StateReader& reader) {
   json["nearest"] = Json::array();
   for (const auto& [label, mm] : state.nearest_mm) json["nearest"].push_back({{"label", label}, {"mm", mm}});
   json["tissues"] = Json::array();
-  for (const ViewedTissueState& tissue : state.tissues) json["tissues"].push_back(tissue_state_json(tissue));
+  for (const ContactProperties& tissue : state.tissues) json["tissues"].push_back(contact_json(tissue));
   json["armed"] = state.armed;
   json["recording"] = state.recording;
   json["playback"] = state.playback ? playback_json(*state.playback) : Json();

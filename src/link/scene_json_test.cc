@@ -39,9 +39,9 @@ TEST(SceneJson, HasTheDocumentsKeys) {
                             {"label": 2, "name": "tibia", "colour": [10, 20, 30], "tissue": -1, "within": [1]}])"));
   EXPECT_EQ(json["tissues"], Json::parse(R"([
     {"name": "bone", "felt": true, "protection": "none", "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
-     "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
+     "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
     {"name": "skin", "felt": false, "protection": "none", "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
-     "static_friction": 0.0, "dynamic_friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
+     "static_friction": 0.0, "friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
   EXPECT_EQ(json["tool"],
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
                                           "burr": "cone", "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
@@ -131,8 +131,8 @@ TEST(SceneJson, StateAndAnswers) {
   EXPECT_EQ(Json::parse(state_json(cut, reader(1, 1, 2))), Json::parse(R"({
     "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
     "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
-    "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
-                {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
+    "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001},
+                {"stiffness_N_per_mm": 0.3, "static_friction": 0, "friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you",
     "lesson": {"learner": null, "of_another": false, "task": null, "names": false, "veiled": false}})"));
   // the learner is disclosed to teachers and to that learner only

@@ -201,8 +201,8 @@ class FakeHost : public ViewerHost {
     asked_by_ = request.by;
     if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
       return Error{ErrorKind::kUsage, "is no tissue", "tissue", ""};
-    ViewedTissueState& tissue = state_.tissues[request.tissue];
-    if (request.stiffness_N_per_mm) tissue.stiffness_N_per_mm = *request.stiffness_N_per_mm;
+    ContactProperties& tissue = state_.tissues[request.tissue];
+    tissue = request.changes.applied_to(tissue);
     ++state_.model_version;
     return Grant::kDone;
   }

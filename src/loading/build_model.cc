@@ -71,22 +71,9 @@ Result<void> resample_to_common_grid(SceneVolumes& volumes, const Progress& prog
 
 Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSettings>& all) {
   Tissue tissue;
+  static_cast<TissueProperties&>(tissue) = settings;
   tissue.name = settings.name;
-  tissue.felt = settings.felt;
-  tissue.stiffness_N_per_mm = settings.stiffness_N_per_mm;
-  tissue.friction_coefficient = settings.friction_coefficient;
-  tissue.static_friction = settings.static_friction.value_or(settings.friction_coefficient);
-  if (settings.puncture_N) tissue.puncture_N = *settings.puncture_N;
-  tissue.stays_open = settings.stays_open;
-  tissue.cutting_energy_mJ_per_mm3 = settings.cutting_energy_mJ_per_mm3;
-  tissue.protection = settings.protection;
-  tissue.elastic = settings.elastic;
-  tissue.relaxation = settings.relaxation;
-  tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
-  tissue.friction_max_N = settings.friction_max_N;
-  tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;
   if (settings.colour) tissue.colour = *settings.colour;
-  tissue.opacity = settings.opacity;
   for (const std::string& support : settings.rests_on)
     for (std::size_t t = 0; t < all.size(); ++t)
       if (all[t].name == support) tissue.rests_on.push_back(static_cast<int>(t));

@@ -12,20 +12,10 @@
 namespace palpate {
 namespace {
 
-void give(const ModelChange& change, Tissue& tissue) {
-  tissue.stiffness_N_per_mm = change.stiffness_N_per_mm;
-  tissue.static_friction = change.static_friction;
-  tissue.friction_coefficient = change.dynamic_friction;
-  tissue.viscosity_N_s_per_mm = change.viscosity_N_s_per_mm;
-}
-
 void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
   for (std::size_t s = 0; s < model.label_of_surface.size(); ++s) {
     if (model.tissue_of_label[model.label_of_surface[s]] != index) continue;
-    ContactSurface& surface = model.surfaces[s];
-    surface.stiffness_N_per_mm = tissue.stiffness_N_per_mm;
-    surface.static_friction = tissue.static_friction;
-    surface.dynamic_friction = tissue.friction_coefficient;
+    static_cast<ContactProperties&>(model.surfaces[s]) = tissue;
   }
 }
 
@@ -40,9 +30,8 @@ std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model&
 void hash_after(const Model& felt, const ModelChange& change, Model& next) {
   std::uint64_t hash = felt.hash_before_removal;
   hash_word(hash, change.tissue);
-  for (const double value : {change.stiffness_N_per_mm, change.static_friction, change.dynamic_friction,
-                             change.viscosity_N_s_per_mm})
-    hash_double(hash, value);
+  for (const ContactProperty& property : kContactProperties)
+    hash_double(hash, change.contact.*property.value);
   next.hash_before_removal = hash_finish(hash);
   next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.hash_before_removal)
                                               : next.hash_before_removal;
@@ -51,7 +40,7 @@ void hash_after(const Model& felt, const ModelChange& change, Model& next) {
 Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
                                               const Preparing& preparing, const Progress& progress) {
   // a file may contain any value
-  const double coarsened = change.stiffness_N_per_mm;
+  const double coarsened = change.contact.stiffness_N_per_mm;
   if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
     return Error{ErrorKind::kBadInput,
                  "no machine asks for cells " + std::to_string(coarsened) + " times as long", "", ""};
@@ -63,10 +52,7 @@ Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChan
 }  // namespace
 
 ModelChange unchanged(const Model& model, std::size_t tissue) {
-  const Tissue& of = model.tissues[tissue];
-  return {model.version + 1,       static_cast<std::uint32_t>(tissue),
-          of.stiffness_N_per_mm,   of.static_friction,
-          of.friction_coefficient, of.viscosity_N_s_per_mm};
+  return {model.version + 1, static_cast<std::uint32_t>(tissue), model.tissues[tissue]};
 }
 
 bool fields_match(const Model& felt, const Model& made) {
@@ -92,7 +78,7 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Mode
   auto next = std::make_shared<Model>(felt);
   next->version = change.version;
   Tissue& tissue = next->tissues[change.tissue];
-  give(change, tissue);
+  static_cast<ContactProperties&>(tissue) = change.contact;
   if (auto fine = check_tissue_values(next->tissues, change.tissue); !fine) return fine.error();
   give_to_surfaces(static_cast<int>(change.tissue), tissue, *next);
   if (fields_match(*next, made)) {
@@ -159,7 +145,7 @@ ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
 
 ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened) {
   ModelChange change{felt.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
-  change.stiffness_N_per_mm = coarsened;
+  change.contact.stiffness_N_per_mm = coarsened;
   return change;
 }
 
@@ -209,7 +195,8 @@ std::shared_ptr<const Model> with_law(const Model& felt, const Model& under, con
   auto next = std::make_shared<Model>(under);
   next->version = change.version;
   // set by change_of_law()
-  if (const double coarsened = change.stiffness_N_per_mm; coarsened != 0) next->tissue_coarsened = coarsened;
+  if (const double coarsened = change.contact.stiffness_N_per_mm; coarsened != 0)
+    next->tissue_coarsened = coarsened;
   hash_after(felt, change, *next);
   return next;
 }

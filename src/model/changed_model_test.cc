@@ -39,7 +39,7 @@ TEST(ChangedModel, SharesWhatDidNotChange) {
   ModelChange change = unchanged(*made, kCartilageTissue);
   change.stiffness_N_per_mm = 0.6;
   change.static_friction = 0.4;
-  change.dynamic_friction = 0.3;
+  change.friction = 0.3;
   change.viscosity_N_s_per_mm = 0.002;
   const auto next = changed_model(*made, *made, change);
   ASSERT_TRUE(next.ok()) << next.error().message();
@@ -54,7 +54,7 @@ TEST(ChangedModel, SharesWhatDidNotChange) {
     const bool shell = model.label_of_surface[s] == testing::kCartilage;
     EXPECT_EQ(model.surfaces[s].stiffness_N_per_mm, shell ? 0.6 : made->surfaces[s].stiffness_N_per_mm);
     EXPECT_EQ(model.surfaces[s].static_friction, shell ? 0.4 : made->surfaces[s].static_friction);
-    EXPECT_EQ(model.surfaces[s].dynamic_friction, shell ? 0.3 : made->surfaces[s].dynamic_friction);
+    EXPECT_EQ(model.surfaces[s].friction, shell ? 0.3 : made->surfaces[s].friction);
   }
   EXPECT_EQ(model.tissues[kCartilageTissue].viscosity_N_s_per_mm, 0.002);
   EXPECT_EQ(model.tissues[kBoneTissue].stiffness_N_per_mm, 1.5);
@@ -298,7 +298,7 @@ TEST(ChangedModel, WhatASceneMayNotHaveIsRefusedInItsWords) {
   const auto slippery = error_of(1, [](ModelChange& change) { change.static_friction = 0.05; });
   EXPECT_THAT(slippery.what, HasSubstr("static_friction = 0.05 is less than friction = 0.1"));
   EXPECT_EQ(slippery.where, "static_friction");
-  EXPECT_EQ(error_of(1, [](ModelChange& change) { change.dynamic_friction = 2.5; }).where, "friction");
+  EXPECT_EQ(error_of(1, [](ModelChange& change) { change.friction = 2.5; }).where, "friction");
   EXPECT_EQ(error_of(1, [](ModelChange& change) { change.viscosity_N_s_per_mm = 0.2; }).where, "viscosity");
   EXPECT_THAT(error_of(3, [](ModelChange&) {}).what, HasSubstr("no tissue 3"));
   EXPECT_THAT(error_of(0, [](ModelChange& change) { change.version = 7; }).what,

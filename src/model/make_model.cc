@@ -88,7 +88,7 @@ std::uint64_t content_hash(const Model& model) {
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
   for (const Tissue& t : model.tissues)
     for (const double value :
-         {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient, t.static_friction, t.puncture_N,
+         {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction, t.static_friction, t.puncture_N,
           t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
       hash_double(hash, value);
   // omitted if nothing stays open, so that hashes of earlier versions stay valid

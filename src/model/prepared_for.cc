@@ -58,13 +58,12 @@ class SurfacesNeeded {
     for (const LabelId label : felt) {
       const Tissue& tissue = *model.tissue_of(label);
       ContactSurface structure;
+      static_cast<ContactProperties&>(structure) = tissue;
       structure.stiffness_N_per_mm = stiffness_of(label);
       if (yields(label)) {
         structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
         structure.relaxed.add(tissue.relaxation, model.relaxation_times, 1);
       }
-      structure.static_friction = tissue.static_friction;
-      structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;
       structure.stays_open = tissue.stays_open;
       structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;

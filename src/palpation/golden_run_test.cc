@@ -44,12 +44,12 @@ ModelParts golden_parts() {
   Tissue bone;
   bone.name = "bone";
   bone.stiffness_N_per_mm = 1.5;
-  bone.friction_coefficient = 0.2;
+  bone.friction = 0.2;
   bone.static_friction = 0.3;
   Tissue skin;
   skin.name = "skin";
   skin.stiffness_N_per_mm = 0.75;
-  skin.friction_coefficient = skin.static_friction = 0.25;
+  skin.friction = skin.static_friction = 0.25;
   skin.puncture_N = 0.9;
   skin.rests_on = {0};
   parts.tissues = {bone, skin};

@@ -43,6 +43,17 @@ constexpr std::array kTickColumns{
            "hash of the session state after the tick, what was sent included"},
 };
 
+// column of the n-th contact property of a model change
+constexpr Column changed_property(std::size_t n, const char* meaning) {
+  return {kContactProperties[n].name.data(),
+          kF64,
+          1,
+          PALPATE_EVENT(change.contact) + n * sizeof(double),
+          kContactProperties[n].ascii_unit.data(),
+          "-",
+          meaning};
+}
+
 constexpr std::array kEventColumns{
     Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick that had heard of it"},
     Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "what was asked for", event_kinds},
@@ -58,14 +69,13 @@ constexpr std::array kEventColumns{
            "methods were made anew. 4294967294: it was cut by the sweeps before. 4294967293: the last stroke "
            "was undone; 4294967292: the last one that was undone was done again. 4294967280 ... 4294967283: "
            "soft tissue goes by the law layers, elastic, neo-hookean, chainmail from then on"},
-    Column{
-        "stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",
-        "model: what the tissue has from then on; of a law how many times as long as the scene's its cells "
-        "are from then on, 0: as before"},
-    Column{"static_friction", kF64, 1, PALPATE_EVENT(change.static_friction), "1", "-", "model: likewise"},
-    Column{"friction", kF64, 1, PALPATE_EVENT(change.dynamic_friction), "1", "-", "model: likewise"},
-    Column{"viscosity_N_s_per_mm", kF64, 1, PALPATE_EVENT(change.viscosity_N_s_per_mm), "N s/mm", "-",
-           "model: likewise"},
+    changed_property(
+        0,
+        "model: value that the tissue has from then on; of a law the factor by which its cells are "
+        "longer than the scene's, 0: as before"),
+    changed_property(1, "model: value that the tissue has from then on"),
+    changed_property(2, "model: value that the tissue has from then on"),
+    changed_property(3, "model: value that the tissue has from then on"),
     Column{"changed", kU8, 1, PALPATE_EVENT(changed), "bits", "-", "settings: what became different",
            setting_bits},
     Column{"method", kU8, 1, PALPATE_EVENT(method), "1", "-", "settings: force method from then on",

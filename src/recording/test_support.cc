@@ -264,10 +264,8 @@ std::vector<RecordingEvent> random_events(std::span<const TickRecord> ticks, std
     event.number = static_cast<std::uint32_t>(random.word());
     if (event.kind == RecordingEvent::Kind::kModel) event.change.version = event.number;
     event.change.tissue = static_cast<std::uint32_t>(random.word());
-    event.change.stiffness_N_per_mm = random.number();
-    event.change.static_friction = random.number();
-    event.change.dynamic_friction = random.number();
-    event.change.viscosity_N_s_per_mm = random.number();
+    for (const ContactProperty& property : kContactProperties)
+      event.change.contact.*property.value = random.number();
     event.changed = static_cast<std::uint8_t>(random.word());
     event.method = static_cast<std::uint8_t>(random.word());
     event.switches = static_cast<std::uint8_t>(random.word());
@@ -352,11 +350,9 @@ std::string first_difference(const RecordingEvent& a, const RecordingEvent& b) {
   if (a.number != b.number) return "number";
   if (a.change.version != b.change.version) return "version";
   if (a.change.tissue != b.change.tissue) return "tissue";
-  if (bits(a.change.stiffness_N_per_mm) != bits(b.change.stiffness_N_per_mm)) return "stiffness_N_per_mm";
-  if (bits(a.change.static_friction) != bits(b.change.static_friction)) return "static_friction";
-  if (bits(a.change.dynamic_friction) != bits(b.change.dynamic_friction)) return "dynamic_friction";
-  if (bits(a.change.viscosity_N_s_per_mm) != bits(b.change.viscosity_N_s_per_mm))
-    return "viscosity_N_s_per_mm";
+  for (const ContactProperty& property : kContactProperties)
+    if (bits(a.change.contact.*property.value) != bits(b.change.contact.*property.value))
+      return std::string(property.name);
   if (a.changed != b.changed) return "changed";
   if (a.method != b.method) return "method";
   if (a.switches != b.switches) return "switches";

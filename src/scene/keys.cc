@@ -28,6 +28,28 @@ std::vector<std::string_view> names_of(const std::array<Word<T>, kCount>& words)
   return names;
 }
 
+// key of a contact property; its default is that of ContactProperties
+KeySpec contact_key(double ContactProperties::*value, std::string_view meaning) {
+  static const auto kDefaults = [] {
+    std::array<std::string, kContactProperties.size()> texts;
+    for (std::size_t n = 0; n < texts.size(); ++n)
+      texts[n] = number_text(ContactProperties{}.*kContactProperties[n].value);
+    return texts;
+  }();
+  const ContactProperty& property = contact_property(value);
+  // static friction follows the scene's friction
+  const bool has_default = value != &ContactProperties::static_friction;
+  return {.name = property.key,
+          .type = kNumber,
+          .default_text = has_default
+                              ? kDefaults[static_cast<std::size_t>(&property - kContactProperties.data())]
+                              : std::string_view(),
+          .unit = property.unit,
+          .min = property.range.min,
+          .max = property.range.max,
+          .meaning = meaning};
+}
+
 std::string default_cell(const KeySpec& key) {
   if (key.type == kTable || key.type == kTables) return "";
   return key.default_text.empty() ? "—" : concat({"`", key.default_text, "`"});
@@ -240,28 +262,16 @@ SceneKeys declared_keys() {
                         "middle. To the union Gaussian it is nothing at or below `low`, all at or above "
                         "`high`, a ramp between."},
             {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
-            {.name = "stiffness",
-             .type = kNumber,
-             .default_text = "1",
-             .unit = "N/mm",
-             .min = kStiffnessRange_N_per_mm.min,
-             .max = kStiffnessRange_N_per_mm.max,
-             .meaning = "Force for each mm of depth. Of inward ramps from the surface on; of a union "
+            contact_key(&ContactProperties::stiffness_N_per_mm,
+                        "Force for each mm of depth. Of inward ramps from the surface on; of a union "
                         "Gaussian at the surface, where it rises most steeply "
-                        "([scene.md](../guide/scene.md#what-stiffness-means))."},
-            {.name = "friction",
-             .type = kNumber,
-             .default_text = "0.1",
-             .min = kFrictionRange.min,
-             .max = kFrictionRange.max,
-             .meaning =
-                 "Coefficient: the force along the surface is at most this times the force across it."},
-            {.name = "static_friction",
-             .type = kNumber,
-             .min = kFrictionRange.min,
-             .max = kFrictionRange.max,
-             .meaning = "Of the proxy: coefficient up to which it sticks; at least `friction`, which it has "
-                        "without it."},
+                        "([scene.md](../guide/scene.md#what-stiffness-means))."),
+            contact_key(
+                &ContactProperties::friction,
+                "Coefficient: the force along the surface is at most this times the force across it."),
+            contact_key(&ContactProperties::static_friction,
+                        "Of the proxy: coefficient up to which it sticks; at least `friction`, which it has "
+                        "without it."),
             {.name = "puncture",
              .type = kNumber,
              .unit = "N",
@@ -331,13 +341,7 @@ SceneKeys declared_keys() {
              .min = 0,
              .max = 10,
              .meaning = "Of the other methods: the other cap of the force along the surface."},
-            {.name = "viscosity",
-             .type = kNumber,
-             .default_text = "0.001",
-             .unit = "N·s/mm",
-             .min = kViscosityRange_N_s_per_mm.min,
-             .max = kViscosityRange_N_s_per_mm.max,
-             .meaning = "Force against each mm/s inside."},
+            contact_key(&ContactProperties::viscosity_N_s_per_mm, "Force against each mm/s inside."),
             {.name = "colour",
              .type = kColour,
              .meaning = "`\"#rrggbb\"`; without it the structures keep their own."},

@@ -149,7 +149,7 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
   if (group.preset) {
     const TissueSettings& values = group.preset->values;
     text += "preset = \"" + group.preset->name + "\"  # stiffness " + number_text(values.stiffness_N_per_mm) +
-            " N/mm, friction " + number_text(values.friction_coefficient);
+            " N/mm, friction " + number_text(values.friction);
     if (is_elastic(law))
       text += values.elastic ? ", E " + number_text(values.elastic->youngs_modulus_kPa) + " kPa"
                              : std::string(", does not yield");

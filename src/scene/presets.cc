@@ -48,7 +48,7 @@ TissuePreset make(std::string name, double tissue_N_per_mm, const Surface& surfa
   TissuePreset preset;
   preset.values.preset = name;
   preset.values.stiffness_N_per_mm = felt_stiffness(tissue_N_per_mm);
-  preset.values.friction_coefficient = surface.friction;
+  preset.values.friction = surface.friction;
   preset.values.friction_damping_N_s_per_mm = surface.damping_N_s_per_mm;
   preset.values.friction_max_N = surface.max_N;
   preset.values.viscosity_N_s_per_mm = surface.viscosity_N_s_per_mm;
@@ -485,7 +485,7 @@ std::string tissue_preset_table() {
   for (const TissuePreset& preset : tissue_presets()) {
     const TissueSettings& v = preset.values;
     text += "| `" + preset.name + "`";
-    for (const double value : {v.stiffness_N_per_mm, v.friction_coefficient, v.friction_damping_N_s_per_mm,
+    for (const double value : {v.stiffness_N_per_mm, v.friction, v.friction_damping_N_s_per_mm,
                                v.friction_max_N, v.viscosity_N_s_per_mm, v.opacity})
       text += " | " + number_text(value);
     text += " | " + preset.source + " |\n";

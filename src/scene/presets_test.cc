@@ -48,7 +48,7 @@ TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
   for (const TissuePreset& preset : tissue_presets()) {
     const TissueSettings& v = preset.values;
     for (const auto& [key, value] : {std::pair{"stiffness", v.stiffness_N_per_mm},
-                                     {"friction", v.friction_coefficient},
+                                     {"friction", v.friction},
                                      {"friction_damping", v.friction_damping_N_s_per_mm},
                                      {"friction_max", v.friction_max_N},
                                      {"viscosity", v.viscosity_N_s_per_mm},

@@ -110,14 +110,14 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   }
 
   // haptic properties
-  const auto set = [&](const char* key, double& value) { value = reader.number(key).value_or(value); };
+  const auto set = [&](std::string_view key, double& value) { value = reader.number(key).value_or(value); };
   tissue.felt = reader.flag("felt").value_or(tissue.felt);
-  set("stiffness", tissue.stiffness_N_per_mm);
-  set("friction", tissue.friction_coefficient);
-  if (const auto still = reader.number("static_friction")) tissue.static_friction = still;
-  if (const auto force = reader.number("puncture")) tissue.puncture_N = force;
+  for (const ContactProperty& property : kContactProperties) set(property.key, tissue.*property.value);
+  // without a value of its own it is the kinetic coefficient
+  if (!reader.has("static_friction")) tissue.static_friction = tissue.friction;
+  tissue.puncture_N = reader.number("puncture").value_or(tissue.puncture_N);
   if (const auto after = reader.choice("after_puncture")) tissue.stays_open = *after == "stays_open";
-  if (tissue.stays_open && !tissue.puncture_N)
+  if (tissue.stays_open && !std::isfinite(tissue.puncture_N))
     problems.add(reader.line("after_puncture"),
                  "tissue \"" + tissue.name + "\" stays open after a puncture that it never has",
                  "add puncture = 1, in N: the force at which the tool goes through");
@@ -129,14 +129,12 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   if (tissue.protection != Protection::kNone && !tissue.felt)
     problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected and not felt",
                  "what is not felt is never cut: leave `protection` out, or `felt = false`");
-  if (auto fault = friction_fault(tissue.static_friction.value_or(tissue.friction_coefficient),
-                                  tissue.friction_coefficient))
+  if (auto fault = friction_fault(tissue))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   read_elastic(reader, tissue, problems);
   read_relaxation(reader, tissue, problems);
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
   set("friction_max", tissue.friction_max_N);
-  set("viscosity", tissue.viscosity_N_s_per_mm);
   if (const auto names = reader.names("rests_on")) tissue.rests_on = *names;
 
   // appearance
@@ -395,7 +393,7 @@ void read_tools(const TableReader& top, Scene& scene, Problems& problems) {
 }
 
 void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
-  const auto set = [&](const char* key, double& value) { value = reader.number(key).value_or(value); };
+  const auto set = [&](std::string_view key, double& value) { value = reader.number(key).value_or(value); };
   set("scale", workspace.scale);
   set("force_gain", workspace.force_gain);
   set("yaw", workspace.yaw_deg);

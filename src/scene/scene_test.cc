@@ -100,7 +100,7 @@ TEST(ParseScene, ReadsEveryKey) {
   const TissueSettings& cartilage = scene.tissues[1];
   EXPECT_TRUE(cartilage.optional);
   EXPECT_EQ(cartilage.stiffness_N_per_mm, 0.5);
-  EXPECT_EQ(cartilage.friction_coefficient, 0.02);
+  EXPECT_EQ(cartilage.friction, 0.02);
   EXPECT_EQ(cartilage.static_friction, 0.05);
   EXPECT_EQ(cartilage.puncture_N, 4);
   EXPECT_TRUE(cartilage.stays_open);
@@ -183,7 +183,7 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   const SceneKeys& keys = scene_key_tables();
   const TissueSettings& tissue = scene->tissues[0];
   EXPECT_EQ(tissue.stiffness_N_per_mm, default_of(keys.tissue, "stiffness"));
-  EXPECT_EQ(tissue.friction_coefficient, default_of(keys.tissue, "friction"));
+  EXPECT_EQ(tissue.friction, default_of(keys.tissue, "friction"));
   EXPECT_EQ(tissue.friction_damping_N_s_per_mm, default_of(keys.tissue, "friction_damping"));
   EXPECT_EQ(tissue.friction_max_N, default_of(keys.tissue, "friction_max"));
   EXPECT_EQ(tissue.viscosity_N_s_per_mm, default_of(keys.tissue, "viscosity"));

@@ -536,7 +536,7 @@ TEST(Tick, TheProxySticksToATurningObject) {
   ProxyLoop loop;
   for (ContactSurface& surface : loop.model.surfaces) {
     surface.static_friction = 2;
-    surface.dynamic_friction = 1.9;
+    surface.friction = 1.9;
   }
   const Point<World> tip(kBoneRadius_mm - 1, 0, 0);
   loop.lead({kBoneRadius_mm + 2, 0, 0}, tip, 100);
@@ -897,7 +897,7 @@ TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
     loop.parameters.viscosity = false;
     for (ContactSurface& felt : loop.model.surfaces) {
       felt.static_friction = 2;
-      felt.dynamic_friction = 0.1;
+      felt.friction = 0.1;
     }
     const Point<World> tip(kBoneRadius_mm + 2, 0.8, 0);
     loop.lead({kBoneRadius_mm + 5, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
@@ -1128,7 +1128,7 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
       Tissue& bone = loop.model.tissues[0];
       bone.viscosity_N_s_per_mm = damped ? viscosity : 0;
       bone.friction_damping_N_s_per_mm = damped ? along : 0;
-      bone.friction_coefficient = 1;
+      bone.friction = 1;
       bone.friction_max_N = 100;
       loop.model.method_settings.coupling_damping_N_s_per_mm = damped ? coupling : 0;
       loop.parameters.method = method;

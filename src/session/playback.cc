@@ -323,12 +323,11 @@ class Playback final : public ViewerHost {
 
  private:
   // tissue settings of that version
-  std::vector<ViewedTissueState> tissues_at(std::uint32_t version) const {
+  std::vector<ContactProperties> tissues_at(std::uint32_t version) const {
     auto tissues = viewed_tissues(*model_);
     for (const ModelChange& change : edits_.tissues)
       if (change.version <= version && change.tissue < tissues.size())
-        tissues[change.tissue] = {change.stiffness_N_per_mm, change.static_friction, change.dynamic_friction,
-                                  change.viscosity_N_s_per_mm};
+        tissues[change.tissue] = change.contact;
     return tissues;
   }
 

@@ -116,12 +116,8 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
   return scene;
 }
 
-std::vector<ViewedTissueState> viewed_tissues(const Model& model) {
-  std::vector<ViewedTissueState> tissues;
-  for (const Tissue& tissue : model.tissues)
-    tissues.push_back({tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
-                       tissue.viscosity_N_s_per_mm});
-  return tissues;
+std::vector<ContactProperties> viewed_tissues(const Model& model) {
+  return {model.tissues.begin(), model.tissues.end()};
 }
 
 double yielding_stiffness_N_per_mm(const DeviceTick& felt) {

@@ -13,7 +13,7 @@ namespace palpate {
 ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said);
 
 /// Tissue settings of a model.
-std::vector<ViewedTissueState> viewed_tissues(const Model& model);
+std::vector<ContactProperties> viewed_tissues(const Model& model);
 
 /// Secant stiffness of deforming tissue at the device: current force divided by current depth; N/mm. 0 at
 /// zero depth.

@@ -66,14 +66,6 @@ StoppedBy stopped_by(Asker asker) {
   return StoppedBy::kSession;
 }
 
-// key by which a viewer's request names a tissue setting of the scene
-std::string request_key(const std::string& scene_key) {
-  if (scene_key == "stiffness") return "stiffness_N_per_mm";
-  if (scene_key == "friction") return "dynamic_friction";
-  if (scene_key == "viscosity") return "viscosity_N_s_per_mm";
-  return scene_key;
-}
-
 Error made_for_others() {
   return refused(
       "the fields of the direct methods were made for other stiffnesses than are felt now", "method",
@@ -164,17 +156,16 @@ std::string plain_name(std::string name) {
   return name;
 }
 
-std::string words_for(const std::string& tissue, const ModelChange& before, const ModelChange& after) {
+std::string words_for(const std::string& tissue, const ContactProperties& before,
+                      const ContactProperties& after) {
   Words words;
-  const auto number = [&](const char* what, double from, double to, const char* unit) {
-    if (from != to)
-      words.add("change " + (words.text().empty() ? plain_name(tissue) + "'s " : std::string("its ")) + what +
-                " from " + number_text(from) + " to " + number_text(to) + unit);
-  };
-  number("stiffness", before.stiffness_N_per_mm, after.stiffness_N_per_mm, " N/mm");
-  number("static friction", before.static_friction, after.static_friction, "");
-  number("friction", before.dynamic_friction, after.dynamic_friction, "");
-  number("viscosity", before.viscosity_N_s_per_mm, after.viscosity_N_s_per_mm, " N s/mm");
+  for (const ContactProperty& property : kContactProperties) {
+    const double from = before.*property.value, to = after.*property.value;
+    if (from == to) continue;
+    const std::string whose = words.text().empty() ? plain_name(tissue) + "'s " : std::string("its ");
+    words.add("change " + whose + std::string(property.words) + " from " + number_text(from) + " to " +
+              number_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
+  }
   return words.text();
 }
 
@@ -579,22 +570,15 @@ Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Par
     return bad("there is no such tissue", "tissue", "tissues are counted from 0, in the order of the scene");
   const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
   ModelChange change = before;
-  change.stiffness_N_per_mm = request.stiffness_N_per_mm.value_or(before.stiffness_N_per_mm);
-  change.static_friction = request.static_friction.value_or(before.static_friction);
-  change.dynamic_friction = request.dynamic_friction.value_or(before.dynamic_friction);
-  change.viscosity_N_s_per_mm = request.viscosity_N_s_per_mm.value_or(before.viscosity_N_s_per_mm);
+  change.contact = request.changes.applied_to(before.contact);
   if (change == before) return change;
   const Tissue& tissue = model_.felt->tissues[static_cast<std::size_t>(request.tissue)];
-  if (model_.felt->yields(tissue) && change.stiffness_N_per_mm != before.stiffness_N_per_mm)
+  if (model_.felt->yields(tissue) && change.contact.stiffness_N_per_mm != before.contact.stiffness_N_per_mm)
     return refused("this tissue yields, and how hard it is its Young's modulus says", "stiffness_N_per_mm",
                    "change youngs_modulus in the scene file, and open it again");
-  auto next = changed_model(*model_.felt, *model_.made, change);
-  if (!next) {
-    Error error = next.error();
-    error.where = request_key(error.where);
-    return error;
-  }
-  if (auto fine = check_stiffness_change(before.stiffness_N_per_mm, change.stiffness_N_per_mm, now.method);
+  if (auto next = changed_model(*model_.felt, *model_.made, change); !next) return next.error();
+  if (auto fine = check_stiffness_change(before.contact.stiffness_N_per_mm, change.contact.stiffness_N_per_mm,
+                                         now.method);
       !fine)
     return fine.error();
   return change;
@@ -609,11 +593,10 @@ Result<Grant> ViewedSession::set(const TissueRequest& request) {
   const Tissue& tissue = model_.felt->tissues[static_cast<std::size_t>(request.tissue)];
   const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
   if (*change == before) return Grant::kDone;
-  const bool more = change->stiffness_N_per_mm > before.stiffness_N_per_mm ||
-                    change->static_friction > before.static_friction ||
-                    change->dynamic_friction > before.dynamic_friction ||
-                    change->viscosity_N_s_per_mm > before.viscosity_N_s_per_mm;
-  if (wants_consent(more)) return ask(request, words_for(tissue.name, before, *change));
+  const bool more = std::ranges::any_of(kContactProperties, [&](const ContactProperty& property) {
+    return change->contact.*property.value > before.contact.*property.value;
+  });
+  if (wants_consent(more)) return ask(request, words_for(tissue.name, before.contact, change->contact));
   if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }

@@ -317,7 +317,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   request.tissue = kViewedCartilage;
   request.stiffness_N_per_mm = 0.5;
   request.static_friction = 0.4;
-  request.dynamic_friction = 0.3;
+  request.friction = 0.3;
   request.viscosity_N_s_per_mm = 0;
   for (const auto& [where, spoil] :
        std::initializer_list<std::pair<std::string, std::function<void(TissueRequest&)>>>{
@@ -326,7 +326,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
            {"stiffness_N_per_mm", [](auto& r) { r.stiffness_N_per_mm = 20.01; }},
            {"stiffness_N_per_mm", [](auto& r) { r.stiffness_N_per_mm = 1.6; }},
            {"static_friction", [](auto& r) { r.static_friction = 0.2; }},
-           {"dynamic_friction", [](auto& r) { r.dynamic_friction = -0.1; }},
+           {"friction", [](auto& r) { r.friction = -0.1; }},
            {"viscosity_N_s_per_mm", [](auto& r) { r.viscosity_N_s_per_mm = 0.2; }}}) {
     TissueRequest bad = request;
     spoil(bad);
@@ -337,10 +337,10 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   }
   EXPECT_EQ(error_of(request).what, "no error");
   EXPECT_EQ(viewed_->state().model_version, 2u);
-  const ViewedTissueState cartilage = viewed_->state().tissues[1];
+  const ContactProperties cartilage = viewed_->state().tissues[1];
   EXPECT_EQ(cartilage.stiffness_N_per_mm, 0.5);
   EXPECT_EQ(cartilage.static_friction, 0.4);
-  EXPECT_EQ(cartilage.dynamic_friction, 0.3);
+  EXPECT_EQ(cartilage.friction, 0.3);
   EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0);
   EXPECT_EQ(changes(), (std::vector<ModelChange>{{2, 1, 0.5, 0.4, 0.3, 0}}));
   // a change to the current value creates no version
@@ -605,14 +605,14 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   // a tissue edited in the meantime is rendered as edited, and the surfaces include the edit
   TissueRequest slippery;
   slippery.tissue = kViewedCartilage;
-  slippery.dynamic_friction = 0.05;
+  slippery.friction = 0.05;
   ASSERT_EQ(error_of(slippery).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
   EXPECT_EQ(viewed_->state().law_awaited, "");
   EXPECT_FALSE(viewed_->state().law_failure);
   EXPECT_GE(made, 1);
-  EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].dynamic_friction, 0.05);
+  EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].friction, 0.05);
   EXPECT_EQ(changes().back().version, viewed_->state().model_version);
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
   // the solver thread runs, and the tick renders its solution

@@ -107,7 +107,7 @@ Result<std::vector<Figure>> friction_figures(int planes, const Progress& progres
     Plane plane(random);
     const double mu_static = random.between(0.05, 1.05), mu_dynamic = mu_static * random.between(0.3, 1);
     plane.felt.static_friction = mu_static;
-    plane.felt.dynamic_friction = mu_dynamic;
+    plane.felt.friction = mu_dynamic;
     const double depth_mm = random.between(0.5, 2.5);
     plane.press(depth_mm);
 
@@ -150,7 +150,7 @@ struct Drift {
 void tremble(AccuracyRandom& random, long ticks, Drift& drift) {
   Plane plane(random);
   plane.felt.static_friction = kStickStatic;
-  plane.felt.dynamic_friction = kStickDynamic;
+  plane.felt.friction = kStickDynamic;
   plane.press(kStickDepth_mm);
   const Point<Patient> begun = plane.state.position;
   for (long n = 0; n < ticks; ++n) {
@@ -198,7 +198,7 @@ Result<std::vector<Figure>> drift_figures(const ContactEffort& effort, const Pro
   Model sticky = **plates;
   for (ContactSurface& felt : sticky.surfaces) {
     felt.static_friction = kStickStatic;
-    felt.dynamic_friction = kStickDynamic;
+    felt.friction = kStickDynamic;
   }
 
   AccuracyRandom random(kContactSeed);
@@ -354,7 +354,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     ContactSurface felt;
     felt.surface = std::make_shared<const Surface>((*prepared)[s].surface);
     felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
-    felt.static_friction = felt.dynamic_friction = preset->values.friction_coefficient;
+    felt.static_friction = felt.friction = preset->values.friction;
     const DistanceOracle oracle(felt.surface->position());
     const auto targets = centres_of(labels, structures[s]);
     Pressed all;

@@ -89,7 +89,7 @@ inline Model model_of(const LabelMap& map,
     Tissue tissue;
     tissue.name = segment.name;
     tissue.stiffness_N_per_mm = *stiffness;
-    tissue.friction_coefficient = tissue.static_friction = 0;
+    tissue.friction = tissue.static_friction = 0;
     model.tissues.push_back(tissue);
   }
   return model;

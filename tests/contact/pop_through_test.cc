@@ -280,7 +280,7 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
     ContactSurface felt;
     felt.surface = std::make_shared<const Surface>(prepared->front().surface);
     felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
-    felt.static_friction = felt.dynamic_friction = preset->values.friction_coefficient;
+    felt.static_friction = felt.friction = preset->values.friction;
     const Oracle oracle(felt.surface->position());
     // centres of voxels lie inside
     const auto targets = places_of(grid, structure.value);

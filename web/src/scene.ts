@@ -19,7 +19,7 @@ export interface Tissue {
   opacity: number;
   stiffness_N_per_mm: number;
   static_friction: number;
-  dynamic_friction: number;
+  friction: number;
   viscosity_N_s_per_mm: number;
   rests_on: number[];
 }
@@ -29,7 +29,7 @@ export interface Capsule { from_mm: Vec3; to_mm: Vec3; radius_mm: number; end_ra
 export interface HeldTool { name: string; radius_mm: number; cuts: boolean; burr: "ball" | "cylinder" | "cone" | null; shaver: boolean; points_mm: Vec3[]; capsules: Capsule[] }
 /** A region that pushes a tool out which comes nearer to it than `keep_away_mm`: a structure's label, all that lies behind a plane, or a ball. */
 export interface NoGo { name: string; keep_away_mm: number; label: number | null; plane: { point_mm: Vec3; outward: Vec3 } | null; ball: { centre_mm: Vec3; radius_mm: number } | null }
-export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "dynamic_friction" | "viscosity_N_s_per_mm">;
+export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "friction" | "viscosity_N_s_per_mm">;
 
 export interface Scene {
   protocol: number;

@@ -217,9 +217,9 @@ export class StructuresPanel {
     frictionSlider.addEventListener("input", () => {
       const value = Number(frictionSlider.value);
       const before = this.session.state?.tissues[place];
-      const ratio = before && before.static_friction > 0 ? before.dynamic_friction / before.static_friction : FRICTION_OF_STATIC;
+      const ratio = before && before.static_friction > 0 ? before.friction / before.static_friction : FRICTION_OF_STATIC;
       write(row.frictionValue, digits(value));
-      void this.requests.latest(`friction ${place}`, { type: "tissue", tissue: place, static_friction: value, dynamic_friction: Number((value * ratio).toPrecision(4)) });
+      void this.requests.latest(`friction ${place}`, { type: "tissue", tissue: place, static_friction: value, friction: Number((value * ratio).toPrecision(4)) });
     });
     stiffness.dataset.low = String(limits[0]);
     stiffness.dataset.high = String(limits[1]);

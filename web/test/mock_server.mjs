@@ -139,7 +139,7 @@ const means = (voxels, shrink, kind) => {
   return out;
 };
 
-const feel = (stiffness_N_per_mm) => ({ stiffness_N_per_mm, static_friction: 0.2, dynamic_friction: 0.15, viscosity_N_s_per_mm: 0.001 });
+const feel = (stiffness_N_per_mm) => ({ stiffness_N_per_mm, static_friction: 0.2, friction: 0.15, viscosity_N_s_per_mm: 0.001 });
 const tissues = [
   { name: "bone", felt: true, protection: options.tool === "burr" ? "alarm" : "none", colour: [240, 222, 190], opacity: 1, ...feel(1.1), rests_on: [] },
   { name: "cartilage", felt: true, protection: "none", colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
@@ -169,8 +169,8 @@ const scene = (role) => ({
 });
 const state = {
   method: "proxy", law: "elastic", law_awaited: null, law_failed: null, method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
-  rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
-    ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
+  rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, friction, viscosity_N_s_per_mm }) =>
+    ({ stiffness_N_per_mm, static_friction, friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
 
 // HTTP

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "palpate/base/contact_properties.h"
+
 /// Inputs and outputs of one tick as plain numbers, for the recorder and the viewers. Units are in the names.
 /// Frames: names with `world`, orientations, forces and torques are in World, all others in Patient.
 namespace palpate {
@@ -96,9 +98,9 @@ struct ModelChange {
   static constexpr std::uint32_t kLaws = 4;
   std::uint32_t version = 0;  ///< One above the previous version
   std::uint32_t tissue = 0;   ///< Index of the tissue in the scene, from 0, or one of the codes above
-  // the tissue's properties from this version on; for a law, the first is Model::tissue_coarsened, 0:
-  // unchanged
-  double stiffness_N_per_mm = 0, static_friction = 0, dynamic_friction = 0, viscosity_N_s_per_mm = 0;
+  /// Properties of the tissue from this version on. Of a law, the first is Model::tissue_coarsened; 0:
+  /// unchanged.
+  ContactProperties contact{0, 0, 0, 0};
 
   bool is_of_tissue() const { return tissue < kLaw; }
   bool is_of_law() const { return tissue >= kLaw && tissue < kLaw + kLaws; }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/base/contact_properties.h"
 #include "palpate/base/progress.h"
 #include "palpate/haptics/distances.h"
 #include "palpate/haptics/elastic_constants.h"
@@ -51,16 +52,9 @@ constexpr bool is_moving(TissueLaw law) {
   return law != TissueLaw::kLayers;
 }
 
-/// A group of labels with common contact properties.
-struct Tissue {
-  std::string name;
+/// Mechanical and visual properties of a tissue, as a scene gives them.
+struct TissueProperties : ContactProperties {
   bool felt = true;  ///< Whether it can be touched; false: displayed only
-  /// Spring stiffness, for the direct methods and the proxy; not used for contact with a deformable tissue.
-  double stiffness_N_per_mm = 1.0;
-  /// Direct methods: limit of the tangential force as a fraction of the normal force.
-  double friction_coefficient = 0.1;
-  /// Proxy: static friction coefficient; friction_coefficient is the kinetic one.
-  double static_friction = 0.1;
   /// Proxy: normal force above which the tool punctures it; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
   bool stays_open = false;  ///< Whether a puncture leaves a permanent hole, passed again without force
@@ -68,20 +62,22 @@ struct Tissue {
   double friction_damping_N_s_per_mm = 0.005;
   /// Direct methods: limit of the tangential force of the preset (as published)
   double friction_max_N = 0.5;
-  /// Viscous damping coefficient inside the tissue.
-  double viscosity_N_s_per_mm = 0.001;
   /// Specific energy of cutting: work of a burr's motor per volume removed, mJ/mm^3; above 0. The default is
   /// that of cortical bone under a burr (docs/decisions/0029-removal.md).
   double cutting_energy_mJ_per_mm3 = 100;
-  Protection protection = Protection::kNone;
+  Protection protection = Protection::kNone;  ///< Only of tissue that can be touched
   /// Elastic constants for the elastic laws; ignored by kLayers. Empty: rigid (bone, a tooth, an implant),
   /// and soft tissue adheres to it.
   std::optional<ElasticConstants> elastic;
   /// Stress relaxation under the elastic laws; `elastic` has the instantaneous constants.
   Relaxation relaxation;
-  /// Opacity in the rendered image, 0 ... 1.
+  double opacity = 1.0;  ///< In pictures, 0 ... 1
+};
+
+/// A group of labels with common properties.
+struct Tissue : TissueProperties {
+  std::string name;
   Rgb colour;
-  double opacity = 1.0;
   std::vector<int> rests_on;  ///< Indices of tissues that support this one
 };
 

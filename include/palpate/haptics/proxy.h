@@ -34,12 +34,9 @@ namespace palpate {
 /// For a deformable structure the contact force at a depth is computed from the elastic solution (yield.h)
 /// instead of from a spring stiffness. A deformable structure belongs to the outermost of the layers that it
 /// touches; rigid structures within keep their whole stiffness.
-struct ContactSurface {
+struct ContactSurface : ContactProperties {
   /// Signed-distance surface. null: the structure is only touched through common surfaces.
   std::shared_ptr<const Surface> surface;
-  double stiffness_N_per_mm = 1;  ///< Spring stiffness of the structure
-  double static_friction = 0.1;   ///< Static friction coefficient; at least dynamic_friction
-  double dynamic_friction = 0.1;  ///< Kinetic friction coefficient while sliding
   /// Normal force above which the tool punctures the structure; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
   bool stays_open = false;  ///< Whether a puncture leaves a permanent hole (holes.h)
@@ -383,7 +380,7 @@ struct ProxyResult : ProxyForce {
 ///   layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example
 ///   in a pocket of the surface, is then reset in the same way.
 /// - Friction: the proxy sticks while its distance to the goal is at most static_friction times the depth,
-///   and otherwise slides to a distance of dynamic_friction times the depth (friction cone: Harwin & Melder
+///   and otherwise slides to a distance of friction times the depth (friction cone: Harwin & Melder
 ///   2002).
 /// - Stiffness and friction are averaged over the touched structures, weighted by the contact multipliers
 ///   and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.

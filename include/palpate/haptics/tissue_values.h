@@ -12,20 +12,12 @@
 /// Permitted values of a tissue's parameters, in a scene and when changed at run time.
 namespace palpate {
 
-/// Closed range of values.
-struct ValueRange {
-  double min, max;
-};
-inline constexpr ValueRange kStiffnessRange_N_per_mm{0.001, 20};
-inline constexpr ValueRange kFrictionRange{0, 2};
-inline constexpr ValueRange kViscosityRange_N_s_per_mm{0, 0.1};
-
 /// Description of an invalid value and its remedy.
 struct TissueFault {
   std::string what, remedy;
 };
 /// Checks that static friction is at least the kinetic one.
-std::optional<TissueFault> friction_fault(double static_friction, double friction);
+std::optional<TissueFault> friction_fault(const ContactProperties& properties);
 
 /// Values of a tissue needed to check its supports.
 struct SupportValues {
@@ -40,7 +32,7 @@ std::optional<TissueFault> support_fault(const SupportValues& tissue, const Supp
 /// Checks a tissue's values: ranges, friction and supports, with the messages used for a scene file.
 /// @param tissues  all tissues
 /// @param index    tissue whose values are new
-/// Errors: kBadInput; the error's place is the scene key, e.g. "stiffness".
+/// Errors: kBadInput; the error's place is ContactProperty::name.
 Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t index);
 
 }  // namespace palpate

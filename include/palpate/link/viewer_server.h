@@ -167,12 +167,6 @@ struct ViewedHealth {
   std::uint64_t skipped = 0, dropped = 0, stalls = 0;
 };
 
-/// Tissue settings that may change during a session.
-struct ViewedTissueState {
-  double stiffness_N_per_mm = 0;
-  double static_friction = 0, dynamic_friction = 0;
-  double viscosity_N_s_per_mm = 0;
-};
 /// Originator of a stop.
 enum class StoppedBy : std::uint8_t {
   kSession,  ///< The session itself, when its supervisor was missing
@@ -201,7 +195,7 @@ struct ViewedState {
   /// Commanded rotation of the object.
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;
-  std::vector<ViewedTissueState> tissues;
+  std::vector<ContactProperties> tissues;  ///< Of each tissue, as they are now
   /// Number of the stop in effect (Arming::number), to which a rearm refers; empty: the force is not stopped.
   std::optional<std::uint32_t> stop;
   StoppedBy stopped_by = StoppedBy::kSession;  ///< Originator of that stop
@@ -253,7 +247,7 @@ struct SettingsRequest {
 };
 struct TissueRequest {
   int tissue = 0;
-  std::optional<double> stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm;
+  ContactPropertyChanges changes;
   ViewerIdentity by;
   std::int64_t id = 0;
 };

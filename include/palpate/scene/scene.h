@@ -76,8 +76,8 @@ constexpr std::string_view name_of(T value, const std::array<Word<T>, kCount>& w
 /// Reference to a label by its number (1 ... 65535) or its exact name.
 using LabelReference = std::variant<int, std::string>;
 
-/// A [[tissue]] of the scene. Members without a comment are those of Tissue (palpate/haptics/haptics.h).
-struct TissueSettings {
+/// A [[tissue]] of the scene.
+struct TissueSettings : TissueProperties {
   std::string name;
   std::vector<LabelReference> labels;  ///< Labels of the tissue; empty if `threshold` is given
   std::vector<int> label_lines;        ///< Line of each label, for errors
@@ -86,23 +86,7 @@ struct TissueSettings {
   std::optional<std::array<double, 2>> threshold;  ///< Ramp on the raw scan values: 0 at [0], 1 at [1]
   /// Preset from which the defaults of this tissue were taken; empty: none.
   std::string preset;
-  /// Whether the tissue can be touched; false: displayed only.
-  bool felt = true;
-  double stiffness_N_per_mm = 1.0;
-  double friction_coefficient = 0.1;
-  /// Static friction coefficient of the proxy; empty: friction_coefficient
-  std::optional<double> static_friction;
-  std::optional<double> puncture_N;  ///< Normal force above which it is punctured; empty: never
-  bool stays_open = false;           ///< Whether a puncture leaves a permanent hole
-  double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
-  Protection protection = Protection::kNone;  ///< Effect of burrs; only for tissues with `felt`
-  std::optional<ElasticConstants> elastic;    ///< Elastic constants for the elastic laws; empty: rigid
-  Relaxation relaxation;                      ///< Stress relaxation; default: the preset's
-  double friction_damping_N_s_per_mm = 0.005;
-  double friction_max_N = 0.5;
-  double viscosity_N_s_per_mm = 0.001;
-  std::optional<Rgb> colour;  ///< Display colour; empty: that of each label
-  double opacity = 1.0;
+  std::optional<Rgb> colour;          ///< Display colour; empty: that of each label
   std::vector<std::string> rests_on;  ///< Names of the tissues of this scene that support it
   int line = 0;                       ///< Line of its [[tissue]] header, for errors
 };
