@@ -170,7 +170,7 @@ class Drawing {
 
 // ---- session
 
-Session run_session(const LoadedScene& loaded, const Script& script, const Options& options, bool troubled,
+Session run_session(const LoadedScene& loaded, const Options& options, bool troubled,
                     VolumeRenderer* renderer) {
   const ViewersProcess viewers = start_viewers(options, troubled);
   ExploreOptions explore_options;
@@ -197,7 +197,7 @@ Session run_session(const LoadedScene& loaded, const Script& script, const Optio
   }
   std::optional<Drawing> drawing;
   if (troubled && renderer != nullptr) drawing.emplace(*renderer, loaded.model->labels->geometry());
-  const auto result = explore(loaded, script, explore_options, {});
+  const auto result = explore(loaded, {}, explore_options, {});
   if (!result) fail(result.error().message());
 
   Session session{troubled, result->health.lateness, result->health.skipped, {}, 0};
@@ -290,15 +290,13 @@ std::string what_differs(const Options& options) {
 }
 
 int run(const Options& options) {
-  const auto loaded = load_scene_or_data_set(options.scene);
+  const auto loaded = load_scene_or_data_set({options.scene});
   if (!loaded) fail(loaded.error().message());
   const LoadedScene quiet = options.tissue ? by_layers(*loaded) : *loaded;
-  const auto script = parse_script(default_script_text(*loaded->model), "embedded script");
-  if (!script) fail(script.error().message());
 
   std::printf(
       "%d pairs of %g s of %s at %g Hz, %d viewers at %g Hz, with and without %s; order by seed %llu\n",
-      options.pairs, options.seconds, options.scene.c_str(), script->rate_hz, options.viewers, kPoses_hz,
+      options.pairs, options.seconds, options.scene.c_str(), Script{}.rate_hz, options.viewers, kPoses_hz,
       what_differs(options).c_str(), static_cast<unsigned long long>(options.seed));
   std::optional<VolumeRenderer> renderer;
   if (options.pictures) {
@@ -315,8 +313,8 @@ int run(const Options& options) {
     const bool troubled_first = random() & 1;
     std::array<Session, 2> sessions;  // [0] without, [1] with
     for (const bool troubled : {troubled_first, !troubled_first}) {
-      sessions[troubled] = run_session(troubled ? *loaded : quiet, *script, options, troubled,
-                                       renderer ? &*renderer : nullptr);
+      sessions[troubled] =
+          run_session(troubled ? *loaded : quiet, options, troubled, renderer ? &*renderer : nullptr);
       print(sessions[troubled]);
     }
     const auto& [without, with] = sessions;

@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "start_bench: warning: %s\n", text.c_str());
   };
   set_cache(*std::move(cache));
-  const auto loaded = load_scene_or_data_set(argv[1]);
+  const auto loaded = load_scene_or_data_set({argv[1]});
   const ForceMethod method = ForceMethod::kProxy;
   const auto ready = loaded ? ready_for(loaded->model, {&method, 1}) : loaded.error();
   if (!ready) {

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/base/check.h"
 #include "palpate/base/reading.h"
 #include "palpate/cache/cache.h"
 #include "palpate/volume_io/volume_io.h"
@@ -137,11 +138,17 @@ MeshPlacing mesh_placing_of(const std::string& space, const std::string& unit) {
   return placing;
 }
 
-constexpr const char* kMemory = "--memory";
-constexpr const char* kMeshSpace = "--mesh-space";
-constexpr const char* kMeshUnit = "--mesh-unit";
-constexpr const char* kSpacing = "--spacing";
-constexpr const char* kForm = "--form";
+/// Stops the program where kGlobalOptions and the parser's options of the program differ.
+void check_global_options(const CLI::App& app) {
+  std::size_t listed = 0;
+  for (const GlobalOption& global : kGlobalOptions) {
+    const CLI::Option* option = app.get_option_no_throw(global.name);
+    PALPATE_CHECK(option != nullptr && (option->get_items_expected_min() > 0) == global.has_value);
+    ++listed;
+  }
+  constexpr std::size_t kHelpAndVersion = 2;
+  PALPATE_CHECK(app.get_options().size() == listed + kHelpAndVersion);
+}
 
 /// Spacing in mm between columns, rows and slices: "0.05,0.05,0.1"; a single number applies to all three.
 /// Empty if invalid.
@@ -168,9 +175,8 @@ std::size_t index_of_verb(const std::vector<std::string>& arguments) {
   std::size_t n = 0;
   while (n < arguments.size() && arguments[n].starts_with("-")) {
     const std::string& option = arguments[n];
-    const bool has_value = option == kMemory || option == kMeshSpace || option == kMeshUnit ||
-                           option == kSpacing || option == kForm;
-    n += has_value ? 2 : 1;
+    const auto global = std::ranges::find(kGlobalOptions, option, &GlobalOption::name);
+    n += global != kGlobalOptions.end() && global->has_value ? 2 : 1;
   }
   return std::min(n, arguments.size());
 }
@@ -211,7 +217,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
                "No progress and no notes; results, warnings and errors still appear");
   ReadingLimits reading;
   app.add_option_function<std::string>(
-         kMemory, [&](const std::string& text) { reading.max_memory_bytes = memory_bytes(text); },
+         "--memory", [&](const std::string& text) { reading.max_memory_bytes = memory_bytes(text); },
          "Most memory that files may take of this machine, as 800M or 4G; default: half of what is available")
       ->check(CLI::Validator(
           [](const std::string& text) {
@@ -223,14 +229,14 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
       "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
 
   std::string mesh_space, mesh_unit;
-  app.add_option(kMeshSpace, mesh_space,
+  app.add_option("--mesh-space", mesh_space,
                  "What the axes of surfaces (STL, OBJ, PLY, VTK) are, where their files do not say it")
       ->check(CLI::IsMember({"lps", "ras"}));
-  app.add_option(kMeshUnit, mesh_unit, "What the numbers of surfaces are in")
+  app.add_option("--mesh-unit", mesh_unit, "What the numbers of surfaces are in")
       ->check(CLI::IsMember({"mm", "cm", "m"}));
   Placing placing;
   app.add_option_function<std::string>(
-         kSpacing, [&](const std::string& text) { placing.image_spacing_mm = spacing_of(text); },
+         "--spacing", [&](const std::string& text) { placing.image_spacing_mm = spacing_of(text); },
          "Of a stack of pictures (PNG, TIFF, JPEG): mm between its columns, rows and slices")
       ->check(CLI::Validator(
           [](const std::string& text) {
@@ -241,7 +247,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
           },
           "X,Y,Z"));
   app.add_option_function<std::string>(
-         kForm,
+         "--form",
          [&](const std::string& text) {
            placing.nifti_form = text == "q" ? NiftiForm::kQform : NiftiForm::kSform;
          },
@@ -255,6 +261,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
       "--no-cache", no_cache,
       "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
 
+  check_global_options(app);
   Run verb;
   for (const auto add : program.verbs) add(app, verb);
   for (const Companion& companion : program.companions)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <string>
 #include <string_view>
@@ -26,6 +27,22 @@ struct Companion {
   const char* verb;
   const char* description;
 };
+
+/// An option of the program itself, which may stand before or behind its verb.
+struct GlobalOption {
+  const char* name;
+  bool has_value;
+  bool is_passed_on;     ///< to the processes that `palpate cohort` starts
+  bool changes_results;  ///< files are read otherwise, so that what was made without it counts as another
+                         ///< result
+};
+/// All of them but help and version; run() checks that the parser has the same.
+inline constexpr std::array kGlobalOptions{
+    GlobalOption{"--quiet", false, false, false},      GlobalOption{"--memory", true, true, false},
+    GlobalOption{"--follow-links", false, true, true}, GlobalOption{"--mesh-space", true, true, true},
+    GlobalOption{"--mesh-unit", true, true, true},     GlobalOption{"--spacing", true, true, true},
+    GlobalOption{"--form", true, true, true},          GlobalOption{"--cropped-scan", false, true, true},
+    GlobalOption{"--no-cache", false, true, false}};
 
 struct Program {
   const char* examples;  ///< Shown below the help

@@ -11,6 +11,7 @@
 #include <memory>
 #include <set>
 
+#include "apps/command/program.h"
 #include "palpate/base/file.h"
 #include "palpate/base/for_each_index.h"
 #include "palpate/base/output.h"
@@ -35,8 +36,9 @@ struct CohortOptions {
   // of the processes that this verb starts
   int number = 0;
   bool inside = false;
-  std::vector<std::string> passed;  // options of the program that they get too
-  std::string results_by;           // those of them that change results
+  std::vector<std::string> passed,
+      passed_to_verb;      // options of the program and of the verb that they get too
+  std::string results_by;  // those of them that change results
 };
 
 constexpr const char* kProgram = PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ")";
@@ -76,6 +78,7 @@ Result<std::vector<std::string>> command_of(const CohortOptions& options) {
   command.insert(command.end(), {"cohort", fs::absolute(options.table).string(), "-o",
                                  fs::absolute(options.folder).string()});
   if (options.script) command.insert(command.end(), {"--script", fs::absolute(*options.script).string()});
+  command.insert(command.end(), options.passed_to_verb.begin(), options.passed_to_verb.end());
   if (options.recordings) command.push_back("--recordings");
   if (options.inside) command.push_back("--inside");
   command.push_back("--case");
@@ -354,6 +357,7 @@ void add_cohort(CLI::App& app, Run& run) {
   verb->add_option("--sbatch", options->sbatch,
                    "An option for sbatch, as --sbatch=--partition=long; may be given again");
   verb->add_flag("--recordings", options->recordings, "Keep each case's recording, run.h5");
+  add_content_options(*verb);
   verb->add_option("--case", options->number)->check(whole_between(1, kMaxCases))->group("");
   verb->add_flag("--inside", options->inside)->group("");
   verb->footer(
@@ -361,26 +365,29 @@ void add_cohort(CLI::App& app, Run& run) {
       "  palpate cohort cases.tsv -o results\n"
       "  palpate cohort cases.tsv -o results --script press.toml --jobs 4\n"
       "  palpate cohort cases.tsv -o results --engine slurm --sbatch=--mem=8G\n\n"
-      "Columns: study, segmentation, script, case, volume, method, max_force, rate, seed. Writes cohort.tsv, "
-      "a\n"
-      "row a case; times.tsv; index.html, which sorts and compares; and below cases/ what each case is made "
+      "Columns: study, segmentation, names, script, case, volume, method, max_force, rate, seed. Writes\n"
+      "cohort.tsv, a row a case; times.tsv; index.html, which sorts and compares; and below cases/ what each "
+      "case is made "
       "of.\n"
       "A case that fails does not stop the others: it is named, and the exit code is 3. The same command "
       "again\n"
       "goes on where it was ended: a case that is done is not done anew unless its files, its row or the "
       "program\n"
       "have changed. docs/guide/cohort.md.");
-  verb->callback([&app, options, &run] {
-    // they are options of the program that the cases' processes get as well
-    for (const char* name : {"--memory", "--mesh-space", "--mesh-unit", "--spacing", "--form"})
-      if (const CLI::Option* option = app.get_option(name); option->count() > 0)
-        options->passed.insert(options->passed.end(), {name, option->results().front()});
-    for (const char* name : {"--follow-links", "--no-cache", "--cropped-scan"})
-      if (app.get_option(name)->count() > 0) options->passed.emplace_back(name);
-    for (const char* name :
-         {"--mesh-space", "--mesh-unit", "--spacing", "--form", "--follow-links", "--cropped-scan"})
-      if (const CLI::Option* option = app.get_option(name); option->count() > 0)
-        options->results_by += std::string(" ") + name + " " + option->results().front();
+  verb->callback([&app, verb, options, &run] {
+    const auto pass_on = [&](const CLI::Option& option, const char* name, bool has_value,
+                             bool changes_results, std::vector<std::string>& passed) {
+      if (option.count() == 0) return;
+      passed.emplace_back(name);
+      if (has_value) passed.push_back(option.results().front());
+      if (changes_results) options->results_by += std::string(" ") + name + " " + option.results().front();
+    };
+    for (const GlobalOption& global : kGlobalOptions)
+      if (global.is_passed_on)
+        pass_on(*app.get_option(global.name), global.name, global.has_value, global.changes_results,
+                options->passed);
+    for (const char* name : {"--labels", "--scan"})
+      pass_on(*verb->get_option(name), name, false, true, options->passed_to_verb);
     run = [options](Console& console) { return run_cohort(*options, console); };
   });
 }

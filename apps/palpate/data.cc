@@ -82,7 +82,7 @@ void print_json() {
 
 Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& console) {
   // what it could not be felt with is nothing that a picture shows
-  const auto loaded = load_scene_or_data_set(name, console.progress());
+  const auto loaded = load_scene_or_data_set({name}, console.progress());
   if (!loaded) return loaded.error();
   const Model& model = *loaded->model;
   if (model.labels == nullptr || model.segments.empty()) return std::vector<std::uint8_t>();

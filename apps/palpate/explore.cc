@@ -30,11 +30,10 @@ namespace palpate::app {
 namespace {
 
 struct ExploreArguments {
-  std::string target;
+  SceneSource source;
   std::optional<std::filesystem::path> script, recording, supervisor_log;
   std::optional<double> max_force_N, rate_hz, seconds;
   std::optional<std::uint64_t> seed;
-  std::optional<int> volume;
   std::optional<ForceMethod> method;
   double spin_us = 0;
   int cpu = -1;
@@ -80,7 +79,7 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
     return Error{ErrorKind::kUsage, "is the recording, too", "--supervisor-log", "choose another file"};
   std::vector<OutputClaim> claims;
   if (!options.recording && !options.supervisor_log) return claims;
-  auto inputs = input_files(options.target);
+  auto inputs = input_files(options.source);
   if (options.script) inputs.push_back(*options.script);
   if (options.plan) inputs.push_back(*options.plan);
   const ViewerServerOptions& viewers = options.serving.viewers;
@@ -483,7 +482,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (!claimed) return console.fail(claimed.error());
   if (const auto kept = check_learners(options, console); !kept) return console.fail(kept.error());
   const Progress progress = console.progress();
-  const auto loaded = load_target(options.target, console, {}, options.volume);
+  const auto loaded = load_target(options.source, console);
   if (!loaded) return console.fail(loaded.error());
   // where nothing is felt yet, it can be looked at: by who has the page open
   const auto felt = require_touchable_tissue(*loaded);
@@ -491,8 +490,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (!felt) console.note("nothing in it is felt yet: the page shows it, and no hand touches it");
   if (!felt) options.devices = {kPointer};
   const bool pointer = options.devices.front() == kPointer;
-  const auto script =
-      options.devices.front() != kSimulatedHand ? Script{} : script_of(options.script, *loaded->model);
+  const auto script = script_of(options.script);
   if (!script) return console.fail(script.error());
   note_felt_stiffness(*loaded, console);
   std::shared_ptr<SharedPlan> plan;
@@ -548,9 +546,7 @@ int explore_target(ExploreArguments options, Console& console) {
 }
 
 void add_options(CLI::App* verb, ExploreArguments& options) {
-  verb->add_option("target", options.target, kTargetHelp)->required();
-  add_volume_option(*verb, options.volume);
-  add_content_options(*verb);
+  add_source_options(*verb, options.source)->required();
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option(
@@ -617,6 +613,7 @@ void add_explore(CLI::App& app, Run& run) {
       "  palpate explore knee-phantom --seconds 10\n"
       "  palpate explore knee-atlas -o run.h5 --rate 4000 --spin 100\n"
       "  palpate explore scene.toml --script press.toml --repeat\n"
+      "  palpate explore STUDY seg.dcm --device pointer      a folder of DICOM and its segmentation\n"
       "  palpate explore knee-phantom --device pointer\n"
       "  palpate explore knee-phantom --device pointer --task hold-steady --learner L042\n"
       "  palpate explore scene.toml --device simulated --device pointer\n"

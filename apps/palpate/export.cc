@@ -19,9 +19,8 @@ namespace palpate::app {
 namespace {
 
 struct ExportOptions {
-  std::filesystem::path source;
-  std::string target;
-  std::optional<int> volume;
+  std::filesystem::path source;  ///< recording or labels
+  SceneSource made_with;         ///< of a recording; of labels the target is their scan
   std::filesystem::path output;
   bool keep_identifiers = false;
 };
@@ -43,7 +42,7 @@ Result<void> write_exported(const ExportOptions& options, const LabelMap& labels
 // all have to lie where these are.
 Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const std::filesystem::path& scan,
                                             Console& console) {
-  const auto study = find_study(scan, options.source, options.volume, console.progress());
+  const auto study = find_study(scan, options.source, options.made_with.volume, console.progress());
   if (!study) return study.error();
   if (options.keep_identifiers && !study->is_stated)
     return Error{ErrorKind::kBadInput, "does not say that it was made on images of " + scan.string(),
@@ -68,8 +67,8 @@ Result<void> check_grids(const LabelMap& labels, const GridGeometry& scan, const
 int export_label_map(const ExportOptions& options, Console& console) {
   const Progress progress = console.progress();
   std::optional<std::filesystem::path> scan;
-  if (!options.target.empty()) scan = options.target;
-  if (options.volume && !scan)
+  if (!options.made_with.target.empty()) scan = options.made_with.target;
+  if (options.made_with.volume && !scan)
     return console.fail({ErrorKind::kUsage, "of which study it is a volume is not said", "--volume",
                          "name the study after the labels: palpate export LABELS STUDY"});
   std::optional<DicomAttachment> attached;
@@ -78,7 +77,7 @@ int export_label_map(const ExportOptions& options, Console& console) {
       return console.fail({ErrorKind::kUsage, "which study it is to be attached to is not said",
                            "--keep-identifiers",
                            "name the study after the labels: palpate export LABELS STUDY"});
-    attached = DicomAttachment{*scan, options.volume};
+    attached = DicomAttachment{*scan, options.made_with.volume};
   }
   std::optional<ScanFile> read;
   if (scan) {
@@ -90,8 +89,8 @@ int export_label_map(const ExportOptions& options, Console& console) {
     read = *std::move(found);
   }
   const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-  const auto labels = read_labels(options.source, {}, progress, console.warn(), doubtful, VoxelCaching::kOff,
-                                  read ? &read->scan.geometry() : nullptr, {}, scan);
+  const auto labels = read_labels(options.source, options.made_with.names, progress, console.warn(), doubtful,
+                                  VoxelCaching::kOff, read ? &read->scan.geometry() : nullptr, {}, scan);
   if (!labels) return console.fail(labels.error());
   console.note(origin_of_names(*labels));
   if (read)
@@ -107,13 +106,14 @@ int export_label_map(const ExportOptions& options, Console& console) {
 
 int export_labels(const ExportOptions& options, const RecordingSource& recording, Console& console) {
   const Progress progress = console.progress();
-  const auto loaded = load_scene_of_recording(recording.head().header, options.target, progress,
-                                              console.warn(), options.volume);
+  const auto loaded =
+      load_scene_of_recording(recording.head().header, options.made_with, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
   const auto attached = attachment_of(*loaded, options.keep_identifiers);
   if (!attached) return console.fail(attached.error());
-  const std::string& target = options.target.empty() ? recording.head().header.data_set : options.target;
-  const auto layers = labels_of_scene(target, *loaded->model, progress, options.volume);
+  SceneSource scene = options.made_with;
+  if (scene.target.empty()) scene.target = recording.head().header.data_set;
+  const auto layers = labels_of_scene(scene, *loaded->model, progress);
   if (!layers) return console.fail(layers.error());
   const auto left = labels_left(recording, *loaded->model, *layers ? &**layers : nullptr, progress);
   if (!left) {
@@ -142,7 +142,8 @@ int export_paths(const ExportOptions& options, const RecordingSource& recording,
   if (options.keep_identifiers)
     return console.fail(
         {ErrorKind::kUsage, "a path carries no identifier", "--keep-identifiers", "leave it out"});
-  if (!options.target.empty()) console.note(options.target + " is not needed for a path, and not read");
+  if (!options.made_with.target.empty())
+    console.note(options.made_with.target + " is not needed for a path, and not read");
   auto pending = PendingFile::create(options.output);
   if (!pending) return console.fail(pending.error());
   const auto failed = [&](int number) { return console.fail(output_error(options.output, number)); };
@@ -165,21 +166,41 @@ int export_paths(const ExportOptions& options, const RecordingSource& recording,
   return kExitOk;
 }
 
-int run_export(const ExportOptions& options, Console& console) {
+/// Labels and the scan that they were made on, which may be named in either order.
+Result<void> order_labels_and_scan(ExportOptions& options) {
+  SceneSource& with = options.made_with;
+  if (with.segmentation)
+    return Error{ErrorKind::kUsage, "more files than a scan and a label map", with.segmentation->string(),
+                 "palpate export LABELS STUDY"};
+  // --labels and --scan say of the two files, LABELS STUDY, what they are
+  if (with.target.empty() || read_as() != ReadAs::kByContent) return {};
+  auto files = identify_scan_and_labels(with.target, options.source, with.names);
+  if (!files) return files.error();
+  with.target = files->scan.string();
+  options.source = std::move(files->labels);
+  return {};
+}
+
+int run_export(ExportOptions options, Console& console) {
   if (options.keep_identifiers && !ends_in(options.output, ".dcm"))
     return console.fail({ErrorKind::kUsage, "identifiers are kept in DICOM alone", "--keep-identifiers",
                          "write a file that ends in .dcm, or leave it out"});
-  const bool labels = is_volume(options.source);
+  // of two files neither of which is a recording, one that is missing is a volume that is missing
+  std::error_code unknown;
+  const bool is_missing = !std::filesystem::exists(options.source, unknown);
+  const bool labels = is_volume(options.source) || is_structure_set(options.source) ||
+                      (is_missing && is_volume(options.made_with.target));
   std::vector<std::filesystem::path> inputs;
   std::optional<RecordingSource> recording;
-  if (!labels) {
+  if (labels) {
+    if (auto ordered = order_labels_and_scan(options); !ordered) return console.fail(ordered.error());
+    inputs = input_files(options.made_with);
+  } else {
     auto opened = RecordingSource::open(options.source, console.progress());
     if (!opened) return console.fail(opened.error());
     recording = *std::move(opened);
+    inputs = recorded_inputs(options.made_with, recording->head().header);
   }
-  inputs = input_files(!options.target.empty() ? options.target
-                       : labels                ? std::string()
-                                               : recording->head().header.data_set);
   add_input(options.source, inputs);
   const auto claimed = claim_output(options.output, inputs);
   if (!claimed) return console.fail(claimed.error());
@@ -201,12 +222,10 @@ void add_export(CLI::App& app, Run& run) {
   verb->add_option("source", options->source,
                    "Recording made by palpate simulate or explore; or labels of any kind that is read")
       ->required();
-  verb->add_option(
-      "target", options->target,
-      "Of a recording the scene file or volume it was made with, not needed for data sets; of labels "
-      "the scan that they were made on");
-  add_volume_option(*verb, options->volume);
-  add_content_options(*verb);
+  add_source_options(
+      *verb, options->made_with,
+      "Scene file or volume that the recording was made with, not needed for data sets; or the "
+      "scan that the labels were made on, the two in either order");
   verb->add_option("-o,--output", options->output,
                    "Labels to write: .dcm (DICOM SEG), .seg.nrrd, .nrrd, .nii or .nii.gz; or a path: .csv")
       ->required();
@@ -222,7 +241,8 @@ void add_export(CLI::App& app, Run& run) {
       "on\n"
       "  palpate export run.h5 -o path.csv                                  tip and proxy, LPS mm, tick by "
       "tick\n"
-      "  palpate export labels.nii.gz STUDY -o labels.dcm\n\n"
+      "  palpate export labels.nii.gz STUDY -o labels.dcm\n"
+      "  palpate export structures.dcm STUDY --keep-identifiers -o seg.dcm  RTSTRUCT as SEG\n\n"
       "A voxel of a felt structure is gone where its centre was swept. Prints how much of each structure "
       "that\n"
       "is, to 1/64 of a voxel. docs/guide/burr.md says what a burr does, docs/guide/export.md what is "

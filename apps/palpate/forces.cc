@@ -13,14 +13,14 @@ namespace palpate::app {
 namespace {
 
 struct ForcesOptions {
-  std::string target, plane = "axial";
+  SceneSource source;
+  std::string plane = "axial";
   std::filesystem::path output;
   std::optional<ForceMethod> method;
   std::optional<PreparationMethod> preparation;
   std::vector<double> at;
   double size_mm = 20;
   std::optional<double> spacing_mm;
-  std::optional<int> volume;
 };
 
 AnatomicalPlane plane_of(const std::string& name) {
@@ -47,13 +47,13 @@ Error at_option(Error error) {
 }
 
 int draw_forces(const ForcesOptions& options, Console& console) {
-  const auto claimed = claim_output(options.output, input_files(options.target));
+  const auto claimed = claim_output(options.output, input_files(options.source));
   if (!claimed) return console.fail(claimed.error());
   if (const auto extension = options.output.extension(); !extension.empty() && extension != ".svg")
     return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
                          options.output.string(), "give it a name that ends with .svg"});
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console, options.preparation, options.volume);
+  const auto loaded = load_felt_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   // where the tip has been decides the proxy's force: there is no field of it
   const ForceMethod of_scene = loaded->scene.force.method;
@@ -84,9 +84,7 @@ int draw_forces(const ForcesOptions& options, Console& console) {
 void add_forces(CLI::App& app, Run& run) {
   auto options = std::make_shared<ForcesOptions>();
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
-  verb->add_option("target", options->target, kTargetHelp)->required();
-  add_volume_option(*verb, options->volume);
-  add_content_options(*verb);
+  add_source_options(*verb, options->source)->required();
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
   add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
                     kDirectMethods, options->method);

@@ -17,14 +17,14 @@ namespace palpate::app {
 namespace {
 
 struct HoldOptions {
-  std::string target, device = "premium-1.5", hand = "light-grip";
+  SceneSource source;
+  std::string device = "premium-1.5", hand = "light-grip";
   std::optional<std::filesystem::path> output;
   std::vector<std::string> methods;
   std::vector<int> voxel;
   std::vector<double> at, from;
   double rate_hz = 1000, delay_ms = 1;
   std::optional<double> stiffness;
-  std::optional<int> volume;
   std::optional<PreparationMethod> preparation;
   bool json = false;
 };
@@ -38,7 +38,7 @@ Result<std::optional<OutputClaim>> check_hold(const HoldOptions& options) {
   if (const auto extension = options.output->extension(); !extension.empty() && extension != ".svg")
     return Error{ErrorKind::kUsage, "the picture is an SVG, whatever its name", options.output->string(),
                  "give it a name that ends with .svg"};
-  auto claimed = claim_output(*options.output, input_files(options.target));
+  auto claimed = claim_output(*options.output, input_files(options.source));
   if (!claimed) return claimed.error();
   return Claim(*std::move(claimed));
 }
@@ -125,7 +125,7 @@ int hold_target(const HoldOptions& options, Console& console) {
   const auto claimed = check_hold(options);
   if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console, options.preparation, options.volume);
+  const auto loaded = load_felt_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   const auto methods = methods_of(options, *loaded);
   const auto model = ready_for(loaded->model, methods, progress);
@@ -180,9 +180,7 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
 }
 
 void add_options(CLI::App& verb, HoldOptions& options) {
-  verb.add_option("target", options.target, kTargetHelp)->required();
-  add_volume_option(verb, options.volume);
-  add_content_options(verb);
+  add_source_options(verb, options.source)->required();
   add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
   verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
       ->delimiter(',')

@@ -23,7 +23,8 @@ namespace palpate::app {
 namespace {
 
 struct InfoOptions {
-  std::string file, names;
+  std::string file;
+  std::optional<std::filesystem::path> names;
   std::optional<int> volume;
   bool json = false, labels = false, scan = false;
   bool identifiers = false, keep_identifiers = false;
@@ -74,10 +75,9 @@ Info of_scan(const ScanFile& scan) {
 }
 
 Result<Info> inspect(const InfoOptions& options, Console& console) {
-  const std::optional<std::filesystem::path> names =
-      options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
   if (options.labels) {
-    auto labels = read_labels(options.file, names, console.progress(), console.warn(), Doubtful::kWarnedOf);
+    auto labels =
+        read_labels(options.file, options.names, console.progress(), console.warn(), Doubtful::kWarnedOf);
     return labels ? of_labels(*std::move(labels), console) : labels.error();
   }
   if (options.scan) {
@@ -85,8 +85,8 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
         read_scan(options.file, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
     return scan ? Result<Info>(of_scan(*scan)) : scan.error();
   }
-  auto volume = read_volume(options.file, names, console.progress(), console.warn(), VoxelCaching::kOff,
-                            options.volume);
+  auto volume = read_volume(options.file, options.names, console.progress(), console.warn(),
+                            VoxelCaching::kOff, options.volume);
   if (!volume) return volume.error();
   if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels), console);
   return of_scan(std::get<ScanFile>(*volume));
@@ -364,7 +364,7 @@ void print_memory(std::ostream& out, const SceneMemory& memory) {
 }
 
 int run_info_of_scene(const InfoOptions& options, Console& console) {
-  const auto memory = memory_of_scene_or_data_set(options.file, console.progress());
+  const auto memory = memory_of_scene_or_data_set({options.file}, console.progress());
   if (!memory) return console.fail(memory.error());
   if (options.json)
     std::cout << Json{{"memory_bytes", memory_json(*memory)}}.dump(2) << '\n';
@@ -504,8 +504,7 @@ void add_info(CLI::App& app, Run& run) {
           "or data set")
       ->required();
   add_volume_option(*verb, options->volume);
-  verb->add_option("-n,--names", options->names,
-                   "table that names the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
+  add_names_option(*verb, options->names);
   verb->add_flag("-j,--json", options->json, "print JSON instead of text");
   CLI::Option* labels =
       verb->add_flag("-l,--labels", options->labels, "take it as labels whatever it looks like");

@@ -20,11 +20,14 @@ void add_input(const std::filesystem::path& input, std::vector<std::filesystem::
   }
 }
 
-std::vector<std::filesystem::path> input_files(const std::string& what) {
+std::vector<std::filesystem::path> input_files(const SceneSource& source) {
+  const std::string& what = source.target;
   std::vector<std::filesystem::path> files;
   const auto add = [&](const std::optional<std::filesystem::path>& file) {
     if (file) add_input(*file, files);
   };
+  add(source.segmentation);
+  add(source.names);
   if (find_entry(what)) {
     if (const auto data = locate(what)) {
       add(data->labels);
@@ -40,6 +43,11 @@ std::vector<std::filesystem::path> input_files(const std::string& what) {
     for (const auto& file : {scene->scan, scene->labels, scene->names})
       if (file) add(scene->resolve(*file));
   return files;
+}
+
+std::vector<std::filesystem::path> recorded_inputs(SceneSource source, const RecordingHeader& header) {
+  if (source.target.empty()) source.target = header.data_set;
+  return input_files(source);
 }
 
 }  // namespace palpate::app

@@ -187,7 +187,7 @@ Result<TouchedPlaces> touched_places(const RegisterVerb& options, const std::vec
 
 // the structure's own surface, also where it is felt as one with others that it touches
 Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
-  const auto loaded = load_target(options.surface, console);
+  const auto loaded = load_target({options.surface}, console);
   if (!loaded) return loaded.error();
   const Model& model = *loaded->model;
   const auto segment = std::find_if(model.segments.begin(), model.segments.end(),
@@ -231,7 +231,7 @@ void print_points(const RegistrationOutcome& outcome, bool targets_given) {
 }
 
 int register_verb(const RegisterVerb& options, Console& console) {
-  std::vector<std::filesystem::path> inputs = input_files(options.surface);
+  std::vector<std::filesystem::path> inputs = input_files({options.surface});
   for (const std::filesystem::path& file :
        {options.scan_points, std::filesystem::path(options.tracked_points), options.touched,
         options.stream.tip})

@@ -8,28 +8,31 @@
 
 namespace palpate::app {
 
-Result<LoadedScene> load_target(const std::string& target, Console& console,
-                                std::optional<PreparationMethod> preparation, std::optional<int> volume,
-                                const std::optional<std::filesystem::path>& labels) {
+Result<LoadedScene> load_target(const SceneSource& source, Console& console,
+                                std::optional<PreparationMethod> preparation,
+                                const MemoryCallback& report_memory) {
   auto loaded =
-      load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume, labels);
+      load_scene_or_data_set(source, console.progress(), console.warn(), preparation, report_memory);
   if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
   if (loaded && loaded->label_placement) console.note(in_words(*loaded->label_placement) + ".");
   if (loaded && !loaded->origin_of_names.empty()) console.note(loaded->origin_of_names);
   return loaded;
 }
 
-Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
-                                     std::optional<PreparationMethod> preparation, std::optional<int> volume,
-                                     const std::optional<std::filesystem::path>& labels) {
-  auto loaded = load_target(target, console, preparation, volume, labels);
+Result<LoadedScene> load_felt_target(const SceneSource& source, Console& console,
+                                     std::optional<PreparationMethod> preparation,
+                                     const MemoryCallback& report_memory) {
+  auto loaded = load_target(source, console, preparation, report_memory);
   if (!loaded) return loaded;
   if (auto felt = require_touchable_tissue(*loaded); !felt) return felt.error();
   return loaded;
 }
 
-Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model) {
-  return file ? load_script(*file) : parse_script(default_script_text(model), "embedded script");
+Result<std::optional<Script>> script_of(const std::optional<std::filesystem::path>& file) {
+  if (!file) return std::optional<Script>();
+  auto script = load_script(*file);
+  if (!script) return script.error();
+  return std::optional(*std::move(script));
 }
 
 void add_method_option(CLI::App& verb, const std::string& help, std::span<const ForceMethodInfo> methods,
@@ -50,10 +53,29 @@ void add_volume_option(CLI::App& verb, std::optional<int>& volume) {
 
 void add_content_options(CLI::App& verb) {
   CLI::Option* labels = verb.add_flag_callback(
-      "--labels", [] { set_read_as(ReadAs::kLabels); }, "Take a volume as labels whatever it looks like");
+      "--labels", [] { set_read_as(ReadAs::kLabels); },
+      "Take a volume, the second of two, as labels whatever it looks like");
   verb.add_flag_callback(
-          "--scan", [] { set_read_as(ReadAs::kScan); }, "Take a volume as a scan whatever it looks like")
+          "--scan", [] { set_read_as(ReadAs::kScan); },
+          "Take a volume, the first of two, as a scan whatever it looks like")
       ->excludes(labels);
+}
+
+void add_names_option(CLI::App& verb, std::optional<std::filesystem::path>& names) {
+  verb.add_option("-n,--names", names,
+                  "Names and colours of the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
+}
+
+CLI::Option* add_source_options(CLI::App& verb, SceneSource& source, const std::string& help) {
+  CLI::Option* target = verb.add_option("target", source.target, help);
+  verb.add_option(
+      "segmentation", source.segmentation,
+      "The segmentation of a scan, the two in either order; without it the only segmentation in a "
+      "folder of DICOM");
+  add_names_option(verb, source.names);
+  add_volume_option(verb, source.volume);
+  add_content_options(verb);
+  return target;
 }
 
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation) {

@@ -15,20 +15,21 @@ namespace palpate::app {
 inline constexpr const char* kTargetHelp =
     "A data set (palpate data list), a scene file, or a scan or label map by itself, a folder of DICOM too";
 
-/// What the command line names: a data set, a scene file, or a volume, perhaps with its segmentation, for
-/// which a scene is proposed; which one is noted.
-Result<LoadedScene> load_target(const std::string& target, Console& console,
-                                std::optional<PreparationMethod> preparation = {},
-                                std::optional<int> volume = {},
-                                const std::optional<std::filesystem::path>& labels = {});
-/// The same, and an error where nothing in it can be felt.
-Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
-                                     std::optional<PreparationMethod> preparation = {},
-                                     std::optional<int> volume = {},
-                                     const std::optional<std::filesystem::path>& labels = {});
+inline constexpr const char* kMadeWithHelp =
+    "Scene file, volume or data set that the recording was made with; not needed for data sets";
 
-/// The script of that file; without one, a script that suits the model.
-Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);
+/// Loads a source as load_scene_or_data_set() does; what the scene was proposed from, where the labels lie
+/// and where their names are from is noted.
+Result<LoadedScene> load_target(const SceneSource& source, Console& console,
+                                std::optional<PreparationMethod> preparation = {},
+                                const MemoryCallback& report_memory = {});
+/// The same, and an error where nothing in it can be felt.
+Result<LoadedScene> load_felt_target(const SceneSource& source, Console& console,
+                                     std::optional<PreparationMethod> preparation = {},
+                                     const MemoryCallback& report_memory = {});
+
+/// The script of that file; none without one, for which a run plans the default script.
+Result<std::optional<Script>> script_of(const std::optional<std::filesystem::path>& file);
 
 /// --method NAME, one of these.
 void add_method_option(CLI::App& verb, const std::string& help, std::span<const ForceMethodInfo> methods,
@@ -39,6 +40,15 @@ void add_volume_option(CLI::App& verb, std::optional<int>& volume);
 
 /// --labels and --scan, of a volume by itself that may be either.
 void add_content_options(CLI::App& verb);
+
+/// --names FILE, a table that names the labels of volumes.
+void add_names_option(CLI::App& verb, std::optional<std::filesystem::path>& names);
+
+/// The files of a scene: the positionals "target" and "segmentation", and --names, --volume, --labels,
+/// --scan.
+/// @param help  of the target
+/// @return the target's option, which is not required yet
+CLI::Option* add_source_options(CLI::App& verb, SceneSource& source, const std::string& help = kTargetHelp);
 
 /// --preparation NAME, instead of the scene's.
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation);

@@ -23,8 +23,8 @@ constexpr std::size_t kMaxMarkups_bytes = std::size_t{1} << 24;
 
 struct PlanOptions {
   std::filesystem::path markups, plan, recording, output, json;
-  std::string target, title;
-  std::optional<int> volume;
+  SceneSource source;
+  std::string title;
   int device = 1;
 };
 
@@ -137,8 +137,8 @@ int show_plan(const PlanOptions& options, Console& console) {
   if (!plan) return console.fail(plan.error());
   std::optional<PlannedScene> scene;
   std::optional<PlannedVolumes> volumes;
-  if (!options.target.empty()) {
-    const auto loaded = load_target(options.target, console, {}, options.volume);
+  if (!options.source.target.empty()) {
+    const auto loaded = load_target(options.source, console);
     if (!loaded) return console.fail(loaded.error());
     auto looked_up = scene_of_plan(*plan, loaded->model, console);
     if (!looked_up) return console.fail(looked_up.error());
@@ -274,15 +274,14 @@ int compare(const PlanOptions& options, Console& console) {
   const RecordingHeader& header = recording->head().header;
   std::optional<OutputClaim> claim;
   if (!options.json.empty()) {
-    auto inputs = input_files(options.target.empty() ? header.data_set : options.target);
+    auto inputs = recorded_inputs(options.source, header);
     inputs.push_back(options.recording);
     inputs.push_back(options.plan);
     auto claimed = claim_output(options.json, inputs);
     if (!claimed) return console.fail(claimed.error());
     claim.emplace(std::move(*claimed));
   }
-  const auto loaded =
-      load_scene_of_recording(header, options.target, progress, console.warn(), options.volume);
+  const auto loaded = load_scene_of_recording(header, options.source, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
   const auto scene = scene_of_plan(*plan, loaded->model, console);
   if (!scene) return console.fail(scene.error());
@@ -326,8 +325,8 @@ void add_plan(CLI::App& app, Run& run) {
 
   CLI::App* show = verb->add_subcommand("show", "What a plan asks, and what it is in a scene");
   show->add_option("plan", options->plan, "Plan file")->required();
-  show->add_option("--scene", options->target, kTargetHelp);
-  add_volume_option(*show, options->volume);
+  show->add_option("--scene", options->source.target, kTargetHelp);
+  add_volume_option(*show, options->source.volume);
   add_content_options(*show);
   show->footer(
       "Examples:\n"
@@ -341,9 +340,9 @@ void add_plan(CLI::App& app, Run& run) {
   comparison->add_option("recording", options->recording, "Recording of palpate simulate or explore")
       ->required();
   comparison->add_option("-p,--plan", options->plan, "Plan file")->required();
-  comparison->add_option("--scene", options->target,
+  comparison->add_option("--scene", options->source.target,
                          "Scene file or volume that the recording was made with; not needed for data sets");
-  add_volume_option(*comparison, options->volume);
+  add_volume_option(*comparison, options->source.volume);
   add_content_options(*comparison);
   comparison->add_option("--device", options->device, "Whose tool it is, of several devices; default 1")
       ->check(whole_between(1, kMaxDevices));

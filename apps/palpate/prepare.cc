@@ -25,20 +25,22 @@ constexpr const char* kPrepareExamples =
     "  palpate prepare ct.nii.gz --threshold 150 400 -o bone.nrrd --bits 8\n"
     "  palpate prepare labels.nrrd -o field.nrrd --engine fourier --compare\n"
     "  palpate prepare scene.toml -o field.nrrd             the field of the scene's direct methods\n"
+    "  palpate prepare STUDY seg.dcm -o field.nrrd          that of the scene that is proposed for both\n"
     "\n"
-    "A label map is smoothed with every label at full weight. A scene file or a data set brings its own\n"
-    "tissues, sigma, engine and bits. The field is written in the file's own geometry: 0 is free space,\n"
+    "A label map is smoothed with every label at full weight. A scene file, a data set and a scan with its\n"
+    "segmentation bring their own tissues, sigma, engine and bits. The field is written in the file's own "
+    "geometry: 0 is free space,\n"
     "255 or 65535 the inside of the stiffest tissue. The proxy, the default method, reads no field, but\n"
     "surfaces of the labels themselves.";
 
 struct PrepareOptions {
-  std::string what, output;
+  SceneSource source;
+  std::string output;
   double sigma_mm = 1.0;
   std::string engine = "direct";
   int bits = 16;
   std::vector<double> threshold;
   int threads = 0;
-  std::optional<int> volume;
   bool compare = false;
   std::string settings;  // the options given that a scene decides for itself, "--sigma, --bits"
 };
@@ -50,8 +52,17 @@ GaussianOptions gaussian_options(const PrepareOptions& options) {
   return {.sigma_mm = options.sigma_mm, .engine = engine, .threads = options.threads};
 }
 
-bool names_scene_or_data_set(const std::string& what) {
-  return find_entry(what).ok() || std::filesystem::path(what).extension() == ".toml";
+/// Whether the field is that of a scene: a data set, a scene file, or a scan with its segmentation, for which
+/// a scene is proposed.
+Result<bool> gives_a_scene(const PrepareOptions& options, const Progress& progress) {
+  const SceneSource& source = options.source;
+  if (find_entry(source.target).ok() || std::filesystem::path(source.target).extension() == ".toml")
+    return true;
+  if (source.segmentation) return true;
+  if (!options.threshold.empty()) return false;
+  const auto study = find_study(source.target, {}, source.volume, progress);
+  if (!study) return study.error();
+  return study->labels.has_value();
 }
 
 /// Says where a tool would slip through what is felt. Errors: kInterrupted.
@@ -66,8 +77,8 @@ Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<Labe
 /// The weights before smoothing: every label full, or the ramp of a scan.
 Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
-    const auto file =
-        read_scan(options.what, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
+    const auto file = read_scan(options.source.target, console.progress(), console.warn(), VoxelCaching::kOff,
+                                options.source.volume);
     if (!file) return file.error();
     return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
   }
@@ -75,15 +86,16 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     return Error{ErrorKind::kUsage, "a scan becomes a field by a threshold, which is not given", "--scan",
                  "add --threshold LOW HIGH"};
   const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-  const auto file = read_labels(options.what, {}, console.progress(), console.warn(), doubtful);
+  const auto file =
+      read_labels(options.source.target, options.source.names, console.progress(), console.warn(), doubtful);
   if (!file) {
     Error error = file.error();
-    if (error.kind == ErrorKind::kBadInput && read_header(options.what).ok()) {
+    if (error.kind == ErrorKind::kBadInput && read_header(options.source.target).ok()) {
       error.remedy += (error.remedy.empty() ? "" : "; ") +
                       std::string(
                           "a scan without segmentation needs --threshold LOW HIGH, or a scene: palpate "
                           "scene new --scan ") +
-                      options.what + " -o scene.toml";
+                      options.source.target + " -o scene.toml";
     }
     return error;
   }
@@ -162,7 +174,7 @@ int prepare_file(const PrepareOptions& options, Console& console) {
 
 int prepare_scene(const PrepareOptions& options, Console& console) {
   if (!options.settings.empty()) {
-    return console.fail({ErrorKind::kUsage, "for volumes only: a scene decides its own preparation",
+    return console.fail({ErrorKind::kUsage, "for one volume only: a scene decides its own preparation",
                          options.settings,
                          "leave it out, or give a volume; a scene file has sigma, engine and bits under "
                          "[preparation]"});
@@ -175,10 +187,8 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
         memory_text(memory.model.field).c_str());
     std::fflush(stdout);
   };
-  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn(), {},
-                                             report_memory, options.volume);
+  const auto loaded = load_felt_target(options.source, console, {}, report_memory);
   if (!loaded) return console.fail(loaded.error());
-  if (auto felt = require_touchable_tissue(*loaded); !felt) return console.fail(felt.error());
   const Model& model = *loaded->model;
   std::vector<LabelId> felt;
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label)
@@ -204,9 +214,11 @@ int run_prepare(const PrepareOptions& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "is the name of a segmentation, and a field is none",
                          options.output, "name it .nrrd without .seg, .nii.gz or .mha"});
   }
-  const auto claimed = claim_output(options.output, input_files(options.what));
+  const auto claimed = claim_output(options.output, input_files(options.source));
   if (!claimed) return console.fail(claimed.error());
-  if (names_scene_or_data_set(options.what)) return prepare_scene(options, console);
+  const auto is_scene = gives_a_scene(options, console.progress());
+  if (!is_scene) return console.fail(is_scene.error());
+  if (*is_scene) return prepare_scene(options, console);
   if (!options.threshold.empty() && !(options.threshold[0] < options.threshold[1])) {
     return console.fail({ErrorKind::kUsage, "the first threshold is not below the second", "--threshold",
                          "give the value where tissue begins, then the one where it is full"});
@@ -221,12 +233,11 @@ void add_prepare(CLI::App& app, Run& run) {
   CLI::App* verb =
       app.add_subcommand("prepare", "Turn labels or a scan into the field that the direct methods read");
   verb->footer(kPrepareExamples);
-  verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
-  add_volume_option(*verb, options->volume);
-  add_content_options(*verb);
+  add_source_options(*verb, options->source)->required();
   verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
 
-  constexpr const char* kForVolumes = "For a volume; a scene or a data set brings its own";
+  constexpr const char* kForVolumes =
+      "For one volume; a scene, a data set or a scan with its segmentation brings its own";
   verb->add_option("-s,--sigma", options->sigma_mm, "width of the Gaussian in mm")
       ->group(kForVolumes)
       ->check(number_between(0, 10))

@@ -27,10 +27,9 @@ const std::map<std::string, ViewFrom> kViews{
     {"superior", ViewFrom::kSuperior}, {"inferior", ViewFrom::kInferior}};
 
 struct RenderOptions {
-  std::string target;
-  std::optional<int> volume;
+  SceneSource source;
   std::optional<double> time_s;  ///< the target is a recording, of which this moment is drawn
-  std::string model;             ///< what that was made with
+  std::string made_with;         ///< target that the recording was made with
   std::filesystem::path output;
   VolumePictureRequest request;
   std::vector<double> at;
@@ -56,11 +55,18 @@ bool is_animated(const RenderOptions& options) {
   return options.frames && is_named_png(options.output);
 }
 
+/// The source of the drawn scene, which for a recording is what it was made with.
+SceneSource scene_source(const RenderOptions& options) {
+  SceneSource source = options.source;
+  if (options.time_s) source.target = options.made_with;
+  return source;
+}
+
 /// A picture is a file that can be claimed; the folder of an orbit's frames is new, or empty.
 Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
   if (!options.frames || is_animated(options)) {
-    auto inputs = input_files(options.time_s ? options.model : options.target);
-    if (options.time_s) inputs.emplace_back(options.target);
+    auto inputs = input_files(scene_source(options));
+    if (options.time_s) inputs.emplace_back(options.source.target);
     auto claimed = claim_output(options.output, inputs);
     if (!claimed) return claimed.error();
     if (options.output.has_extension() && !is_named_png(options.output))
@@ -166,27 +172,27 @@ struct Drawn {
 
 Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {
   if (!options.time_s) {
-    auto loaded = load_target(options.target, console, {}, options.volume);
+    auto loaded = load_target(options.source, console);
     if (!loaded) return loaded.error();
     return Drawn{loaded->model, {}};
   }
   const Progress progress = console.progress();
-  const auto recording = RecordingSource::open(options.target, progress);
+  const auto recording = RecordingSource::open(options.source.target, progress);
   if (!recording) return recording.error();
-  const auto loaded = load_scene_of_recording(recording->head().header, options.model, progress,
-                                              console.warn(), options.volume);
+  const auto loaded =
+      load_scene_of_recording(recording->head().header, scene_source(options), progress, console.warn());
   if (!loaded) return loaded.error();
   auto moment = recorded_moment(*recording, *loaded->model, *options.time_s, progress);
   if (!moment) {
     Error error = moment.error();
-    if (error.where.empty()) error.where = options.target;
+    if (error.where.empty()) error.where = options.source.target;
     return error;
   }
   return Drawn{loaded->model, *std::move(moment)};
 }
 
 int render(const RenderOptions& options, Console& console) {
-  if (!options.model.empty() && !options.time_s)
+  if (!options.made_with.empty() && !options.time_s)
     return console.fail(usage("only a recording is made with something", "--made-with",
                               "say which moment of it is to be drawn with --time S"));
   const auto claimed = check_output(options);
@@ -195,7 +201,7 @@ int render(const RenderOptions& options, Console& console) {
   if (!drawn_model) return console.fail(drawn_model.error());
   const Model& model = drawn_model->shown();
   if (model.labels == nullptr || model.segments.empty())
-    return console.fail({ErrorKind::kBadInput, "there is no structure to draw", options.target,
+    return console.fail({ErrorKind::kBadInput, "there is no structure to draw", options.source.target,
                          "palpate section draws scans"});
   const auto looks = looks_of(options, model);
   if (!looks) return console.fail(looks.error());
@@ -237,16 +243,14 @@ int render(const RenderOptions& options, Console& console) {
 }
 
 void add_render_options(CLI::App& verb, RenderOptions& options) {
-  verb.add_option("target", options.target, kTargetHelp)->required();
-  add_volume_option(verb, options.volume);
-  add_content_options(verb);
+  add_source_options(verb, options.source)->required();
   verb.add_option(
           "--time", options.time_s,
           "The target is a recording: the moment that is drawn, seconds of its own clock, with tools, tips, "
           "proxies, forces and the ways of the two seconds before")
       ->check(number_between(-1e9, 1e9))
       ->type_name("S");
-  verb.add_option("--made-with", options.model,
+  verb.add_option("--made-with", options.made_with,
                   "Scene file, volume or data set that the recording was made with; not needed for data sets")
       ->type_name("TARGET");
   verb.add_option("-o,--output", options.output,
@@ -306,6 +310,7 @@ void add_render(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate render knee-phantom -o knee.png\n"
       "  palpate render knee-phantom --from left --tilt 20 --perspective --cut left -o cut.png\n"
+      "  palpate render STUDY structures.dcm -o study.png     a folder of DICOM and its segmentation\n"
       "  palpate render scene.toml --only femur --orbit 72 -o frames\n"
       "  palpate render scene.toml --scan-opacity 0.6 --window=-100,400 -o with-scan.png\n"
       "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n"

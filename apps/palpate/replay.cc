@@ -16,8 +16,7 @@ namespace {
 
 struct ReplayOptions {
   std::filesystem::path recording;
-  std::string target;
-  std::optional<int> volume;
+  SceneSource source;
   bool view = false;
   std::optional<std::filesystem::path> plan;
   std::string task;
@@ -68,8 +67,8 @@ int replay_recording(const ReplayOptions& options, Console& console) {
     if (!offered) return console.fail(offered.error());
     task.emplace(PlayedTaskOptions{*std::move(offered), options.ticks});
   }
-  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
-                                              console.warn(), options.volume);
+  const auto loaded =
+      load_scene_of_recording(recording->head().header, options.source, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
   if (options.view) return show_recording(*std::move(recording), *loaded, std::move(task), options, console);
 
@@ -99,10 +98,7 @@ void add_replay(CLI::App& app, Run& run) {
       app.add_subcommand("replay", "Run a recording's inputs again and compare every tick, or show it");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
-  verb->add_option("target", options->target,
-                   "Scene file or volume it was made with; not needed for data sets");
-  add_volume_option(*verb, options->volume);
-  add_content_options(*verb);
+  add_source_options(*verb, options->source, kMadeWithHelp);
   CLI::Option* view = verb->add_flag(
       "--view", options->view,
       "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");

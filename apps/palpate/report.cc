@@ -16,9 +16,9 @@ namespace {
 
 struct ReportOptions {
   std::filesystem::path recording, output, plan;
-  std::string target, task;
+  SceneSource source;
+  std::string task;
   TickRange ticks;
-  std::optional<int> volume;
   int device = 1;
 };
 
@@ -41,13 +41,13 @@ int report_recording(const ReportOptions& options, Console& console) {
     if (!offered) return console.fail(offered.error());
     task = *std::move(offered);
   }
-  auto inputs = input_files(options.target.empty() ? recording->head().header.data_set : options.target);
+  auto inputs = recorded_inputs(options.source, recording->head().header);
   inputs.push_back(options.recording);
   if (plan) inputs.push_back(options.plan);
   const auto claimed = claim_output(output, inputs);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
-                                              console.warn(), options.volume);
+  const auto loaded =
+      load_scene_of_recording(recording->head().header, options.source, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 
   const auto model = report_model(loaded->model, progress);
@@ -94,10 +94,7 @@ void add_report(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("report", "Turn a recording into one self-contained HTML page");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
-  verb->add_option("target", options->target,
-                   "Scene file, volume or data set it was made with; not needed for data sets");
-  add_volume_option(*verb, options->volume);
-  add_content_options(*verb);
+  add_source_options(*verb, options->source, kMadeWithHelp);
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
   CLI::Option* plan =
       verb->add_option("-p,--plan", options->plan,

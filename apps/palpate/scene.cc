@@ -109,14 +109,24 @@ Result<void> compare_grids(const Data& data, const fs::path& labels_file, bool s
 
 struct NewOptions {
   std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
-  std::string scan, labels, names, side, modality, title, law, output;
+  std::string scan, labels, side, modality, title, law, output;
+  std::optional<fs::path> names;
   std::optional<int> volume;
   bool force = false;
+  bool embed = false;
   bool one_file = false;  ///< named without saying what it is
 };
 
-/// The positional files take the places that --scan and --labels leave.
+/// The positional files take the places that --scan and --labels leave; two are a scan and its label map in
+/// either order.
 Result<void> assign_files(NewOptions& options) {
+  if (options.files.size() == 2 && options.scan.empty() && options.labels.empty()) {
+    auto files = identify_scan_and_labels(options.files[0], options.files[1], options.names);
+    if (!files) return files.error();
+    options.scan = files->scan.string();
+    options.labels = files->labels.string();
+    return {};
+  }
   options.one_file = options.files.size() == 1 && options.scan.empty() && options.labels.empty();
   for (auto file = options.files.rbegin(); file != options.files.rend(); ++file) {
     std::string& place = options.labels.empty() ? options.labels : options.scan;
@@ -143,8 +153,9 @@ Result<std::optional<OutputClaim>> check_new_output(const NewOptions& options) {
   using Claim = std::optional<OutputClaim>;
   if (options.output.empty()) return Claim();
   std::vector<fs::path> inputs;
-  for (const std::string& input : {options.scan, options.labels, options.names})
+  for (const std::string& input : {options.scan, options.labels})
     if (!input.empty()) add_input(input, inputs);
+  if (options.names) add_input(*options.names, inputs);
   auto claimed = claim_output(options.output, inputs);
   if (!claimed) return claimed.error();
   std::error_code unknown;
@@ -257,14 +268,18 @@ int run_new(NewOptions options, Console& console) {
   if (!options.law.empty()) input.law = value_of(options.law, kTissueLaws);
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
-  if (!options.names.empty()) input.names = options.names;
+  input.names = options.names;
   input.volume_of_scan = options.volume;
   say_placing(placing(), input);
+  input.embed = options.embed;
   const auto data = options.one_file
                         ? read_one(*input.labels, options.volume, input.names, console)
                         : read_data(input.scan, options.volume, input.labels, input.names, {}, console);
   if (!data) return console.fail(data.error());
   if (options.one_file && data->scan) std::swap(input.scan, input.labels);
+  if (options.embed && !data->labels)
+    return console.fail({ErrorKind::kUsage, "there are no structures to bed, for no label map is given",
+                         "--embed", "name the label map as well, or leave it out"});
   if (const auto grids = compare_grids(*data, options.labels, placing().scan_is_cropped, console); !grids) {
     Error error = grids.error();
     error.where = options.labels;
@@ -326,8 +341,7 @@ void add_new(CLI::App& app, Run& run) {
       ->option_text("[SCAN] LABELS");
   verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
   verb->add_option("-l,--labels", options->labels, "The label map");
-  verb->add_option("-n,--names", options->names,
-                   "Names and colours of the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
+  add_names_option(*verb, options->names);
   add_volume_option(*verb, options->volume);
   verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
       ->check(CLI::IsMember(known_names(kSides)));
@@ -342,6 +356,8 @@ void add_new(CLI::App& app, Run& run) {
       ->check(CLI::IsMember(
           {name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
            name_of(TissueLaw::kNeoHookean, kTissueLaws), name_of(TissueLaw::kChainMail, kTissueLaws)}));
+  verb->add_flag("--embed", options->embed,
+                 "Bed the structures: unlabelled tissue inside the body becomes a soft medium of its own");
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");
@@ -351,6 +367,7 @@ void add_new(CLI::App& app, Run& run) {
       "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
       "  palpate scene new knee.seg.nrrd --side left -o scene.toml\n"
       "  palpate scene new STUDY seg.dcm -o scene.toml              a folder of DICOM and its segmentation\n"
+      "  palpate scene new ct.nii.gz organs.nii.gz --embed -o scene.toml  soft tissue between the organs\n"
       "  palpate scene new --scan ct.nii.gz -o scene.toml           touch what is bright\n"
       "  palpate scene new --scan FOLDER --volume 2 -o scene.toml   of DICOM, as palpate info lists it");
   verb->callback(
@@ -394,7 +411,9 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
               factor == 1 ? "" : "hand N/mm  ");
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
-    const std::string structures = tissue.threshold ? "threshold" : std::to_string(ids[i].size());
+    const std::string structures = tissue.threshold   ? "threshold"
+                                   : tissue.embedding ? "embedding"
+                                                      : std::to_string(ids[i].size());
     const double max_N = max_N_of(scene, tissue, grid);
     std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.felt ? "yes" : "no",
                 tissue.stiffness_N_per_mm);
@@ -520,7 +539,8 @@ void print_left_over(const Scene& scene, const LabelMap& labels,
 
   std::vector<std::string> empty;
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
-    if (!scene.tissues[i].threshold && ids[i].empty()) empty.push_back(scene.tissues[i].name);
+    if (!scene.tissues[i].threshold && !scene.tissues[i].embedding && ids[i].empty())
+      empty.push_back(scene.tissues[i].name);
   }
   if (!empty.empty()) std::printf("\noptional and absent here: %s\n", join(empty).c_str());
 }

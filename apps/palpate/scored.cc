@@ -136,7 +136,7 @@ Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console&
   };
   const RecordingHeader& header = source->head().header;
   if (!model_ || loaded_ != header.data_set) {
-    const auto loaded = load_scene_of_recording(header, target_, progress, console.warn(), volume_);
+    const auto loaded = load_scene_of_recording(header, source_, progress, console.warn());
     if (!loaded) return loaded.error();
     model_ = loaded->model;
     loaded_ = header.data_set;

@@ -23,10 +23,10 @@ struct ScoredRun {
 /// Scores recordings by a task, one after the other; what they share is loaded once.
 class Scorer {
  public:
-  /// @param target  scene of recordings that name no data set; may be empty
+  /// @param source  scene of recordings that name no data set; its target may be empty
   /// @param ticks   of each recording that are scored
-  Scorer(TaskFile task, std::string target, std::optional<int> volume, TickRange ticks = {})
-      : task_(std::move(task)), target_(std::move(target)), volume_(volume), ticks_(ticks) {}
+  Scorer(TaskFile task, SceneSource source, TickRange ticks = {})
+      : task_(std::move(task)), source_(std::move(source)), ticks_(ticks) {}
 
   /// Errors name the recording or the task's line.
   Result<ScoredRun> score(const std::filesystem::path& recording, Console& console);
@@ -34,8 +34,7 @@ class Scorer {
 
  private:
   TaskFile task_;
-  std::string target_;
-  std::optional<int> volume_;
+  SceneSource source_;
   TickRange ticks_;
   std::string loaded_;  // data set
   std::shared_ptr<const Model> model_;

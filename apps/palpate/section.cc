@@ -15,9 +15,9 @@ namespace palpate::app {
 namespace {
 
 struct SectionOptions {
-  std::string target, view = "along";
+  SceneSource source;
+  std::string view = "along";
   std::optional<std::string> plane;
-  std::optional<int> volume;
   std::filesystem::path output;
   std::vector<double> at, direction, window;
   std::optional<double> size_mm;
@@ -38,7 +38,7 @@ Result<OutputClaim> check_section(const SectionOptions& options) {
   const auto usage = [](std::string what, std::string where, std::string remedy) {
     return Error{ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
   };
-  auto claimed = claim_output(options.output, input_files(options.target));
+  auto claimed = claim_output(options.output, input_files(options.source));
   if (!claimed) return claimed;
   const auto extension = options.output.extension();
   if (!extension.empty() && extension != ".png" && extension != ".dcm")
@@ -80,7 +80,7 @@ SectionRequest request_of(const SectionOptions& options, const GridGeometry& gri
 int draw_section(const SectionOptions& options, Console& console) {
   const auto claimed = check_section(options);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded = load_target(options.target, console, {}, options.volume);
+  const auto loaded = load_target(options.source, console);
   if (!loaded) return console.fail(loaded.error());
   const auto attached = attachment_of(*loaded, options.keep_identifiers);
   if (!attached) return console.fail(attached.error());
@@ -101,9 +101,7 @@ int draw_section(const SectionOptions& options, Console& console) {
 }
 
 void add_section_options(CLI::App& verb, SectionOptions& options) {
-  verb.add_option("target", options.target, kTargetHelp)->required();
-  add_volume_option(verb, options.volume);
-  add_content_options(verb);
+  add_source_options(verb, options.source)->required();
   verb.add_option("-o,--output", options.output, "Picture to write: .png, or .dcm (DICOM Secondary Capture)")
       ->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,
@@ -152,6 +150,7 @@ void add_section(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate section knee-phantom -o three.png\n"
       "  palpate section STUDY -o three.dcm                   for a PACS\n"
+      "  palpate section STUDY structures.dcm -o three.png    a folder of DICOM and its segmentation\n"
       "  palpate section knee-phantom --plane coronal --at 20,0,0 --size 100 --outline -o coronal.png\n"
       "  palpate section scene.toml --at=-12,40,8 --direction=0.3,1,-0.2 --window=-160,240 -o oblique.png\n\n"
       "Pictures hang radiologically: the patient's left on the right (docs/guide/section.md).");

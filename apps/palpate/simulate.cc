@@ -18,11 +18,10 @@ namespace palpate::app {
 namespace {
 
 struct SimulateOptions {
-  std::string target;
-  std::optional<std::filesystem::path> labels, script, recording, report;
+  SceneSource source;
+  std::optional<std::filesystem::path> script, recording, report;
   std::optional<double> max_force_N, rate_hz;
   std::optional<std::uint64_t> seed;
-  std::optional<int> volume;
   std::optional<ForceMethod> method;
   std::string task;
 };
@@ -47,8 +46,7 @@ Result<Outputs> outputs_of(const SimulateOptions& options) {
     return Error{ErrorKind::kUsage, "the recording would stand beside the report, where this file is already",
                  outputs.recording.string(), "name the recording with -o"};
 
-  auto inputs = input_files(options.target);
-  if (options.labels) inputs.push_back(*options.labels);
+  auto inputs = input_files(options.source);
   if (options.script) inputs.push_back(*options.script);
   for (const auto& output : {outputs.recording, outputs.report}) {
     if (output.empty()) continue;
@@ -81,9 +79,9 @@ int simulate_target(const SimulateOptions& options, Console& console) {
     task = *std::move(offered);
   }
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console, {}, options.volume, options.labels);
+  const auto loaded = load_felt_target(options.source, console);
   if (!loaded) return console.fail(loaded.error());
-  const auto script = script_of(options.script, *loaded->model);
+  const auto script = script_of(options.script);
   if (!script) return console.fail(script.error());
 
   SimulationOptions simulation;
@@ -128,11 +126,7 @@ void add_simulate(CLI::App& app, Run& run) {
   auto options = std::make_shared<SimulateOptions>();
   CLI::App* verb =
       app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
-  verb->add_option("target", options->target, kTargetHelp)->required();
-  verb->add_option("segmentation", options->labels,
-                   "Of a scan its labels; without them the only segmentation in a folder of DICOM");
-  add_volume_option(*verb, options->volume);
-  add_content_options(*verb);
+  add_source_options(*verb, options->source)->required();
   verb->add_option("-s,--script", options->script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");

@@ -17,9 +17,9 @@ namespace {
 
 struct TaskOptions {
   std::vector<std::filesystem::path> recordings, novices;
-  std::string task, target, learner;
+  SceneSource source;
+  std::string task, learner;
   std::filesystem::path records;
-  std::optional<int> volume;
   bool json = false;
   double share = 0.9;
   std::uint64_t seed = 1;
@@ -46,7 +46,7 @@ int score_runs(const TaskOptions& options, Console& console) {
   if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
   auto task = task_of_runs(options, console);
   if (!task) return console.fail(task.error());
-  Scorer scorer(*std::move(task), options.target, options.volume, options.ticks);
+  Scorer scorer(*std::move(task), options.source, options.ticks);
   std::vector<ScoredRun> runs;
   std::vector<bool> in_band;
   for (const auto& recording : options.recordings) {
@@ -83,7 +83,7 @@ int score_runs(const TaskOptions& options, Console& console) {
 int calibrate(const TaskOptions& options, Console& console) {
   auto task = load_task(options.task);
   if (!task) return console.fail(task.error());
-  Scorer scorer(*std::move(task), options.target, options.volume);
+  Scorer scorer(*std::move(task), options.source);
   const auto values_of =
       [&](const std::vector<std::filesystem::path>& recordings) -> Result<std::vector<std::vector<double>>> {
     std::vector<std::vector<double>> values(scorer.task().metrics.size());
@@ -210,7 +210,7 @@ int draw(const TaskOptions& options, Console& console) {
 
 CLI::Option* add_task_option(CLI::App& verb, TaskOptions& options, const std::string& help) {
   CLI::Option* task = verb.add_option("-t,--task", options.task, help);
-  verb.add_option("--scene", options.target,
+  verb.add_option("--scene", options.source.target,
                   "Scene file or volume that the recordings were made with; not needed for data sets");
   return task;
 }

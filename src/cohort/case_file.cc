@@ -35,10 +35,11 @@ Result<std::vector<CohortCase>> load_cohort_table(const fs::path& file) {
 
 Result<std::string> case_key(const CohortCase& one, const std::string& program, const Progress& progress) {
   // format version of results; increment when their contents change
-  cache::Key key("cohort case", 2);
+  cache::Key key("cohort case", 3);
   key.put(program);
   key.put(find_entry(one.target).ok() ? one.target : "");
   key.put(one.segmentation.has_value());
+  key.put(one.names.has_value());
   key.put(one.volume.value_or(-1));
   key.put(one.method ? static_cast<int>(*one.method) : -1);
   key.put(one.max_force_N.value_or(-1));

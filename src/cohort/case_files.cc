@@ -182,9 +182,10 @@ Files files_of(const CohortCase& one) {
     }
   }
   add("segmentation", one.segmentation);
-  if (one.script) {
-    all.named.push_back(*one.script);
-    all.files.push_back({"script", *one.script});
+  for (const auto& [role, file] : {std::pair("names", one.names), std::pair("script", one.script)}) {
+    if (!file) continue;
+    all.named.push_back(*file);
+    all.files.push_back({role, *file});
   }
   return all;
 }

@@ -144,7 +144,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
   const auto work = [&]() -> Result<void> {
     Clock clock;
     const auto loaded =
-        load_scene_or_data_set(one.target, progress, warn, {}, {}, one.volume, one.segmentation);
+        load_scene_or_data_set({one.target, one.segmentation, one.names, one.volume}, progress, warn);
     times.read_s = clock.lap();
     if (!loaded) return failed(loaded.error());
     const Model& model = *loaded->model;
@@ -168,16 +168,19 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     times.picture_s = clock.lap();
 
     if (auto felt = require_touchable_tissue(*loaded); !felt) return failed(felt.error());
-    const auto script =
-        one.script ? load_script(*one.script) : parse_script(default_script_text(model), "embedded script");
-    if (!script) return failed(script.error());
+    std::optional<Script> script;
+    if (one.script) {
+      auto read = load_script(*one.script);
+      if (!read) return failed(read.error());
+      script = *std::move(read);
+    }
     SimulationOptions simulation;
     simulation.max_force_N = one.max_force_N;
     simulation.seed = one.seed;
     simulation.rate_hz = one.rate_hz;
     simulation.method = one.method;
     const auto run =
-        simulate(*loaded, *script, simulation, options.recording ? folder / "run.h5" : fs::path(), progress);
+        simulate(*loaded, script, simulation, options.recording ? folder / "run.h5" : fs::path(), progress);
     times.palpate_s = clock.lap();
     if (!run) return failed(run.error());
     put_palpation(*run, result);

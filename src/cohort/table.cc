@@ -64,24 +64,28 @@ std::optional<T> number_of(const std::string& text, T low, T high) {
   return value;
 }
 
-enum class Column { kCase, kTarget, kSegmentation, kScript, kVolume, kMethod, kMaxForce, kRate, kSeed };
+enum class Column {
+  kCase,
+  kTarget,
+  kSegmentation,
+  kNames,
+  kScript,
+  kVolume,
+  kMethod,
+  kMaxForce,
+  kRate,
+  kSeed
+};
 struct ColumnName {
   std::string_view name;
   Column column;
 };
-constexpr ColumnName kColumns[] = {{"case", Column::kCase},
-                                   {"study", Column::kTarget},
-                                   {"scan", Column::kTarget},
-                                   {"scene", Column::kTarget},
-                                   {"target", Column::kTarget},
-                                   {"segmentation", Column::kSegmentation},
-                                   {"labels", Column::kSegmentation},
-                                   {"script", Column::kScript},
-                                   {"volume", Column::kVolume},
-                                   {"method", Column::kMethod},
-                                   {"max_force", Column::kMaxForce},
-                                   {"rate", Column::kRate},
-                                   {"seed", Column::kSeed}};
+constexpr ColumnName kColumns[] = {
+    {"case", Column::kCase},           {"study", Column::kTarget},  {"scan", Column::kTarget},
+    {"scene", Column::kTarget},        {"target", Column::kTarget}, {"segmentation", Column::kSegmentation},
+    {"labels", Column::kSegmentation}, {"names", Column::kNames},   {"script", Column::kScript},
+    {"volume", Column::kVolume},       {"method", Column::kMethod}, {"max_force", Column::kMaxForce},
+    {"rate", Column::kRate},           {"seed", Column::kSeed}};
 
 Error at_line(const std::string& source, int line, std::string what, std::string remedy = "") {
   return {ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line), std::move(remedy)};
@@ -111,6 +115,9 @@ std::optional<std::string> put_field(Column column, const std::string& text, con
       return std::nullopt;
     case Column::kSegmentation:
       one.segmentation = below(text);
+      return std::nullopt;
+    case Column::kNames:
+      one.names = below(text);
       return std::nullopt;
     case Column::kScript:
       one.script = below(text);
@@ -157,7 +164,7 @@ Result<std::vector<CohortCase>> parse_cohort_table(
         if (known == std::end(kColumns))
           return at_line(
               source, number, "there is no column \"" + printable_name(title.substr(0, 60)) + "\"",
-              "columns are study, segmentation, script, case, volume, method, max_force, rate, seed");
+              "columns are study, segmentation, names, script, case, volume, method, max_force, rate, seed");
         if (std::ranges::find(columns, known->column) != columns.end())
           return at_line(source, number, "a column stands there twice: " + title);
         columns.push_back(known->column);

@@ -36,6 +36,9 @@ TEST(CohortTable, IsReadWithWhateverSeparator) {
   EXPECT_EQ(plain->at(0).name, "1");
   EXPECT_EQ(plain->at(1).name, "2");
   EXPECT_EQ(plain->at(1).target, "/b.nrrd");
+  const auto named = parse_cohort_table("study\tlabels\tnames\na\tb\tc.csv\n", "cases", "/data");
+  ASSERT_TRUE(named);
+  EXPECT_EQ(named->at(0).names, "/data/c.csv");
 }
 
 TEST(CohortTable, EachFaultIsNamedWithItsLine) {

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <map>
 
+#include "loading/body.h"
 #include "loading/kept_preparation.h"
 #include "palpate/base/reading.h"
 #include "palpate/haptics/colours.h"
@@ -17,7 +18,7 @@
 namespace palpate {
 namespace {
 
-// label ids of structures defined by threshold only: above those used by typical segmentations
+// label ids of structures defined by threshold or embedding: above those used by typical segmentations
 constexpr LabelId kFirstThresholdLabel = 60000;
 
 // maximum distance outside its structure at which the ramp of a threshold may begin
@@ -298,6 +299,48 @@ ReportedDistances reported_distances_of(const DistanceSettings& settings, const 
   return told;
 }
 
+LabelId generated_label(std::size_t tissue) {
+  return static_cast<LabelId>(kFirstThresholdLabel + tissue);
+}
+
+// Unlabelled voxels inside the body become the structure of the scene's embedding. Error kBadInput where
+// there is none.
+Result<void> embed(const Scene& scene, const Volume<float>* scan, ModelParts& parts, Volume<LabelId>& flat,
+                   const Progress& progress) {
+  const auto settings = std::ranges::find_if(scene.tissues, &TissueSettings::embedding);
+  if (settings == scene.tissues.end()) return {};
+  const auto tissue = static_cast<std::size_t>(settings - scene.tissues.begin());
+  const LabelId id = generated_label(tissue);
+  const auto body = body_mask(flat, scan, settings->air_below, progress);
+  if (!body) return body.error();
+  std::size_t embedded = 0;
+  for (std::size_t v = 0; v < body->size(); ++v) {
+    if ((*body)[v] == 0 || flat.voxels()[v] != 0) continue;
+    flat.voxels()[v] = id;
+    ++embedded;
+  }
+  if (embedded == 0)
+    return Error{ErrorKind::kBadInput,
+                 "no unlabelled voxel lies inside the body, so \"" + settings->name + "\" embeds nothing",
+                 scene.where(settings->line),
+                 scan ? "check air_below of the tissue, or leave the tissue out"
+                      : "name the scan under [data] and give the tissue air_below, or leave the tissue out"};
+  set_label(parts, id, tissue);
+  parts.segments.push_back({id, settings->name, settings->colour.value_or(Rgb{230, 210, 180}), 0, id});
+  return {};
+}
+
+// adds the embedding to what a field is smoothed from
+void weigh_embedding(const Scene& scene, const Volume<LabelId>& flat, const ModelParts& parts,
+                     double stiffest_N_per_mm, Volume<std::uint8_t>& weights) {
+  const auto settings = std::ranges::find_if(scene.tissues, &TissueSettings::embedding);
+  if (settings == scene.tissues.end() || !settings->felt) return;
+  const auto tissue = static_cast<std::size_t>(settings - scene.tissues.begin());
+  const std::uint8_t weight = weight_of(parts.tissues[tissue], stiffest_N_per_mm);
+  for (std::size_t v = 0; v < flat.voxels().size(); ++v)
+    if (flat.voxels()[v] == generated_label(tissue)) weights.voxels()[v] = weight;
+}
+
 // inputs of the model, with labels in bricks, and the weights from which its field is smoothed
 struct ReadyParts {
   ModelParts parts;
@@ -383,7 +426,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
     const auto [low, high] = *settings.threshold;
     const bool felt = parts.tissues[t].felt;
     const std::uint8_t weight = weight_of(parts.tissues[t], stiffest);
-    const LabelId id = static_cast<LabelId>(kFirstThresholdLabel + t);
+    const LabelId id = generated_label(t);
     set_label(parts, id, t);
     if (felt) weight_of_label[id] = weight;
     parts.segments.push_back({id, settings.name, settings.colour.value_or(Rgb{230, 210, 180}), 0, id});
@@ -401,6 +444,8 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
       warn("nothing in the scan reaches " + std::to_string(std::lround(0.5 * (low + high))) +
            ", the middle of tissue '" + settings.name + "'");
   }
+  if (auto embedded = embed(scene, scan.get(), parts, flat, progress); !embedded) return embedded.error();
+  if (!ramps) weigh_embedding(scene, flat, parts, stiffest, weights);
   std::sort(parts.segments.begin(), parts.segments.end(),
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
   std::vector<std::optional<Rgb>> said;

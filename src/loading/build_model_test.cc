@@ -683,7 +683,7 @@ TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
 // with its own scene; the nodules' modulus is the given multiple
 TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
   const auto elastic_of = [](const std::string& name, const std::string& structure) {
-    const auto loaded = load_scene_or_data_set(name);
+    const auto loaded = load_scene_or_data_set({name});
     PALPATE_CHECK(loaded.ok());
     const Model& model = *loaded->model;
     EXPECT_EQ(model.tissue_law, TissueLaw::kElastic);
@@ -703,7 +703,7 @@ TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
 
 // bones are rigid, and every soft tissue of a knee has a modulus
 TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
-  const auto loaded = load_scene_or_data_set("knee-phantom:spacing=2,lesion=6");
+  const auto loaded = load_scene_or_data_set({"knee-phantom:spacing=2,lesion=6"});
   ASSERT_TRUE(loaded.ok()) << loaded.error().message();
   const Model& model = *loaded->model;
   EXPECT_EQ(model.tissue_law, TissueLaw::kLayers);

@@ -120,7 +120,7 @@ class KeptPreparation : public ::testing::Test {
     Started started;
     const Progress progress([&](std::string_view stage, double) { started.stages.emplace(stage); }, nullptr);
     auto loaded = load_scene_or_data_set(
-        what, progress, [&](const std::string& warning) { started.warnings.push_back(warning); });
+        {what}, progress, [&](const std::string& warning) { started.warnings.push_back(warning); });
     if (!loaded) std::fprintf(stderr, "%s\n", loaded.error().message().c_str());
     PALPATE_CHECK(loaded.ok());
     constexpr ForceMethod kMethods[] = {ForceMethod::kProxy, ForceMethod::kTrilinear};
@@ -503,7 +503,7 @@ TEST_F(KeptPreparation, WhatIsInterruptedKeepsNothingHalf) {
   std::atomic<bool> stop{false};
   const Progress progress(
       [&](std::string_view stage, double) { stop = stop || stage == "preparing surfaces"; }, &stop);
-  const auto loaded = load_scene_or_data_set(test::write_text(data_ / "scene.toml", kKeptScene), progress);
+  const auto loaded = load_scene_or_data_set({test::write_text(data_ / "scene.toml", kKeptScene)}, progress);
   ASSERT_TRUE(loaded.ok());
   constexpr ForceMethod kProxy[] = {ForceMethod::kProxy};
   EXPECT_FALSE(ready_for(loaded->model, kProxy, progress).ok());

@@ -159,22 +159,29 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
                    std::move(files->names_from)};
 }
 
-// reads a scan, a label map or a study of both, and proposes a scene for it
-Result<ReadScene> read_with_proposal(const Study& study, const Progress& progress, const Warn& warn,
+Error names_without_labels(const std::string& where) {
+  return {ErrorKind::kUsage, "a table of names goes with a label map, and none is given", where,
+          "name the label map as well, or leave --names out; in a scene file: names = \"TABLE\""};
+}
+
+// a scan, a label map or a study of both, with the scene that is proposed for it
+Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std::filesystem::path>& names,
+                                     const Progress& progress, const Warn& warn,
                                      std::optional<PreparationMethod> preparation) {
   FileVolumes files;
   SceneVolumes& volumes = files.volumes;
   NewSceneInput input;
   std::string evidence;
   if (study.labels) {
-    auto read = volumes_of_files(study.labels, {}, study.scan, study.volume, {}, progress, warn);
+    auto read = volumes_of_files(study.labels, names, study.scan, study.volume, {}, progress, warn);
     if (!read) return read.error();
     files = *std::move(read);
     input.labels = study.labels;
     input.scan = study.scan;
   } else {
-    auto volume = read_volume(study.scan, {}, progress, warn, VoxelCaching::kKept, study.volume);
+    auto volume = read_volume(study.scan, names, progress, warn, VoxelCaching::kKept, study.volume);
     if (!volume) return volume.error();
+    if (names && std::holds_alternative<ScanFile>(*volume)) return names_without_labels(study.scan.string());
     if (auto* labels = std::get_if<LabelFile>(&*volume)) {
       volumes.oriented = labels->header.has_geometry;
       put_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
@@ -192,7 +199,7 @@ Result<ReadScene> read_with_proposal(const Study& study, const Progress& progres
   }
   if (input.scan) input.volume_of_scan = study.volume;
   input.label_map = volumes.labels ? &*volumes.labels : nullptr;
-  input.names = files.names_table;
+  input.names = names ? names : files.names_table;
   input.names_from = files.names_from;
   input.scan_volume = volumes.scan.get();
   auto proposed = propose_scene(input);
@@ -207,22 +214,25 @@ Result<ReadScene> read_with_proposal(const Study& study, const Progress& progres
                    std::move(proposed->note),  std::move(files.origin_of_names), std::move(files.names_from)};
 }
 
-Result<ReadScene> read_scene_or_data_set(const std::string& what,
-                                         const std::optional<std::filesystem::path>& labels,
-                                         std::optional<int> volume, const Progress& progress,
+Result<ReadScene> read_scene_or_data_set(const SceneSource& source, const Progress& progress,
                                          const Warn& warn, std::optional<PreparationMethod> preparation) {
-  if (!find_entry(what) && is_volume(what)) {
-    const auto study = find_study(what, labels, volume, progress);
+  const std::string& what = source.target;
+  const bool is_scene = std::filesystem::path(what).extension() == ".toml";
+  if (!find_entry(what) && !is_scene && (source.segmentation || is_volume(what))) {
+    const auto study = study_of(source, progress);
     if (!study) return study.error();
-    return read_with_proposal(*study, progress, warn, preparation);
+    return read_with_proposal(*study, source.names, progress, warn, preparation);
   }
-  if (labels)
+  if (source.segmentation)
     return Error{ErrorKind::kUsage, "a segmentation goes with a scan", what,
                  "name the scan that it was made on, a folder of DICOM or another volume, before it"};
-  if (volume)
+  if (source.volume)
     return Error{ErrorKind::kUsage, "a number of a volume goes with a DICOM file or a folder of them", what,
                  "leave --volume out; in a scene file: scan_volume = N"};
-  if (find_entry(what)) return read_data_set(what, progress, warn, preparation);
+  if (find_entry(what)) {
+    if (source.names) return names_without_labels(what);
+    return read_data_set(what, progress, warn, preparation);
+  }
   if (auto other = describe_non_volume(what)) return *std::move(other);
   auto scene = load_scene(what);
   if (!scene) {
@@ -236,6 +246,7 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what,
     }
     return error;
   }
+  if (source.names) return names_without_labels(what);
   prepare_by(preparation, scene->preparation);
   const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
     return file ? std::optional(scene->resolve(*file)) : std::nullopt;
@@ -268,11 +279,17 @@ Placing placing_of(const Scene& scene) {
   return placing;
 }
 
-Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
+Result<Study> study_of(const SceneSource& source, const Progress& progress) {
+  if (!source.segmentation) return find_study(source.target, {}, source.volume, progress);
+  const auto files = identify_scan_and_labels(source.target, *source.segmentation, source.names);
+  if (!files) return files.error();
+  return find_study(files->scan, files->labels, source.volume, progress);
+}
+
+Result<LoadedScene> load_scene_or_data_set(const SceneSource& source, const Progress& progress,
                                            const Warn& warn, std::optional<PreparationMethod> preparation,
-                                           const MemoryCallback& report_memory, std::optional<int> volume,
-                                           const std::optional<std::filesystem::path>& labels) {
-  auto read = read_scene_or_data_set(what, labels, volume, progress, warn, preparation);
+                                           const MemoryCallback& report_memory) {
+  auto read = read_scene_or_data_set(source, progress, warn, preparation);
   if (!read) return read.error();
   const auto placement = read->volumes.label_placement;
   auto model = build_model(read->scene, std::move(read->volumes), progress, warn, report_memory);
@@ -282,9 +299,9 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
                      std::move(read->names_from)};
 }
 
-Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,
-                                                const Progress& progress, std::optional<int> volume) {
-  auto read = read_scene_or_data_set(what, {}, volume, progress, {}, {});
+Result<std::optional<LabelMap>> labels_of_scene(const SceneSource& source, const Model& model,
+                                                const Progress& progress) {
+  auto read = read_scene_or_data_set(source, progress, {}, {});
   if (!read) return read.error();
   std::optional<LabelMap>& labels = read->volumes.labels;
   const GridGeometry& grid = model.labels->geometry();
@@ -294,20 +311,19 @@ Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const M
   return std::optional(*std::move(moved));
 }
 
-Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress) {
-  auto read = read_scene_or_data_set(what, {}, {}, progress, {}, {});
+Result<SceneMemory> memory_of_scene_or_data_set(const SceneSource& source, const Progress& progress) {
+  auto read = read_scene_or_data_set(source, progress, {}, {});
   if (!read) return read.error();
   return memory_of(read->scene, std::move(read->volumes), progress);
 }
 
-Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
-                                            const Progress& progress, const Warn& warn,
-                                            std::optional<int> volume) {
-  const std::string& target = what.empty() ? recording.data_set : what;
-  if (target.empty())
+Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, SceneSource source,
+                                            const Progress& progress, const Warn& warn) {
+  if (source.target.empty()) source.target = recording.data_set;
+  if (source.target.empty())
     return Error{ErrorKind::kUsage, "the recording was made with a scene file, which it does not hold", "",
                  "name it after the recording: RECORDING SCENE"};
-  return load_scene_or_data_set(target, progress, warn, {}, {}, volume);
+  return load_scene_or_data_set(source, progress, warn);
 }
 
 }  // namespace palpate

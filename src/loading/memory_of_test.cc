@@ -30,7 +30,7 @@ TEST(MemoryOf, StandsAsForetold) {
     SCOPED_TRACE(knee);
     SceneMemory foretold;
     const auto loaded =
-        load_scene_or_data_set(knee, {}, {}, {}, [&](const SceneMemory& memory) { foretold = memory; });
+        load_scene_or_data_set({knee}, {}, {}, {}, [&](const SceneMemory& memory) { foretold = memory; });
     ASSERT_TRUE(loaded.ok());
     const ForceMethod proxy = ForceMethod::kProxy;
     const auto ready = ready_for(loaded->model, {&proxy, 1});

@@ -1,13 +1,24 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "palpate/palpation/palpation.h"
+#include "palpate/palpation/touch_place.h"
+#include "palpation/default_script.h"
+#include "palpation/force_sweep.h"
+#include "palpation/script_text.h"
 
 namespace palpate {
 namespace {
 
 // minimum force of a press step
 constexpr double kMinPress_N = 0.05;
+// force of a press, and the fraction of the greatest force of a structure that it has at most
+constexpr double kPress_N = 1, kPressOfMost = 0.6;
+// depth of a press, as a fraction of the structure's thickness there, and its bounds
+constexpr double kPressOfThickness = 0.4, kShallowest_mm = 1.5, kDeepest_mm = 10;
+// structures that are examined for a way to them
+constexpr std::size_t kMaxExamined = 24;
 
 bool has_every_structure(const Model& model, const Script& script) {
   return std::all_of(script.steps.begin(), script.steps.end(), [&](const ScriptStep& step) {
@@ -18,56 +29,123 @@ bool has_every_structure(const Model& model, const Script& script) {
   });
 }
 
-// structures with contact, by descending number of voxels
-std::vector<LabelId> largest_felt(const Model& model, std::size_t most) {
+// the felt structures by their number of voxels, largest first
+std::vector<LabelId> largest_felt(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> labels;
   for (const Segment& segment : model.segments)
     if (model.is_felt(segment.id) && voxels[segment.id] > 0) labels.push_back(segment.id);
   std::stable_sort(labels.begin(), labels.end(), [&](LabelId a, LabelId b) { return voxels[a] > voxels[b]; });
-  if (labels.size() > most) labels.resize(most);
   return labels;
 }
 
-// maximum force that every structure can render, by label: less for soft tissue, and for thin ramps
-std::vector<double> max_forces_N(const Model& model) {
-  std::vector<double> most(model.level_of_label.begin(), model.level_of_label.end());
-  if (model.ramp_width_mm > 0) {
-    std::fill(most.begin(), most.end(), 0.0);
-    const Volume<float> values = model.field->values();
-    model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
-      const float* const value = &values.at(piece.i, piece.j, piece.k);
-      for (int n = 0; n < piece.count; ++n)
-        if (const LabelId label = piece.voxels[n]; label < most.size())
-          most[label] = std::max(most[label], static_cast<double>(value[n]));
-    });
+// length of the line inwards that lies within a structure, from its surface on
+double thickness_mm(const Model& model, LabelId structure, const Point<Patient>& surface,
+                    const Vector<Patient>& inward) {
+  constexpr double kMost_mm = 100;
+  const double step_mm = 0.5 * model.labels->geometry().min_spacing_mm();
+  const auto is_within = [&](double way_mm) {
+    const Point<Voxel> p = model.field->X_VoxelPatient() * (surface + inward * way_mm);
+    const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
+    return model.labels->anywhere(index(0), index(1), index(2)) == structure;
+  };
+  // the surface lies up to a voxel in front of the first voxel's centre
+  double way_mm = 2 * step_mm;
+  while (way_mm < kMost_mm && is_within(way_mm)) way_mm += step_mm;
+  return way_mm;
+}
+
+// the greatest force of a descent on a place, and the depth at which it ends
+struct ReachedForce {
+  double force_N = 0, depth_mm = 0;
+};
+
+ReachedForce force_reached(const Model& model, const Parameters& parameters, double rate_hz,
+                           LabelId structure, const TouchPlace& place) {
+  const Vector<Patient> inward = -place.from;
+  const double max_mm =
+      std::clamp(kPressOfThickness * thickness_mm(model, structure, place.surface.point, inward),
+                 kShallowest_mm, kDeepest_mm);
+  ReachedForce reached;
+  for (const SweptForce& swept : sweep_force(model, parameters, place.in_front, inward, max_mm, rate_hz)) {
+    if (swept.label != structure) break;
+    reached.force_N = std::max(reached.force_N, swept.force_N);
+    reached.depth_mm = swept.depth_mm;
+    if (kPressOfMost * reached.force_N >= kPress_N) break;
   }
-  const double full_N = model.force_field(ForceMethod::kTrilinear).full_force_N();
-  for (double& value : most) value *= full_N;
-  return most;
+  return reached;
+}
+
+// "a descent of 3.2 mm gives 0.70 N (proxy)"
+std::string reached_text(const ReachedForce& reached, const Parameters& parameters) {
+  char text[80];
+  std::snprintf(text, sizeof text, "a descent of %.1f mm gives %.2f N (", reached.depth_mm, reached.force_N);
+  return text + std::string(name_of(parameters.method)) + ")";
 }
 
 }  // namespace
 
-std::string default_script_text(const Model& model) {
-  const auto knee_text = embedded_script("knee");
-  PALPATE_CHECK(knee_text.has_value());
-  const auto knee = parse_script(*knee_text, "embedded knee script");
+std::optional<Script> knee_script(const Model& model) {
+  const auto text = embedded_script("knee");
+  PALPATE_CHECK(text.has_value());
+  auto knee = parse_script(*text, "embedded knee script");
   PALPATE_CHECK(knee.ok());
-  if (has_every_structure(model, *knee)) return std::string(*knee_text);
+  if (!has_every_structure(model, *knee)) return std::nullopt;
+  return *std::move(knee);
+}
 
-  std::string text = "# the largest felt structures of this scene, each pressed with 1 N and held\n";
-  text += "title = \"largest structures\"\n";
-  const std::vector<double> max_N = max_forces_N(model);
-  for (const LabelId label : largest_felt(model, 6)) {
-    // structures that cannot be reached are omitted; soft ones are pressed with what they can render
-    if (!find_surface_point(model, label, ApproachStep{}.clearance_mm)) continue;
-    char press[32];
-    std::snprintf(press, sizeof press, "%.3f", std::max(kMinPress_N, std::min(1.0, 0.6 * max_N[label])));
-    text += "\n[[step]]\napproach = \"#" + std::to_string(label) + "\"\n[[step]]\npress = " + press + "\n";
-    text += "[[step]]\nhold = 0.7\n[[step]]\nleave = true\n";
+Result<void> plan_default_script(const Model& model, const Parameters& parameters, Script& script) {
+  script.title = "largest structures";
+  script.source = "default script";
+  const FreeSpace free_space(model, tool_reach_mm(model.tool_of(0)));
+  const auto add = [&](ScriptStep step) { script.steps.push_back(std::move(step)); };
+  std::size_t palpated = 0, examined = 0;
+  for (const LabelId label : largest_felt(model)) {
+    if (palpated == kMaxPalpated || examined++ == kMaxExamined) break;
+    ApproachStep approach;
+    approach.structure = "#" + std::to_string(label);
+    TouchRequest wish;
+    wish.clearance_mm = approach.clearance_mm;
+    const TouchPlaces places = find_touch_places(model, free_space, label, wish);
+    if (places.places.empty()) {
+      script.limitations.push_back(model.name_of(label) + " is not palpated: " + places.why_none);
+      continue;
+    }
+    // the hand takes the first place whose surface it meets
+    ReachedForce reached;
+    for (const TouchPlace& place : places.places) {
+      reached = force_reached(model, parameters, script.rate_hz, label, place);
+      if (reached.force_N > 0) break;
+    }
+    if (reached.force_N == 0) {
+      script.limitations.push_back(model.name_of(label) +
+                                   " is not palpated: " + reached_text(reached, parameters));
+      continue;
+    }
+    ++palpated;
+    const double press_N = std::clamp(kPressOfMost * reached.force_N, kMinPress_N, kPress_N);
+    if (press_N < kPress_N) {
+      char text[60];
+      std::snprintf(text, sizeof text, " is pressed with %.2f N: ", press_N);
+      script.limitations.push_back(model.name_of(label) + text + reached_text(reached, parameters));
+    }
+    add(approach);
+    add(PressStep{.force_N = press_N});
+    add(HoldStep{.seconds = 0.7});
+    add(LeaveStep{});
   }
-  return text;
+  if (palpated > 0) {
+    // lines of the text that a recording holds
+    const auto text = parse_script(script_text(script), script.source);
+    PALPATE_CHECK(text.ok());
+    script.lines = text->lines;
+    return {};
+  }
+  std::string why;
+  for (std::size_t n = 0; n < std::min<std::size_t>(3, script.limitations.size()); ++n)
+    why += (n == 0 ? ": " : "; ") + script.limitations[n];
+  return Error{ErrorKind::kBadInput, "the tool can reach no felt structure" + why, model.title,
+               "take away what covers them (felt = false), or write a script (--script)"};
 }
 
 }  // namespace palpate

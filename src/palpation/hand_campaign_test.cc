@@ -10,6 +10,7 @@
 #include "base/test_files.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/palpation/run_setup.h"
 
 namespace palpate {
 namespace {
@@ -82,18 +83,19 @@ double max_beyond_mm(const Recording& recording, const Model& model, double forc
 class HandCampaign : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
-  auto loaded = load_scene_or_data_set(GetParam());
+  auto loaded = load_scene_or_data_set({GetParam()});
   ASSERT_TRUE(loaded.ok()) << loaded.error().message();
   const ForceMethod proxy[] = {ForceMethod::kProxy};
   auto ready = ready_for(loaded->model, proxy);
   ASSERT_TRUE(ready.ok()) << ready.error().message();
   loaded->model = *ready;
   const Model& model = *loaded->model;
-  const auto script = parse_script(default_script_text(model), "default script");
-  ASSERT_TRUE(script.ok()) << script.error().message();
+  const auto setup = set_up_run(*loaded, {}, {}, {});
+  ASSERT_TRUE(setup.ok()) << setup.error().message();
+  const Script& script = setup->script;
 
   test::TemporaryFolder folder;
-  const auto result = simulate(*loaded, *script, {}, folder / "run.h5");
+  const auto result = simulate(*loaded, script, {}, folder / "run.h5");
   ASSERT_TRUE(result.ok()) << result.error().message();
   const auto recording = read_recording(folder / "run.h5");
   ASSERT_TRUE(recording.ok()) << recording.error().message();
@@ -102,7 +104,7 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   std::size_t held = 0;
   double max_asked_N = 0;
   std::string failed;
-  const std::vector<Block> blocks = blocks_of(*script);
+  const std::vector<Block> blocks = blocks_of(script);
   ASSERT_FALSE(blocks.empty());
   for (const Block& block : blocks) {
     max_asked_N = std::max(max_asked_N, block.force_N);

@@ -9,6 +9,7 @@
 #include "palpate/stability/held_stiffness.h"
 #include "palpate/volume/simd_targets.h"
 #include "palpate_version.h"
+#include "palpation/default_script.h"
 #include "palpation/script_text.h"
 
 namespace palpate {
@@ -74,8 +75,10 @@ Result<void> check_burr(const Model& model, const RunSetup& setup) {
 
 }  // namespace
 
-Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
-                            const Progress& progress) {
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& given,
+                            const SimulationOptions& options, const Progress& progress) {
+  const auto for_knee = given ? std::nullopt : knee_script(*loaded.model);
+  const Script script = given ? *given : for_knee.value_or(Script{});
   const auto device = find_plant_device(script.device);
   if (!device) return at_line(device.error(), script, script.device_line);
   const auto hand = find_plant_hand(script.hand);
@@ -104,8 +107,14 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
       held_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
   setup.parameters.device[0].max_damping_N_s_per_mm = borne.max_N_s_per_mm;
   setup.parameters.device[0].delay_s = setup.script.delay_s;
+  if (!given && !for_knee) {
+    progress.report("planning the default script", 0);
+    if (auto planned = plan_default_script(*setup.model, setup.parameters, setup.script); !planned)
+      return planned.error();
+  }
   setup.trouble =
       out_of_reach(setup, held->max_N_per_mm / std::max(held->asked_N_per_mm, held->max_N_per_mm));
+  setup.trouble.insert(setup.trouble.end(), setup.script.limitations.begin(), setup.script.limitations.end());
   if (!borne.clamped.empty()) setup.trouble.insert(setup.trouble.begin(), borne.clamped);
   if (!held->clamped.empty()) setup.trouble.insert(setup.trouble.begin(), held->clamped);
   return setup;

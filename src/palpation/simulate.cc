@@ -17,7 +17,7 @@ constexpr double kMaxSeconds = 3600;
 
 }  // namespace
 
-Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
+Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional<Script>& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress) {
   if (auto felt = require_touchable_tissue(loaded); !felt) return felt.error();
@@ -77,7 +77,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
     }
     if (run.time_s() > kMaxSeconds)
       return Error{ErrorKind::kBadInput, "the script has not ended after an hour of simulated time",
-                   script.source, "look at its speeds, distances and seconds"};
+                   setup->script.source, "look at its speeds, distances and seconds"};
     stopped = progress.stopped();
   } while (!stopped && run.act());
 

@@ -34,13 +34,11 @@ TEST_P(SoftBalls, AreHeldByTheDefaultHand) {
     const test::TemporaryFolder folder;
     const auto file = folder / "ball.seg.nrrd";
     ASSERT_TRUE(write_labels(file, ball(GetParam(), radius_mm)).ok());
-    auto loaded = load_scene_or_data_set(file.string());
+    auto loaded = load_scene_or_data_set({file.string()});
     ASSERT_TRUE(loaded.ok()) << loaded.error().message();
     ASSERT_EQ(loaded->scene.tissues.size(), 1u);
     EXPECT_TRUE(loaded->scene.tissues[0].felt);
-    const auto script = parse_script(default_script_text(*loaded->model), "default script");
-    ASSERT_TRUE(script.ok()) << script.error().message();
-    const auto result = simulate(*loaded, *script, {}, {});
+    const auto result = simulate(*loaded, {}, {}, {});
     ASSERT_TRUE(result.ok()) << result.error().message();
     EXPECT_EQ(result->failed_steps, 0u) << (result->trouble.empty() ? "" : result->trouble.back());
     ASSERT_EQ(result->holds.size(), 1u);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numbers>
 
 #include "palpation/surface_point.h"
@@ -113,6 +114,34 @@ std::string cover_of(const Model& model, LabelId structure) {
   return "it is covered by " + model.name_of(static_cast<LabelId>(most - faces.begin()));
 }
 
+// the no-go region that pushes the tool's outline at a place; null: none does
+const NoGoRegion* no_go_at(const Model& model, const Point<Patient>& tip) {
+  if (model.no_go.empty()) return nullptr;
+  const ToolSphere outline{{}, tool_reach_mm(model.tool_of(0))};
+  const NoGoForce push = push_out_of(model.no_go, model.distances, {&outline, 1}, tip);
+  return push.region < 0 ? nullptr : &model.no_go[static_cast<std::size_t>(push.region)];
+}
+
+// the felt structure that most often stands in front of a structure's surface; 0: none does
+LabelId in_front_of(const Model& model, LabelId structure, std::span<const SurfaceCandidate> candidates) {
+  constexpr std::size_t kMaxSampled = 200;
+  constexpr double kFarthest_mm = 200;
+  const double step_mm = model.labels->geometry().min_spacing_mm();
+  std::map<LabelId, std::size_t> counts;
+  const std::size_t stride = candidates.size() / kMaxSampled + 1;
+  for (std::size_t c = 0; c < candidates.size(); c += stride) {
+    const SurfacePoint& surface = candidates[c].surface;
+    for (double way_mm = step_mm; way_mm <= kFarthest_mm; way_mm += step_mm) {
+      const LabelId label = felt_label_at(model, surface.point + surface.normal * way_mm);
+      if (label == 0 || label == structure) continue;
+      ++counts[label];
+      break;
+    }
+  }
+  const auto most = std::ranges::max_element(counts, {}, [](const auto& count) { return count.second; });
+  return most == counts.end() ? LabelId{0} : most->first;
+}
+
 }  // namespace
 
 double tool_reach_mm(const Tool& tool) {
@@ -163,8 +192,15 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
   // places with a free segment: along the normal if any is free, otherwise tilted
   const Stretch stretch(model, free_space, structure, wish.clearance_mm);
   const double apart_mm = anywhere ? kApart_mm : kApartByWish_mm;
+  const NoGoRegion* no_go = nullptr;  // that keeps the tool away from places with a free way
   const auto add = [&](const SurfacePoint& surface, const Vector<Patient>& from) {
     auto place = stretch.along(surface, from);
+    if (place)
+      if (const NoGoRegion* region =
+              no_go_at(model, surface.point + from * tool_reach_mm(model.tool_of(0)))) {
+        no_go = region;
+        place.reset();
+      }
     if (place) found.places.push_back(*place);
     return place.has_value();
   };
@@ -189,10 +225,15 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
       }
     }
   }
-  if (found.places.empty())
-    found.why_none = std::string("there is no free way to ") +
-                     (anywhere ? "it" : "a place within 5 mm of the one asked for") +
-                     (wish.from ? " from that direction" : "");
+  if (!found.places.empty()) return found;
+  const std::string what = anywhere ? "it" : "a place within 5 mm of the one asked for";
+  if (no_go != nullptr) {
+    found.why_none = "the no-go region " + no_go->name + " keeps the tool away from " + what;
+    return found;
+  }
+  const LabelId obstacle = in_front_of(model, structure, candidates);
+  found.why_none = "there is no free way to " + what + (wish.from ? " from that direction" : "") +
+                   (obstacle != 0 ? ": " + model.name_of(obstacle) + " is in front of it" : "");
   return found;
 }
 

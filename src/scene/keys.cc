@@ -228,7 +228,8 @@ SceneKeys declared_keys() {
                         "Without it the names in the label file count, else those of a table beside it."}}},
       .tissue =
           {"[[tissue]]",
-           "A group of structures that feel alike. Takes either `labels` or `threshold`. A preset gives the "
+           "A group of structures that feel alike. Takes one of `labels`, `threshold` and `embedding`. A "
+           "preset gives the "
            "starting values, keys beside it override them; the defaults here hold without one. A tissue may "
            "not be stiffer than one that it rests on, nor rest on one that is not felt: the force at their "
            "border would point inward.",
@@ -261,6 +262,21 @@ SceneKeys declared_keys() {
              .meaning = "`[low, high]` on the raw scan, without labels: the structure is what reaches their "
                         "middle. To the union Gaussian it is nothing at or below `low`, all at or above "
                         "`high`, a ramp between."},
+            {.name = "embedding",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning =
+                 "`true`: the tissue is made of the unlabelled voxels inside the body, so that organs do "
+                 "not hang in nothing. The body is what is labelled, what the scan connects to that by "
+                 "`air_below`, and what they enclose in space or in an axial slice. One tissue at most."},
+            {.name = "air_below",
+             .type = kNumber,
+             .unit = "the scan's unit",
+             .min = -1e9,
+             .max = 1e9,
+             .meaning =
+                 "Of an embedding: value of the scan that parts air from the body. Without it only what "
+                 "labels enclose is inside."},
             {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
             contact_key(&ContactProperties::stiffness_N_per_mm,
                         "Force for each mm of depth. Of inward ramps from the surface on; of a union "

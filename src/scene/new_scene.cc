@@ -143,8 +143,14 @@ std::string reason_for_no_preset(const Group& group) {
   return "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
 }
 
+/// Whether a group hides what it encloses less than a solid one, and may lie within an embedding.
+bool is_translucent_organ(const Group& group) {
+  return group.preset && group.preset->values.opacity < 1 && group.preset->name != "skin" &&
+         group.preset->name != "fat";
+}
+
 std::string tissue_text(const Group& group, const std::vector<Group>& groups,
-                        const std::map<std::string, int>& uses, TissueLaw law) {
+                        const std::map<std::string, int>& uses, TissueLaw law, bool embedded) {
   std::string text = "\n[[tissue]]\nname = " + toml_string(group.name) + "\n";
   if (group.preset) {
     const TissueSettings& values = group.preset->values;
@@ -161,14 +167,15 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
   for (const Segment* segment : group.segments) labels.push_back(written_label(*segment, uses));
   text += "labels = " + list_text(labels) + "\n";
   if (!group.preset) text += "felt = false\n";
+  if (embedded && is_translucent_organ(group)) text += "opacity = 1  # seen through the embedding\n";
   if (const std::string support = support_of(group, groups); !support.empty())
     text += "rests_on = [\"" + support + "\"]\n";
   return text;
 }
 
-/// Otsu's threshold (IEEE Trans SMC 9:62, 1979) on 256 bins, and the mean of the values above it.
+/// Otsu's threshold (IEEE Trans SMC 9:62, 1979) on 256 bins, and the means of what lies below and above it.
 struct Split {
-  double threshold = 0, mean_above = 0, bin_width = 0;
+  double threshold = 0, mean_below = 0, mean_above = 0, bin_width = 0;
 };
 std::optional<Split> otsu_split(const Volume<float>& scan) {
   constexpr std::size_t kBins = 256;
@@ -205,6 +212,7 @@ std::optional<Split> otsu_split(const Volume<float>& scan) {
     if (variance <= best_variance) continue;
     best_variance = variance;
     best.threshold = low + static_cast<double>(bin + 1) * best.bin_width;
+    best.mean_below = below_sum / below;
     best.mean_above = (total_sum - below_sum) / above;
   }
   return best;
@@ -240,9 +248,52 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
          number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
 }
 
-/// Default sigma: the largest voxel spacing, at least 1 mm. A narrower Gaussian does not close the steps
-/// between slices, and the force follows the normals of the steps instead of the surface
-/// (docs/results/accuracy.md).
+/// Stiffness of an embedding as a fraction of the softest structure's, at most.
+constexpr double kSofter = 0.5;
+
+/// The tissue of the unlabelled voxels inside the body. Error: no room for another tissue, a scan of one
+/// value.
+Result<std::string> embedding_text(const NewSceneInput& input, const std::vector<Group>& groups,
+                                   TissueLaw law) {
+  if (groups.size() == kMaxTissues)
+    return Error{ErrorKind::kBadInput,
+                 "a scene has " + std::to_string(kMaxTissues) + " tissues at most, which the labels take",
+                 input.labels->string(), "leave --embed out"};
+  std::set<std::string> taken;
+  for (const Group& group : groups) taken.insert(group.name);
+  const TissueSettings& fat = find_preset("fat")->values;
+  double stiffness_N_per_mm = fat.stiffness_N_per_mm, modulus_kPa = fat.elastic->youngs_modulus_kPa;
+  for (const Group& group : groups) {
+    if (!group.preset) continue;
+    const TissueSettings& values = group.preset->values;
+    stiffness_N_per_mm = std::min(stiffness_N_per_mm, kSofter * values.stiffness_N_per_mm);
+    if (values.elastic) modulus_kPa = std::min(modulus_kPa, kSofter * values.elastic->youngs_modulus_kPa);
+  }
+  std::string text =
+      "\n# unlabelled tissue between the structures, as a soft medium of its own\n[[tissue]]\nname = " +
+      toml_string(unused_name({0, "embedding", {}, 0, 0}, taken)) + "\npreset = \"fat\"\nembedding = true\n";
+  text += "# as soft as fat, and softer than what it embeds, so that this is felt through it\nstiffness = " +
+          number_text(stiffness_N_per_mm) + "\n";
+  if (is_elastic(law)) text += "youngs_modulus = " + number_text(modulus_kPa) + "\n";
+  if (input.scan_volume) {
+    const auto split = otsu_split(*input.scan_volume);
+    if (!split)
+      return Error{ErrorKind::kBadInput,
+                   "the scan has the same value everywhere, so nothing parts air from the body",
+                   input.scan->string(), "leave the scan out: then what labels enclose is inside"};
+    // in a gap between the two parts Otsu's threshold lies at its lower end
+    const double middle = 0.5 * (split->mean_below + split->mean_above);
+    const double step = std::max(1.0, std::pow(10.0, std::floor(std::log10(split->bin_width))));
+    text +=
+        "# between the means of air and body by Otsu's method; of a CT about -400 HU\nair_below = " +
+        number_text(split->mean_above - split->mean_below < 100 ? middle : std::round(middle / step) * step) +
+        "\n";
+  }
+  return text + "colour = \"#e6cd96\"\nopacity = 0.15\n";
+}
+
+/// A millimetre, or as much as the widest voxel: a narrower Gaussian does not close the steps between
+/// slices, and the force points out of these instead of the surface (docs/results/accuracy.md).
 std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
   const KeySpec& key = *scene_key_tables().preparation.find("sigma");
   const double widest_mm = largest_spacing_mm(labels, scan);
@@ -318,7 +369,12 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     for (const Segment& segment : input.label_map->segments) ++uses[segment.name];
     const std::vector<Group> groups = group_structures(*input.label_map);
     law = law_for(input, groups);
-    for (const Group& group : groups) text += tissue_text(group, groups, uses, law);
+    for (const Group& group : groups) text += tissue_text(group, groups, uses, law, input.embed);
+    if (input.embed) {
+      const auto embedding = embedding_text(input, groups, law);
+      if (!embedding) return embedding.error();
+      text += *embedding;
+    }
   }
   if (law != TissueLaw::kLayers)
     text += "\n[yielding]\nlaw = \"" + std::string(name_of(law, kTissueLaws)) + "\"\n";

@@ -96,14 +96,26 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   }
   tissue.threshold = reader.interval("threshold");
   tissue.optional = reader.flag("optional").value_or(false);
+  tissue.embedding = reader.flag("embedding").value_or(false);
+  tissue.air_below = reader.number("air_below");
   const bool by_labels = reader.has("labels"), by_threshold = reader.has("threshold");
-  constexpr const char* kEither = "a tissue is made of labels, or of what lies above a threshold in the scan";
+  constexpr const char* kEither =
+      "a tissue is made of labels, of what lies above a threshold in the scan, or, with embedding = true, of "
+      "what is unlabelled inside the body";
   if (by_labels && by_threshold) {
     problems.add(reader.line(), "tissue \"" + tissue.name + "\" has both labels and a threshold", kEither);
-  } else if (!by_labels && !by_threshold) {
+  } else if (tissue.embedding && (by_labels || by_threshold)) {
+    problems.add(reader.line("embedding"),
+                 "tissue \"" + tissue.name + "\" is an embedding, and has " +
+                     (by_labels ? "labels" : "a threshold") + " as well",
+                 kEither);
+  } else if (!by_labels && !by_threshold && !tissue.embedding) {
     problems.add_missing(reader.line(), "tissue \"" + tissue.name + "\" has neither labels nor a threshold",
                          kEither);
   }
+  if (tissue.air_below && !tissue.embedding)
+    problems.add(reader.line("air_below"), "tissue \"" + tissue.name + "\" has air_below and is no embedding",
+                 "add: embedding = true, or leave air_below out");
   if (by_threshold && tissue.optional) {
     problems.add(reader.line("optional"), "a tissue by threshold cannot be optional",
                  "optional is for labels that a map may lack");
@@ -563,6 +575,15 @@ void check_volumes(const Scene& scene, int data_line, Problems& problems) {
     if (tissue.threshold && !scene.scan)
       problems.add(tissue.line, "tissue \"" + tissue.name + "\" has a threshold, but the scene has no scan",
                    "add to [data]: scan = \"...\"");
+    if (tissue.air_below && !scene.scan)
+      problems.add(tissue.line, "tissue \"" + tissue.name + "\" has air_below, but the scene has no scan",
+                   "add to [data]: scan = \"...\"");
+    if (tissue.embedding && !scene.labels)
+      problems.add(tissue.line,
+                   "tissue \"" + tissue.name + "\" embeds labels, but the scene has no label map",
+                   "add to [data]: labels = \"...\", or give the tissue a threshold");
+    if (tissue.embedding && std::ranges::count_if(scene.tissues, &TissueSettings::embedding) > 1)
+      problems.add(tissue.line, "more than one tissue is an embedding", "keep one of them");
     if (!tissue.labels.empty() && !scene.labels)
       problems.add(tissue.line, "tissue \"" + tissue.name + "\" has labels, but the scene has no label map",
                    "add to [data]: labels = \"...\", or give the tissue a threshold");

@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   PALPATE_CHECK(workspace.clutch_button >= -1 && workspace.clutch_button < 32);
   PALPATE_CHECK(!workspace.home || workspace.home->all_finite());
   for (const auto& tissue : scene->tissues) {
-    PALPATE_CHECK(tissue.labels.empty() == tissue.threshold.has_value());
+    PALPATE_CHECK(tissue.labels.empty() == (tissue.threshold.has_value() || tissue.embedding));
     PALPATE_CHECK(tissue.stiffness_N_per_mm >= 0.001 && tissue.stiffness_N_per_mm <= 20);
     PALPATE_CHECK(std::isfinite(tissue.opacity));
   }

@@ -300,12 +300,14 @@ Result<void> check_script(const Script& script) {
 
 }  // namespace
 
-Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
-                              const std::filesystem::path& recording, const Progress& progress,
+Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Script>& script,
+                              const ExploreOptions& options, const std::filesystem::path& recording,
+                              const Progress& progress,
                               const std::function<void(const ExploreStatus&)>& status) {
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
-  if (auto possible = check_script(script); !possible) return possible.error();
-  // without anything to touch a script is useless, while a viewer may still look and move the tip
+  if (script)
+    if (auto possible = check_script(*script); !possible) return possible.error();
+  // a hand without anything to touch has nothing to do; a viewer may look, and move the tip
   const bool felt = has_touchable_tissue(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
   if (!felt && scripted)
     if (auto touchable = require_touchable_tissue(loaded); !touchable) return touchable.error();

@@ -167,7 +167,7 @@ std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace) {
 
 Result<SuiteReport> run_latency(const SuiteOptions& options, const Progress& progress, const Warn& warn) {
   if (auto error = out_of_range(options)) return *error;
-  const auto loaded = load_scene_or_data_set(options.scene.value_or("knee-phantom"), progress, warn);
+  const auto loaded = load_scene_or_data_set({options.scene.value_or("knee-phantom")}, progress, warn);
   if (!loaded) return loaded.error();
   if (auto felt = require_touchable_tissue(*loaded); !felt) return felt.error();
   return measure_latency(*loaded, options, progress);

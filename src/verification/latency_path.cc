@@ -8,20 +8,18 @@ namespace {
 
 constexpr double kMaxPathSeconds = 600;
 
-// the scene's own script with the rotations removed, so that the path is a list of points, and with a stroke
-// on every structure before it is left
-Result<Script> stroking_script(const Model& model) {
-  auto script = parse_script(default_script_text(model), "embedded script");
-  if (!script) return script.error();
-  Script stroking = *script;
+// the scene's own script; the object is not turned, so that a path is a list of points; every structure is
+// stroked before it is left
+Script stroking(const Script& script) {
+  Script stroking = script;
   stroking.steps.clear();
   stroking.lines.clear();
-  for (std::size_t s = 0; s < script->steps.size(); ++s) {
+  for (std::size_t s = 0; s < script.steps.size(); ++s) {
     const auto add = [&](const ScriptStep& step) {
       stroking.steps.push_back(step);
-      stroking.lines.push_back(script->lines[s]);
+      stroking.lines.push_back(script.lines[s]);
     };
-    const ScriptStep& step = script->steps[s];
+    const ScriptStep& step = script.steps[s];
     if (std::holds_alternative<RotateStep>(step) || std::holds_alternative<SlideStep>(step)) continue;
     if (std::holds_alternative<LeaveStep>(step)) add(SlideStep{});
     add(step);
@@ -50,10 +48,9 @@ class LongestTouch {
 }  // namespace
 
 Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& progress) {
-  const auto script = stroking_script(*loaded.model);
-  if (!script) return script.error();
-  auto setup = set_up_run(loaded, *script, {}, progress);
+  auto setup = set_up_run(loaded, {}, {}, progress);
   if (!setup) return setup.error();
+  setup->script = stroking(setup->script);
   const Model& model = *setup->model;
   progress.report("finding surfaces", 0);
   auto hand = ScriptedHand::create(model, setup->script);

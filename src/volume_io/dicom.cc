@@ -1134,6 +1134,10 @@ bool is_dicom(const std::filesystem::path& file) {
   return found;
 }
 
+bool is_structure_set(const std::filesystem::path& file) {
+  return is_dicom_structures(file);
+}
+
 namespace {
 
 bool is_dicom_labels(const fs::path& file) {

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "palpate/base/reading.h"
+#include "volume_io/dicom.h"
 #include "volume_io/formats.h"
 #include "volume_io/label_names.h"
 #include "volume_io/layered_labels.h"
@@ -325,16 +326,23 @@ Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::pat
   return FoundNames{};
 }
 
-// True if a volume may be a label map, by its header or otherwise by its first non-zero values.
-bool may_be_labels(const std::filesystem::path& file) {
+// Content by the header, or else by the first voxel values that are not 0, and those values.
+struct SampledContent {
+  VolumeContent content;
+  ValueStatistics values = {};  // empty where the header decides
+};
+
+Result<SampledContent> sample_content(const std::filesystem::path& file) {
+  using Kind = VolumeContent::Kind;
   constexpr std::size_t kEnough = std::size_t{1} << 20;
   const Progress silent;
-  auto reader = VolumeReader::open(file, silent);
-  if (!reader) return false;
+  auto reader = VolumeReader::open(file, silent, {}, nullptr, over_process({}));
+  if (!reader) return reader.error();
   const VolumeFile& volume = reader->file();
   const VolumeHeader& header = volume.header;
-  if (header.has_segments || header.layers > 1 || header.meaning == ValueMeaning::kLabels) return true;
-  if (header.meaning == ValueMeaning::kMeasured) return false;
+  if (header.has_segments || header.layers > 1) return SampledContent{{Kind::kLabels, "it holds segments"}};
+  if (header.meaning == ValueMeaning::kLabels) return SampledContent{{Kind::kLabels, "its header says so"}};
+  if (header.meaning == ValueMeaning::kMeasured) return SampledContent{{Kind::kScan, "its header says so"}};
   std::vector<float> values;
   // truncated data are sufficient here
   (void)reader->stream([&](std::uint64_t first, std::span<const std::byte> bytes) -> Result<void> {
@@ -347,7 +355,17 @@ bool may_be_labels(const std::filesystem::path& file) {
     if (values.size() >= kEnough) return bad_input(file.string(), "no more values are needed");
     return {};
   });
-  return content_by_values(statistics_of(values)).kind != VolumeContent::Kind::kScan;
+  ValueStatistics statistics = statistics_of(values);
+  if (!statistics.only_whole && has_large_ids(values))
+    return SampledContent{{Kind::kLabels, "its values are whole numbers in patches"}};
+  VolumeContent content = content_by_values(statistics);
+  return SampledContent{std::move(content), std::move(statistics)};
+}
+
+// whether a volume that stands beside a table may be the label map of that table
+bool may_be_labels(const std::filesystem::path& file) {
+  const auto sampled = sample_content(file);
+  return sampled.ok() && sampled->content.kind != VolumeContent::Kind::kScan;
 }
 
 template <class IsPresent>
@@ -559,7 +577,55 @@ VolumeContent what_it_holds(const ScanFile& scan, const std::filesystem::path& f
   return content_by_values(values);
 }
 
+// content of a file that identify_scan_and_labels() is given
+Result<VolumeContent> named_content(const std::filesystem::path& file,
+                                    const std::optional<std::filesystem::path>& names) {
+  using Kind = VolumeContent::Kind;
+  if (is_dicom(file)) return VolumeContent{Kind::kScan, "it holds DICOM images"};
+  if (is_meshes(file)) return VolumeContent{Kind::kLabels, "it holds surfaces"};
+  if (is_masks(file)) return VolumeContent{Kind::kLabels, "it is a folder of masks"};
+  if (is_structure_set(file)) return VolumeContent{Kind::kLabels, "it is a DICOM structure set"};
+  if (!dicom_segmentation_files(file).empty())
+    return VolumeContent{Kind::kLabels, "it is a DICOM segmentation"};
+  if (auto other = describe_non_volume(file)) return *std::move(other);
+  auto sampled = sample_content(file);
+  if (!sampled) return sampled.error();
+  if (sampled->content.kind != Kind::kLabels)
+    if (const auto evidence = evidence_by_table(sampled->values, file, names))
+      return VolumeContent{names ? Kind::kUnclear : Kind::kLabels, *evidence};
+  return std::move(sampled->content);
+}
+
 }  // namespace
+
+Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& first,
+                                               const std::filesystem::path& second,
+                                               const std::optional<std::filesystem::path>& names) try {
+  using Kind = VolumeContent::Kind;
+  std::error_code unknown;
+  if (std::filesystem::equivalent(first, second, unknown))
+    return Error{ErrorKind::kUsage, "one file given as the scan and as its label map", first.string(),
+                 "name the label map alone, or the scan that it belongs to as well"};
+  const auto a = named_content(first, names);
+  if (!a) return a.error();
+  const auto b = named_content(second, names);
+  if (!b) return b.error();
+  if (read_as() != ReadAs::kByContent) return ScanAndLabels{first, second};
+  if (a->kind == b->kind && a->kind != Kind::kUnclear) {
+    const bool scans = a->kind == Kind::kScan;
+    return Error{
+        ErrorKind::kBadInput,
+        std::string(scans ? "two scans" : "two label maps") + ", where a scan and its segmentation " +
+            "are needed: the first because " + a->evidence + ", the second because " + b->evidence,
+        first.string() + " and " + second.string(),
+        scans ? "name the segmentation of one of them; --labels takes " + second.string() + " as labels"
+              : "name the scan of one of them; --scan takes " + first.string() + " as a scan"};
+  }
+  if (a->kind == Kind::kLabels || b->kind == Kind::kScan) return ScanAndLabels{second, first};
+  return ScanAndLabels{first, second};
+} catch (const std::bad_alloc&) {
+  return out_of_memory(first);
+}
 
 void set_placing(const Placing& placing) {
   placing_of_process() = placing;

@@ -7,6 +7,8 @@ import re
 import shutil
 import struct
 
+import dicom_files
+
 PRESS = '''title = "Press"
 
 [[step]]
@@ -63,14 +65,6 @@ def poses():
     return "".join(lines)
 
 
-def element(group, number, kind, value):
-    """A data element in explicit little endian."""
-    value = value.encode() if isinstance(value, str) else value
-    value += (b"\0" if kind in ("UI", "OW") else b" ") * (len(value) % 2)
-    length = struct.pack("<HI", 0, len(value)) if kind == "OW" else struct.pack("<H", len(value))
-    return struct.pack("<HH", group, number) + kind.encode() + length + value
-
-
 def read_volume(file):
     """Sizes, spacing, origin and bytes of the voxels of what palpate wrote as NRRD with gzip, along the patient's axes."""
     head, _, packed = file.read_bytes().partition(b"\n\n")
@@ -115,7 +109,6 @@ def write_study(folder, scan):
     for k in range(nz):
         name = f"1.2.3.4.{k + 1}"
         pixels = struct.pack(f"<{nx * ny}H", *(max(0, round(v)) for v in voxels[nx * ny * k:nx * ny * (k + 1)]))
-        meta = element(2, 2, "UI", storage) + element(2, 3, "UI", name) + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
         data = [(8, 0x08, "CS", "ORIGINAL\\PRIMARY\\AXIAL"), (8, 0x16, "UI", storage), (8, 0x18, "UI", name), (8, 0x60, "CS", "MR"),
                 (8, 0x90, "PN", "Nobody"), (16, 0x10, "PN", "Nobody"), (16, 0x20, "LO", "0"), (16, 0x30, "DA", "19700101"),
                 (24, 0x50, "DS", str(spacing[2])), (32, 0x0d, "UI", "1.2.3"), (32, 0x0e, "UI", "1.2.3.4"), (32, 0x11, "IS", "1"),
@@ -125,8 +118,7 @@ def write_study(folder, scan):
                 (40, 0x30, "DS", f"{spacing[1]}\\{spacing[0]}"), (40, 0x100, "US", struct.pack("<H", 16)),
                 (40, 0x101, "US", struct.pack("<H", 16)), (40, 0x102, "US", struct.pack("<H", 15)),
                 (40, 0x103, "US", struct.pack("<H", 0)), (0x7fe0, 0x10, "OW", pixels)]
-        (folder / f"IM{k + 1:04}").write_bytes(b"\0" * 128 + b"DICM" + element(2, 0, "UL", struct.pack("<I", len(meta))) + meta
-                                               + b"".join(element(*one) for one in data))
+        dicom_files.write_file(folder / f"IM{k + 1:04}", storage, name, data)
 
 
 def make(folder, palpate):
@@ -150,6 +142,8 @@ def make(folder, palpate):
     write_study(folder / "study", read_volume(scan))
     shutil.copytree(folder / "study", folder / "STUDY")
     palpate("export", "labels.seg.nrrd", "study", "--keep-identifiers", "-o", "seg.dcm")
+    square = [(10, -20), (30, -20), (30, 0), (10, 0)]
+    dicom_files.write_structure_set(folder / "structures.dcm", [("femur", [(z, square) for z in range(10, 31, 2)])], "1.2.3.4")
     (folder / "surfaces").mkdir()
     (folder / "surfaces/femur.stl").write_text(stl((-15, -58, 10), (15, -52, 40)), encoding="utf-8")
     (folder / "cases.tsv").write_text("case\tstudy\tsegmentation\tscript\tseed\nK01\tstudy\tseg.dcm\tpress.toml\t1\n")

@@ -9,6 +9,7 @@ import subprocess
 import zlib
 
 import cli
+import dicom_files
 
 CANARY = "DOE^CANARY"
 
@@ -47,18 +48,10 @@ def nifti_with_canary(path, dims, values):
 
 
 def dicom_with_canary(path, n, k, values):
-    """A CT slice in explicit little endian, with the canary wherever a person or free text stands."""
-    def element(group, number, kind, value):
-        if isinstance(value, str):
-            value = value.encode()
-        value += (b"\0" if kind in ("UI", "OW") else b" ") * (len(value) % 2)
-        length = struct.pack("<HI", 0, len(value)) if kind in ("OW", "UN") else struct.pack("<H", len(value))
-        return struct.pack("<HH", group, number) + kind.encode() + length + value
-
+    """A CT slice, with the canary wherever a person or free text stands."""
     def whole(value):
         return struct.pack("<H", value)
     storage = "1.2.840.10008.5.1.4.1.1.2"
-    meta = element(2, 0x02, "UI", storage) + element(2, 0x03, "UI", f"1.2.3.{k}") + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
     data = [(8, 0x08, "CS", "ORIGINAL\\PRIMARY\\AXIAL"), (8, 0x16, "UI", storage), (8, 0x18, "UI", f"1.2.3.{k}"),
             (8, 0x20, "DA", "19570411"), (8, 0x50, "SH", CANARY), (8, 0x60, "CS", "CT"), (8, 0x80, "LO", CANARY),
             (8, 0x1030, "LO", CANARY), (8, 0x103e, "LO", CANARY), (16, 0x10, "PN", CANARY), (16, 0x20, "LO", CANARY),
@@ -69,8 +62,7 @@ def dicom_with_canary(path, n, k, values):
             (40, 0x100, "US", whole(16)), (40, 0x101, "US", whole(16)), (40, 0x102, "US", whole(15)),
             (40, 0x103, "US", whole(0)), (0x29, 0x10, "LO", CANARY), (0x29, 0x1001, "LO", CANARY),
             (0x7fe0, 0x10, "OW", values)]
-    path.write_bytes(b"\0" * 128 + b"DICM" + element(2, 0, "UL", struct.pack("<I", len(meta))) + meta
-                     + b"".join(element(*one) for one in data))
+    dicom_files.write_file(path, storage, f"1.2.3.{k}", data)
 
 
 def sphere(centre, radius, around=24):
@@ -146,7 +138,7 @@ class Privacy(cli.PalpateTest):
         named.mkdir()
         labels, scan = named / f"{CANARY}.seg.nrrd", named / f"{CANARY}.nii.gz"
         nrrd_with_canary(labels, (n, n, n), ball)
-        nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
+        nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + x * 7919 % 31) for x, v in enumerate(ball)))
         scene = named / "scene.toml"
         out = self.folder / "out"
         out.mkdir()
@@ -238,7 +230,7 @@ class Privacy(cli.PalpateTest):
         for path in (mask, tidy):
             nifti_with_canary(path, (n, n, n), b"".join(struct.pack("<h", v) for v in ball))
         scan = named / f"{CANARY}_scan.nii.gz"
-        nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
+        nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + x * 7919 % 31) for x, v in enumerate(ball)))
         environment = dict(os.environ, HOME=str(home), XDG_DATA_HOME=str(home / "data"),
                            XDG_CACHE_HOME=str(home / "cache"), TMPDIR=str(home))
         del environment["PALPATE_CACHE"]

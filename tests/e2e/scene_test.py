@@ -87,10 +87,23 @@ class SceneTest(cli.PalpateTest):
                           says="felt.toml:3: the labels do not seem to belong to the scan")
         self.succeed("scene", "check", self.felt_scene(scan=self.scan(x=5), labels=labels))
 
+    def test_organs_are_bedded(self):
+        scan, labels = self.scan(), self.labels()
+        scene = self.folder / "bedded.toml"
+        self.succeed("scene", "new", scan, labels, "--embed", "-o", scene)
+        text = scene.read_text()
+        self.assertIn("# unlabelled tissue between the structures", text)
+        self.assertRegex(text, r"embedding = true\n(.*\n)*air_below = ")
+        self.assertRegex(self.succeed("scene", "check", scene).stdout, r"embedding +yes .* embedding")
+        self.assertNotIn("air_below", self.succeed("scene", "new", labels, "--embed").stdout)
+        self.fail_clearly(cli.USAGE, "scene", "new", "--scan", scan, "--embed", says="no structures to bed")
+
     def test_one_file_twice_and_labels_for_a_scan(self):
         labels = self.labels()
         self.fail_clearly(cli.USAGE, "scene", "new", labels, labels, says="as its label map")
-        for arguments in (["--scan", labels], [labels, self.labels("more.nrrd")]):
+        more = self.labels("more.nrrd")
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", labels, more, says="two label maps")
+        for arguments in (["--scan", labels], ["--scan", labels, "--labels", more]):
             self.assertIn("looks like a label map", self.succeed("scene", "new", *arguments).stderr)
         self.assertNotIn("looks like", self.succeed("scene", "new", self.scan(), labels).stderr)
 

@@ -34,9 +34,10 @@ struct CohortCase {
   int line = 0;                 ///< Line in the table
   std::string name;             ///< Name from the column "case", otherwise its number; shown in all output
   std::filesystem::path table;  ///< Table that contains the row; empty: not read from a file
-  /// A scan, a folder of DICOM files, a label map, a scene, or the name of a data set.
+  /// A scan, a folder of DICOM files, a label map, a scene, or the name of a data set; with segmentation, names
+  /// and volume it forms a SceneSource.
   std::string target;
-  std::optional<std::filesystem::path> segmentation, script;
+  std::optional<std::filesystem::path> segmentation, names, script;
   std::optional<int> volume;
   std::optional<ForceMethod> method;
   std::optional<double> max_force_N, rate_hz;
@@ -45,8 +46,8 @@ struct CohortCase {
 
 /// Parses a table with a header line; fields are separated by tabs, commas or semicolons and may be quoted.
 /// Columns in any order: `study` (or `scan`, `scene`, `target`), required; `case`, `segmentation` (or
-/// `labels`), `script`, `volume`, `method`, `max_force` (N), `rate` (Hz), `seed`. Empty fields and "n/a"
-/// count as absent. Lines that begin with # and empty lines are skipped.
+/// `labels`), `names`, `script`, `volume`, `method`, `max_force` (N), `rate` (Hz), `seed`. Empty fields and
+/// "n/a" count as absent. Lines that begin with # and empty lines are skipped.
 /// @param folder       base folder of relative paths in the table
 /// @param is_data_set  whether a study is the name of a data set and not a path; empty: never
 /// Errors, with the line: an unknown or missing column, a value out of range, a duplicate name, no case, more

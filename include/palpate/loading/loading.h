@@ -73,37 +73,46 @@ struct SceneMemory {
 using MemoryCallback = std::function<void(const SceneMemory&)>;
 
 struct Placing;
+struct Study;
 /// Orientation, axes and spacing that a scene declares for its volumes (palpate/volume_io/volume_io.h).
 Placing placing_of(const Scene& scene);
 
-/// Loads a scene.
-/// @param what         a catalogue name ("knee-atlas", "head"), with optional parameters for a phantom
-///                     ("knee-phantom:side=right"), which is generated in memory; a scene file; or a volume
-///                     (scan, label map or both), for which the scene is proposed by new_scene_text
-/// @param preparation  overrides the scene's method
-/// @param volume       number of the volume in a DICOM series (palpate/volume_io/volume_io.h)
-/// @param labels       segmentation of a scan. Empty: the only one in its folder (find_study)
-/// Errors: kBadInput that states what a file is if it is none of these (a DICOM segmentation, a surface, a
-/// picture, a folder, ...).
-Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
+/// The files that a scene is loaded from, as a command line or a table names them.
+struct SceneSource {
+  /// A catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
+  /// ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume: a scan, a label
+  /// map or both get the scene that new_scene_text proposes.
+  std::string target = {};
+  /// The second of two volumes, a scan and its segmentation in either order (identify_scan_and_labels).
+  /// Without it the only segmentation in a folder of DICOM (find_study).
+  std::optional<std::filesystem::path> segmentation = {};
+  std::optional<std::filesystem::path> names = {};  ///< table that names the labels of the volumes
+  std::optional<int> volume = {};                   ///< number of the scan where a DICOM folder holds several
+};
+/// The scan and the segmentation of volumes: their order, their volume and whether the segmentation was made
+/// on the scan. Errors: those of identify_scan_and_labels and find_study.
+Result<Study> study_of(const SceneSource& source, const Progress& progress = {});
+
+/// @param preparation  instead of the scene's
+/// Errors: those of study_of; kBadInput that names what a file is where it is neither scene nor volume (a
+/// picture, a folder, ...); kUsage where a segmentation, names or a volume's number are given with anything
+/// but volumes.
+Result<LoadedScene> load_scene_or_data_set(const SceneSource& source, const Progress& progress = {},
                                            const Warn& warn = {},
                                            std::optional<PreparationMethod> preparation = {},
-                                           const MemoryCallback& report_memory = {},
-                                           std::optional<int> volume = {},
-                                           const std::optional<std::filesystem::path>& labels = {});
+                                           const MemoryCallback& report_memory = {});
 
 /// Labels of a scene with all layers, resampled onto the model's grid if theirs differs; empty if the scene
 /// has none. Parameters and errors as for load_scene_or_data_set.
-Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,
-                                                const Progress& progress = {},
-                                                std::optional<int> volume = {});
+Result<std::optional<LabelMap>> labels_of_scene(const SceneSource& source, const Model& model,
+                                                const Progress& progress = {});
 
 /// Loads the scene of a recording.
-/// @param what  as above; empty: the data set named by the recording. Error kUsage if it names none
+/// @param source  as above; with an empty target the data set named by the recording. Error kUsage if it names
+///                none
 /// Whether the model matches the recorded one is checked by replay and report.
-Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
-                                            const Progress& progress = {}, const Warn& warn = {},
-                                            std::optional<int> volume = {});
+Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, SceneSource source,
+                                            const Progress& progress = {}, const Warn& warn = {});
 
 /// Whether the model has a touchable tissue with at least one voxel. Other models can only be displayed.
 bool has_touchable_tissue(const Model& model);
@@ -123,7 +132,7 @@ struct SceneVolumes {
 /// converted to bricks, which counts as measured; the rest is estimated. Errors: those of build_model.
 Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Progress& progress = {});
 /// Same for a scene that load_scene_or_data_set accepts; its volumes are read.
-Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress = {});
+Result<SceneMemory> memory_of_scene_or_data_set(const SceneSource& source, const Progress& progress = {});
 
 /// Builds the Model of a scene from volumes already read, whose grids may differ. If no tissue is touchable
 /// its field is 0 everywhere. The model is ready for the trilinear method and for the scene's, except that

@@ -30,10 +30,6 @@ struct SurfacePoint {
 /// Errors: kBadInput for a structure without contact, and if no surface of it can be touched.
 Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm);
 
-/// Text of a script that suits a model: every bone and cartilage of a knee, otherwise the largest structures
-/// with contact.
-std::string default_script_text(const Model& model);
-
 /// Options of a run; empty values: the script's or the scene's.
 struct SimulationOptions {
   /// The user's force limit; default: the lesser of continuous rating and 3 N
@@ -104,10 +100,10 @@ struct SimulationResult {
       trouble;  ///< Limits known to be unreachable, and failed steps, in words without file names
 };
 
-/// Runs a script with the simulated hand on the virtual clock and writes a recording (empty path: none). A
-/// failed step is not an error: the run continues with the next approach. If interrupted, the recording is
-/// closed and stays readable.
-Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
+/// Runs a script with the simulated hand on the virtual clock and writes a recording (empty path: none).
+/// Without a script it runs the default one (set_up_run). A failed step is not an error: the run continues with
+/// the next approach. If interrupted, the recording is closed and stays readable.
+Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional<Script>& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress = {});
 

@@ -28,9 +28,13 @@ struct RunSetup {
   RecordedTask task = {};
 };
 
-/// Errors: unknown device or hand, with the script's line; those of with_methods.
-Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
-                            const Progress& progress);
+/// @param script  none: the default script. It presses every bone and cartilage of a knee, else the largest
+///                felt structures that the tool can reach; larger ones that it cannot reach are in
+///                Script::limitations and `trouble`, each with the reason.
+/// Errors: an unknown device or hand, with the script's line; without a script no structure that can be
+/// reached; those of with_methods.
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& script,
+                            const SimulationOptions& options, const Progress& progress);
 
 /// Set-up of a run whose tips are led by persons, by pointer or device: model, parameters other than the
 /// devices', rate of a loop with its own clock. Limits by stiffness and heat are not applied yet.

@@ -79,11 +79,13 @@ using LabelReference = std::variant<int, std::string>;
 /// A [[tissue]] of the scene.
 struct TissueSettings : TissueProperties {
   std::string name;
-  std::vector<LabelReference> labels;  ///< Labels of the tissue; empty if `threshold` is given
+  std::vector<LabelReference> labels;  ///< Labels of the tissue; empty with `threshold` or `embedding`
   std::vector<int> label_lines;        ///< Line of each label, for errors
   /// Whether labels that are absent from the map are ignored; otherwise they are an error.
   bool optional = false;
   std::optional<std::array<double, 2>> threshold;  ///< Ramp on the raw scan values: 0 at [0], 1 at [1]
+  bool embedding = false;  ///< Whether it consists of the unlabelled voxels inside the body
+  std::optional<double> air_below;  ///< Of an embedding: scan value below which a voxel is air
   /// Preset from which the defaults of this tissue were taken; empty: none.
   std::string preset;
   std::optional<Rgb> colour;          ///< Display colour; empty: that of each label
@@ -261,6 +263,9 @@ struct NewSceneInput {
   std::optional<Eigen::Vector3d> image_spacing_mm = {};
   std::optional<HeaderForm> nifti_form = {};
   bool scan_is_cropped = false;
+  /// A tissue of the unlabelled voxels inside the body, as soft as fat. Where a scan says where the body
+  /// ends, its threshold by Otsu's method (1979) is written.
+  bool embed = false;
 };
 /// Text of a scene file for these files. Every structure is assigned the tissue that its name suggests; each
 /// structure without a suggestion gets its own tissue that is shown but exerts no force (one common tissue if
@@ -374,6 +379,9 @@ struct Script {
   std::vector<int> lines;              ///< Line of each step, for errors
   int device_line = 0, hand_line = 0;  ///< 0: not set by the script
   std::string source;
+  /// Of a script that was planned for a scene: felt structures that it leaves out or presses with less force,
+  /// and the reason, one sentence each.
+  std::vector<std::string> limitations = {};
 };
 /// Whether the script uses a second device that holds a scope.
 bool has_scope(const Script& script);

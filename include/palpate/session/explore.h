@@ -160,18 +160,18 @@ struct ExploreResult {
   bool device_lost = false;       ///< The driver gave up, which ended the session
 };
 
-/// Runs a session in real time until the script is done, the time is up, or progress.stopped(). Then the
-/// force fades out and the recording is completed, so that it can be replayed. If stopped before the first
-/// tick: error kInterrupted. A full disk does not end the session; it is reported in the result.
-/// @param script     script of the simulated hand; ignored if there is none
-/// @param recording  file to write; empty: none
-/// @param status     called on this thread when the loop has started and then ten times a second; may be
-/// empty
-/// Errors: those of the set-up (a script's device, hand or structures, a task's structures, settings of the
-/// loop), of creating the recording, of opening the supervisor's log; those of the viewer server and of the
-/// supervisor.
-Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
-                              const std::filesystem::path& recording, const Progress& progress = {},
+/// Lets a scripted hand, a viewer's pointer or whoever holds a device feel a scene in real time, until the
+/// script is done, the time is up, or progress.stopped(): then the force fades out and the recording is
+/// finished, so that it replays. Stopped before the first tick: Error kInterrupted. A disk that fills is no
+/// error of the session: it goes on, and the result tells.
+/// @param script     of the simulated hand, where that is the first device; none: the default script
+/// @param recording  a file to write; empty: none
+/// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
+/// Errors: those of set-up (a script's device, hand or structures, a task's structures, settings of the
+/// loop), of creating the recording, of opening the supervisor's log; the viewers', the supervisor's.
+Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Script>& script,
+                              const ExploreOptions& options, const std::filesystem::path& recording,
+                              const Progress& progress = {},
                               const std::function<void(const ExploreStatus&)>& status = {});
 
 }  // namespace palpate

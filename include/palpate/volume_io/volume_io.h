@@ -138,7 +138,11 @@ bool is_volume(const std::filesystem::path& file);
 /// True for a DICOM image, whatever its name, or a folder with one in it or below it.
 bool is_dicom(const std::filesystem::path& file);
 
-/// Volumes of a DICOM file or a folder of them. Contains no text from the files: no name, date or identifier.
+/// Whether it is a DICOM structure set (RTSTRUCT), which is a label map only with the grid of its scan.
+bool is_structure_set(const std::filesystem::path& file);
+
+/// What volumes a DICOM file or a folder of them holds. Nothing in it comes from a text of the files: no
+/// name, no date, no identifier.
 struct VolumeList {
   struct Item {
     std::string what;         ///< Description: "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm".
@@ -175,9 +179,24 @@ Result<Study> find_study(const std::filesystem::path& scan,
                          const std::optional<std::filesystem::path>& labels, std::optional<int> volume,
                          const Progress& progress = {});
 
-/// Describes a file or folder that is known to be something else than a volume (DICOM, a surface, an image,
-/// an archive, a folder, ...), and how to get from it to a volume; nullopt for a volume, a text file and
-/// unknown content.
+/// A scan and its segmentation.
+struct ScanAndLabels {
+  std::filesystem::path scan, labels;
+};
+/// Identifies the scan and the segmentation among two volumes, named in either order. DICOM images are a
+/// scan; surfaces, folders of masks, DICOM segmentations and structure sets are segmentations. Other files
+/// are classified by their header, else by the first 2^20 voxel values that are not 0, with the criteria of
+/// read_volume(). Where both remain unclear, and where read_as() is set, `first` is the scan.
+/// @param names  a table for the labels; whole numbers are then enough, as for read_volume()
+/// Errors: kUsage, one file given twice; kBadInput, a file that is missing or no volume, two scans, two label
+/// maps.
+Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& first,
+                                               const std::filesystem::path& second,
+                                               const std::optional<std::filesystem::path>& names = {});
+
+/// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
+/// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
+/// known.
 std::optional<Error> describe_non_volume(const std::filesystem::path& file);
 
 /// Classification that read_volume() uses regardless of the values.

@@ -1,0 +1,50 @@
+#include "palpation/force_sweep.h"
+
+#include <algorithm>
+
+#include "palpate/tissue/yield_solver.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kDescent_mm_s = 20;
+
+// the innermost structure on the tip's way in that has a share of the force
+LabelId deepest_felt(const DeviceTick& device) {
+  LabelId deepest = 0;
+  for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n)
+    if (device.felt_share[n] > 0) deepest = device.felt_label[n];
+  return deepest;
+}
+
+}  // namespace
+
+std::vector<SweptForce> sweep_force(const Model& model, const Parameters& parameters,
+                                    const Point<Patient>& start, const Vector<Patient>& inward, double max_mm,
+                                    double rate_hz) {
+  Parameters still = parameters;
+  still.friction = still.viscosity = still.passivity = false;
+  const bool yields = is_elastic(model.tissue_law) && model.has(ForceMethod::kProxy);
+  VirtualClockYieldSolver solver(rate_hz);
+  SessionState state;
+  TickRecord record;
+  DeviceState tip;
+  Wrench sent;
+  std::vector<SweptForce> swept;
+  const double step_mm = kDescent_mm_s / rate_hz;
+  double touched_mm = 0;
+  for (double way_mm = 0; way_mm <= (swept.empty() ? max_mm : touched_mm + max_mm); way_mm += step_mm) {
+    tip.tip = model.X_WorldPatient * (start + inward * way_mm);
+    if (yields && solver.advance(model, state.tick > 0 ? &record : nullptr)) still.yields = solver.frame();
+    tick(model, still, {&tip, 1}, 1 / rate_hz, state, {&sent, 1}, record);
+    const DeviceTick& device = record.device[0];
+    const LabelId label = device.label;
+    if (label == 0 && !swept.empty()) break;
+    if (label == 0) continue;
+    if (swept.empty()) touched_mm = way_mm;
+    swept.push_back({way_mm - touched_mm, device.unclamped_force_N, label, deepest_felt(device)});
+  }
+  return swept;
+}
+
+}  // namespace palpate
