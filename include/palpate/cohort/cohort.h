@@ -34,8 +34,8 @@ struct CohortCase {
   int line = 0;                 ///< Line in the table
   std::string name;             ///< Name from the column "case", otherwise its number; shown in all output
   std::filesystem::path table;  ///< Table that contains the row; empty: not read from a file
-  /// A scan, a folder of DICOM files, a label map, a scene, or the name of a data set; with segmentation, names
-  /// and volume it forms a SceneSource.
+  /// A scan, a folder of DICOM files, a label map, a scene, or the name of a data set; with segmentation,
+  /// names and volume it forms a SceneSource.
   std::string target;
   std::optional<std::filesystem::path> segmentation, names, script;
   std::optional<int> volume;

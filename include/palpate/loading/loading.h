@@ -108,7 +108,8 @@ Result<std::optional<LabelMap>> labels_of_scene(const SceneSource& source, const
                                                 const Progress& progress = {});
 
 /// Loads the scene of a recording.
-/// @param source  as above; with an empty target the data set named by the recording. Error kUsage if it names
+/// @param source  as above; with an empty target the data set named by the recording. Error kUsage if it
+/// names
 ///                none
 /// Whether the model matches the recorded one is checked by replay and report.
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, SceneSource source,

@@ -101,8 +101,8 @@ struct SimulationResult {
 };
 
 /// Runs a script with the simulated hand on the virtual clock and writes a recording (empty path: none).
-/// Without a script it runs the default one (set_up_run). A failed step is not an error: the run continues with
-/// the next approach. If interrupted, the recording is closed and stays readable.
+/// Without a script it runs the default one (set_up_run). A failed step is not an error: the run continues
+/// with the next approach. If interrupted, the recording is closed and stays readable.
 Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional<Script>& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress = {});

@@ -84,7 +84,7 @@ struct TissueSettings : TissueProperties {
   /// Whether labels that are absent from the map are ignored; otherwise they are an error.
   bool optional = false;
   std::optional<std::array<double, 2>> threshold;  ///< Ramp on the raw scan values: 0 at [0], 1 at [1]
-  bool embedding = false;  ///< Whether it consists of the unlabelled voxels inside the body
+  bool embedding = false;           ///< Whether it consists of the unlabelled voxels inside the body
   std::optional<double> air_below;  ///< Of an embedding: scan value below which a voxel is air
   /// Preset from which the defaults of this tissue were taken; empty: none.
   std::string preset;
