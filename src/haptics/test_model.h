@@ -117,8 +117,8 @@ inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
   const auto add = [&](LabelId label, const Distance& distance_mm) {
     const SignedField field = sampled_distance(grid, distance_mm, 4);
     const Tissue& tissue = *model.tissue_of(label);
-    model.surfaces.push_back({std::make_shared<const Surface>(field, field, steepest_of(field)),
-                              tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction,
+    model.surfaces.push_back({static_cast<const ContactProperties&>(tissue),
+                              std::make_shared<const Surface>(field, field, steepest_of(field)),
                               tissue.puncture_N});
     model.surfaces.back().cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
     model.label_of_surface.push_back(label);

@@ -42,7 +42,7 @@ Model notch() {
     const SignedField field = sampled_distance(
         grid, [axis = axis](const Eigen::Vector3d& p) { return p[axis]; }, 6);
     model.surfaces.push_back(
-        {std::make_shared<const Surface>(field, field, steepest_of(field)), kNotchStiffness_N_per_mm});
+        {{kNotchStiffness_N_per_mm}, std::make_shared<const Surface>(field, field, steepest_of(field))});
     model.label_of_surface.push_back(label);
   }
   return model;

@@ -98,10 +98,7 @@ TEST(Request, EveryMessageOfTheDocument) {
           "friction": 0.2, "viscosity_N_s_per_mm": 0})");
   ASSERT_TRUE(tissue);
   EXPECT_EQ(tissue->tissue, 3);
-  EXPECT_EQ(tissue->stiffness_N_per_mm, 0.8);
-  EXPECT_EQ(tissue->static_friction, 0.3);
-  EXPECT_EQ(tissue->friction, 0.2);
-  EXPECT_EQ(tissue->viscosity_N_s_per_mm, 0);
+  EXPECT_EQ(tissue->changes.applied_to({}), (ContactProperties{0.8, 0.3, 0.2, 0}));
 
   EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "undo", "id": 8})")->action, StrokeAction::kUndo);
   EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "redo", "id": 8})")->action, StrokeAction::kRedo);

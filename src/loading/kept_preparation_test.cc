@@ -337,7 +337,7 @@ TEST_F(KeptPreparation, WhatIsEditedIsTheSameToo) {
   const auto made = start_scene().loaded.model;
   const auto edited = [](const std::shared_ptr<const Model>& model) {
     ModelChange change = unchanged(*model, 1);
-    change.stiffness_N_per_mm = 0.8;
+    change.contact.stiffness_N_per_mm = 0.8;
     const auto felt = next_version({model, model}, change);
     PALPATE_CHECK(felt.ok());
     const auto fields = next_version(*felt, {felt->felt->version + 1, ModelChange::kFieldsRebuilt});

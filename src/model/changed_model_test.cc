@@ -28,7 +28,7 @@ constexpr std::size_t kBoneTissue = 0, kCartilageTissue = 1;
 std::shared_ptr<const Model> stiffened(const Model& felt, const Model& made, std::size_t tissue,
                                        double stiffness) {
   ModelChange change = unchanged(felt, tissue);
-  change.stiffness_N_per_mm = stiffness;
+  change.contact.stiffness_N_per_mm = stiffness;
   auto next = changed_model(felt, made, change);
   PALPATE_CHECK(next.ok());
   return *next;
@@ -37,10 +37,10 @@ std::shared_ptr<const Model> stiffened(const Model& felt, const Model& made, std
 TEST(ChangedModel, SharesWhatDidNotChange) {
   const auto made = ball();
   ModelChange change = unchanged(*made, kCartilageTissue);
-  change.stiffness_N_per_mm = 0.6;
-  change.static_friction = 0.4;
-  change.friction = 0.3;
-  change.viscosity_N_s_per_mm = 0.002;
+  change.contact.stiffness_N_per_mm = 0.6;
+  change.contact.static_friction = 0.4;
+  change.contact.friction = 0.3;
+  change.contact.viscosity_N_s_per_mm = 0.002;
   const auto next = changed_model(*made, *made, change);
   ASSERT_TRUE(next.ok()) << next.error().message();
   const Model& model = **next;
@@ -65,7 +65,7 @@ TEST(ChangedModel, SharesWhatDidNotChange) {
 TEST(ChangedModel, FieldsAreThereOnlyForTheStiffnessThatTheyWereMadeFor) {
   const auto made = ball();
   ModelChange rougher = unchanged(*made, kCartilageTissue);
-  rougher.static_friction = 0.5;
+  rougher.contact.static_friction = 0.5;
   const auto second = *changed_model(*made, *made, rougher);
   EXPECT_TRUE(fields_match(*second, *made));
   EXPECT_EQ(second->methods, made->methods);
@@ -122,7 +122,7 @@ TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
     if (n >= 1200 && n % 200 == 0) {
       const std::size_t tissue = n % 400 == 0 ? kCartilageTissue : kBoneTissue;
       ModelChange change = unchanged(*now.felt, tissue);
-      change.stiffness_N_per_mm -= 0.02;
+      change.contact.stiffness_N_per_mm -= 0.02;
       now = next_version(now, change).value();
     }
     tick(*now.felt, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
@@ -180,7 +180,7 @@ TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
     const double wanted[] = {0.9, 1.3, 0.7};
     for (std::size_t tissue = 0; tissue < 3; ++tissue) {
       ModelChange change = unchanged(*now.felt, tissue);
-      change.stiffness_N_per_mm = wanted[tissue];
+      change.contact.stiffness_N_per_mm = wanted[tissue];
       auto next = next_version(now, change);
       ASSERT_TRUE(next.ok()) << next.error().message();
       now = *std::move(next);
@@ -284,22 +284,23 @@ TEST(ChangedModel, WhatASceneMayNotHaveIsRefusedInItsWords) {
     return next.ok() ? Error{ErrorKind::kBadInput, "no error", "", ""} : next.error();
   };
   const auto stiffness = [](double value) {
-    return [value](ModelChange& change) { change.stiffness_N_per_mm = value; };
+    return [value](ModelChange& change) { change.contact.stiffness_N_per_mm = value; };
   };
   EXPECT_EQ(error_of(0, [](ModelChange&) {}).what, "no error");
   EXPECT_THAT(error_of(0, stiffness(20.01)).what,
               HasSubstr("stiffness = 20.01 is outside 0.001 ... 20 N/mm"));
-  EXPECT_EQ(error_of(0, stiffness(20.01)).where, "stiffness");
+  EXPECT_EQ(error_of(0, stiffness(20.01)).where, "stiffness_N_per_mm");
   EXPECT_THAT(error_of(0, stiffness(-1)).what, HasSubstr("is outside"));
   EXPECT_THAT(error_of(0, stiffness(std::nan(""))).what, HasSubstr("not a finite number"));
   EXPECT_THAT(error_of(0, stiffness(INFINITY)).what, HasSubstr("not a finite number"));
   EXPECT_THAT(error_of(1, stiffness(1.6)).what, HasSubstr("is stiffer than \"bone\" (1.5 N/mm)"));
   EXPECT_THAT(error_of(0, stiffness(0.7)).what, HasSubstr("\"cartilage\" (0.75 N/mm) is stiffer than"));
-  const auto slippery = error_of(1, [](ModelChange& change) { change.static_friction = 0.05; });
+  const auto slippery = error_of(1, [](ModelChange& change) { change.contact.static_friction = 0.05; });
   EXPECT_THAT(slippery.what, HasSubstr("static_friction = 0.05 is less than friction = 0.1"));
   EXPECT_EQ(slippery.where, "static_friction");
-  EXPECT_EQ(error_of(1, [](ModelChange& change) { change.friction = 2.5; }).where, "friction");
-  EXPECT_EQ(error_of(1, [](ModelChange& change) { change.viscosity_N_s_per_mm = 0.2; }).where, "viscosity");
+  EXPECT_EQ(error_of(1, [](ModelChange& change) { change.contact.friction = 2.5; }).where, "friction");
+  EXPECT_EQ(error_of(1, [](ModelChange& change) { change.contact.viscosity_N_s_per_mm = 0.2; }).where,
+            "viscosity_N_s_per_mm");
   EXPECT_THAT(error_of(3, [](ModelChange&) {}).what, HasSubstr("no tissue 3"));
   EXPECT_THAT(error_of(0, [](ModelChange& change) { change.version = 7; }).what,
               HasSubstr("version 7 of the model does not follow version 1"));

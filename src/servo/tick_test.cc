@@ -448,8 +448,8 @@ TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
                                   : testing::sampled_distance(grid, terraces_mm, 4);
       const auto normals = notch ? position : testing::sampled_distance(grid, slope_mm, 4);
       loop.model.surfaces = {
-          {std::make_shared<const Surface>(position, normals, testing::steepest_of(position)), 1.5,
-           coefficient, coefficient}};
+          {{1.5, coefficient, coefficient},
+           std::make_shared<const Surface>(position, normals, testing::steepest_of(position))}};
       loop.model.label_of_surface = {kBone};
       const auto at = [&](double x, double y, double z) {
         DeviceState device;

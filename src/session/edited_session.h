@@ -14,7 +14,7 @@ inline double edited_stiffness_N_per_mm(std::uint32_t number) {
 inline bool ask_for_stiffness(ViewerHost& host, std::uint32_t number) {
   TissueRequest tissue;
   tissue.by = {number, true};
-  tissue.stiffness_N_per_mm = edited_stiffness_N_per_mm(number);
+  tissue.changes[&ContactProperties::stiffness_N_per_mm] = edited_stiffness_N_per_mm(number);
   return host.set(tissue).ok();
 }
 

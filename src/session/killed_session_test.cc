@@ -53,7 +53,7 @@ void expect_edits(const Recording& recording, bool count_askers) {
     if (event.kind != RecordingEvent::Kind::kModel) continue;
     EXPECT_EQ(event.number, ++version);
     if (event.change.is_of_tissue()) {
-      EXPECT_EQ(event.change.stiffness_N_per_mm, testing::edited_stiffness_N_per_mm(event.by.viewer));
+      EXPECT_EQ(event.change.contact.stiffness_N_per_mm, testing::edited_stiffness_N_per_mm(event.by.viewer));
     }
     // effective from this tick on, not earlier
     EXPECT_GE(tick.model_version, version);

@@ -315,19 +315,20 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   start();
   TissueRequest request;
   request.tissue = kViewedCartilage;
-  request.stiffness_N_per_mm = 0.5;
-  request.static_friction = 0.4;
-  request.friction = 0.3;
-  request.viscosity_N_s_per_mm = 0;
+  request.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
+  request.changes[&ContactProperties::static_friction] = 0.4;
+  request.changes[&ContactProperties::friction] = 0.3;
+  request.changes[&ContactProperties::viscosity_N_s_per_mm] = 0;
   for (const auto& [where, spoil] :
        std::initializer_list<std::pair<std::string, std::function<void(TissueRequest&)>>>{
            {"tissue", [](auto& r) { r.tissue = -1; }},
            {"tissue", [](auto& r) { r.tissue = 3; }},
-           {"stiffness_N_per_mm", [](auto& r) { r.stiffness_N_per_mm = 20.01; }},
-           {"stiffness_N_per_mm", [](auto& r) { r.stiffness_N_per_mm = 1.6; }},
-           {"static_friction", [](auto& r) { r.static_friction = 0.2; }},
-           {"friction", [](auto& r) { r.friction = -0.1; }},
-           {"viscosity_N_s_per_mm", [](auto& r) { r.viscosity_N_s_per_mm = 0.2; }}}) {
+           {"stiffness_N_per_mm", [](auto& r) { r.changes[&ContactProperties::stiffness_N_per_mm] = 20.01; }},
+           {"stiffness_N_per_mm", [](auto& r) { r.changes[&ContactProperties::stiffness_N_per_mm] = 1.6; }},
+           {"static_friction", [](auto& r) { r.changes[&ContactProperties::static_friction] = 0.2; }},
+           {"friction", [](auto& r) { r.changes[&ContactProperties::friction] = -0.1; }},
+           {"viscosity_N_s_per_mm",
+            [](auto& r) { r.changes[&ContactProperties::viscosity_N_s_per_mm] = 0.2; }}}) {
     TissueRequest bad = request;
     spoil(bad);
     EXPECT_EQ(error_of(bad).where, where) << error_of(bad).what;
@@ -342,7 +343,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   EXPECT_EQ(cartilage.static_friction, 0.4);
   EXPECT_EQ(cartilage.friction, 0.3);
   EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0);
-  EXPECT_EQ(changes(), (std::vector<ModelChange>{{2, 1, 0.5, 0.4, 0.3, 0}}));
+  EXPECT_EQ(changes(), (std::vector<ModelChange>{{2, 1, {0.5, 0.4, 0.3, 0}}}));
   // a change to the current value creates no version
   EXPECT_EQ(error_of(request).what, "no error");
   EXPECT_EQ(viewed_->state().model_version, 2u);
@@ -359,7 +360,7 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   request.tissue = kViewedCartilage;
   // back and forth, each before the last change has been blended in
   for (const double wanted : {0.4, 0.7, 0.1, 0.75, 0.3}) {
-    request.stiffness_N_per_mm = wanted;
+    request.changes[&ContactProperties::stiffness_N_per_mm] = wanted;
     ASSERT_EQ(error_of(request).what, "no error");
     EXPECT_EQ(stiffness(), wanted);
     std::this_thread::sleep_for(std::chrono::milliseconds(40));
@@ -400,7 +401,7 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   start();
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
-  softer.stiffness_N_per_mm = 0.5;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   SettingsRequest direct;
   direct.method = "b-spline";
   EXPECT_EQ(error_of(softer).what, "no error");
@@ -409,14 +410,14 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   viewed_->next_method();
   EXPECT_EQ(viewed_->state().method, "proxy") << "no other suits";
 
-  softer.stiffness_N_per_mm = 0.75;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.75;
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).what, "no error");
-  softer.stiffness_N_per_mm = 0.5;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   EXPECT_EQ(error_of(softer).where, "stiffness_N_per_mm");
   EXPECT_THAT(error_of(softer).what, HasSubstr("b-spline"));
   softer.stiffness_N_per_mm.reset();
-  softer.viscosity_N_s_per_mm = 0.002;
+  softer.changes[&ContactProperties::viscosity_N_s_per_mm] = 0.002;
   EXPECT_EQ(error_of(softer).what, "no error");
   viewed_->next_method();
   EXPECT_EQ(viewed_->state().method, "gaussian-sphere");
@@ -434,14 +435,14 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
-  softer.stiffness_N_per_mm = 0.3;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.3;
   SettingsRequest direct;
   direct.method = "trilinear";
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).what, "no error");
   EXPECT_EQ(viewed_->state().method_awaited, "trilinear");
   // the proxy stays active while the fields are generated; the last request wins
-  softer.stiffness_N_per_mm = 0.5;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   EXPECT_EQ(error_of(softer).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "trilinear"; }));
@@ -482,7 +483,7 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   // a change in the meantime delays it; the change itself takes effect immediately
   TissueRequest thicker;
   thicker.tissue = kViewedBone;
-  thicker.viscosity_N_s_per_mm = 0.002;
+  thicker.changes[&ContactProperties::viscosity_N_s_per_mm] = 0.002;
   ASSERT_EQ(error_of(thicker).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
@@ -536,7 +537,7 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   // after another change of stiffness the fields are regenerated, including those of a method never chosen
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
-  softer.stiffness_N_per_mm = 0.5;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   ASSERT_EQ(error_of(softer).what, "no error");
   choose("gaussian-sphere");
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "gaussian-sphere"; }));
@@ -605,7 +606,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   // a tissue edited in the meantime is rendered as edited, and the surfaces include the edit
   TissueRequest slippery;
   slippery.tissue = kViewedCartilage;
-  slippery.friction = 0.05;
+  slippery.changes[&ContactProperties::friction] = 0.05;
   ASSERT_EQ(error_of(slippery).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
@@ -625,13 +626,13 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   ASSERT_TRUE(go_by("neo-hookean").ok());
   ASSERT_TRUE(soon([&] { return viewed_->state().law == "neo-hookean"; }));
   EXPECT_EQ(made, before + 1);
-  EXPECT_EQ(changes().back().stiffness_N_per_mm, 1.6);
+  EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1.6);
   EXPECT_EQ(viewed_->coarser_tissue(), "coarser cells");
   EXPECT_THAT(viewed_->later_coarser_tissue(), ::testing::ElementsAre("coarser cells"));
   // from then on it takes effect at once
   ASSERT_TRUE(go_by("elastic").ok());
   EXPECT_EQ(viewed_->state().law, "elastic");
-  EXPECT_EQ(changes().back().stiffness_N_per_mm, 1);
+  EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1);
   EXPECT_EQ(viewed_->coarser_tissue(), "");
   ASSERT_TRUE(go_by("neo-hookean").ok());
   EXPECT_EQ(viewed_->state().law, "neo-hookean");
@@ -674,7 +675,7 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
   softer.tissue = kViewedBone;
-  softer.stiffness_N_per_mm = 1.0;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   viewed_->next_method();  // the method after the proxy is the trilinear one
   SettingsRequest proxy;
@@ -718,7 +719,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
-  softer.stiffness_N_per_mm = 0.3;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.3;
   ASSERT_EQ(error_of(softer).what, "no error");
   SettingsRequest direct;
   direct.method = "b-spline";
@@ -743,7 +744,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   SettingsRequest proxy;
   proxy.method = "proxy";
   ASSERT_EQ(error_of(proxy).what, "no error");
-  softer.stiffness_N_per_mm = 0.4;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.4;
   ASSERT_EQ(error_of(softer).what, "no error");
   ASSERT_EQ(error_of(direct).what, "no error");
   EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
@@ -760,7 +761,7 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
   softer.tissue = kViewedBone;
-  softer.stiffness_N_per_mm = 1.0;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
   ASSERT_TRUE(soon([&] {
@@ -783,7 +784,7 @@ TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
   start();
   TissueRequest softer;
   softer.tissue = kViewedBone;
-  softer.stiffness_N_per_mm = 1.0;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
   viewed_->follow_script();
@@ -817,7 +818,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
       {one([](auto& r) { r.max_force_N = 4; }), "viewer 3 wants to set the limit of the force to 4 N, now 3"},
       {one([](auto& r) { r.method = "trilinear"; }), "viewer 3 wants to feel by the method trilinear"},
       {one([](auto& r) {
-         r.friction = false;
+         r.changes[&ContactProperties::friction] = false;
          r.viscosity = false;
          r.passivity = true;
        }),
@@ -867,8 +868,8 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   request.by = {5, true};
   request.id = 3;
   request.tissue = kViewedCartilage;
-  request.stiffness_N_per_mm = 0.5;
-  request.static_friction = 0.4;
+  request.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
+  request.changes[&ContactProperties::static_friction] = 0.4;
   const auto granted = viewed_->set(request);
   ASSERT_TRUE(granted.ok() && *granted == Grant::kAsked);
   EXPECT_EQ(viewed_->question()->text,
@@ -882,7 +883,7 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   EXPECT_EQ(told().back().by, (AskedBy{Asker::kAgreedViewer, 5}));
 
   // a request that has become impossible in the meantime is refused despite consent
-  request.stiffness_N_per_mm = 0.6;
+  request.changes[&ContactProperties::stiffness_N_per_mm] = 0.6;
   ASSERT_TRUE(viewed_->set(request).ok());
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kTrilinear; });
   EXPECT_EQ(answer(true).outcome.error().where, "stiffness_N_per_mm");
@@ -921,12 +922,12 @@ TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
     return *viewed_->set(more);
   };
   EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), Grant::kAsked);
-  EXPECT_EQ(wants([](auto& r) { r.friction = true; }), Grant::kAsked);
+  EXPECT_EQ(wants([](auto& r) { r.changes[&ContactProperties::friction] = true; }), Grant::kAsked);
   EXPECT_EQ(wants([](auto& r) { r.paused = false; }), Grant::kAsked);
   TissueRequest stiffer;
-  stiffer.stiffness_N_per_mm = 1.6;
+  stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.6;
   EXPECT_EQ(*viewed_->set(stiffer), Grant::kAsked);
-  stiffer.stiffness_N_per_mm = 1.4;
+  stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.4;
   EXPECT_EQ(*viewed_->set(stiffer), Grant::kDone);
   EXPECT_EQ(viewed_->state().max_force_N, 2);
 }
@@ -1044,7 +1045,7 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   TissueRequest softer;
   softer.by = {8, true};
   softer.tissue = kViewedCartilage;
-  softer.static_friction = 0.35;
+  softer.changes[&ContactProperties::static_friction] = 0.35;
   EXPECT_EQ(error_of(softer).what, "no error");
   viewed_->emergency_stop({9, false});
   EXPECT_EQ(error_in(viewed_->rearm({stopped(), {7, true}})).what, "no error");
@@ -1069,7 +1070,7 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   expect(1, Kind::kSettings, {Asker::kControlViewer, 7}, 2);
   EXPECT_EQ(events[1].changed, 0) << "it held already";
   expect(2, Kind::kModel, {Asker::kControlViewer, 8}, 2);
-  EXPECT_EQ(events[2].change.static_friction, 0.35);
+  EXPECT_EQ(events[2].change.contact.static_friction, 0.35);
   expect(3, Kind::kStop, {Asker::kLookingViewer, 9}, 1);
   expect(4, Kind::kRearm, {Asker::kControlViewer, 7}, 2);
   expect(5, Kind::kStop, {Asker::kKey, 0}, 3);
@@ -1204,7 +1205,7 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
     // a tissue is changed between two cuts
     if (!softened && shown.size() > 10) {
       TissueRequest softer;
-      softer.stiffness_N_per_mm = 1.2;
+      softer.changes[&ContactProperties::stiffness_N_per_mm] = 1.2;
       ASSERT_TRUE(host.set(softer).ok());
       softened = true;
     }
@@ -1339,10 +1340,10 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
     const TickRecord tick = host.snapshot(felt);
     if (changed_at < 0 && sent_N(tick) > 0.5) {
       TissueRequest softer;
-      softer.stiffness_N_per_mm = 0.9;
-      softer.static_friction = 0.6;
+      softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.9;
+      softer.changes[&ContactProperties::static_friction] = 0.6;
       ASSERT_TRUE(host.set(softer).ok());
-      softer.stiffness_N_per_mm = 0.8;
+      softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.8;
       ASSERT_TRUE(host.set(softer).ok());
       SettingsRequest stronger;
       stronger.max_force_N = 2.5;
@@ -1359,7 +1360,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
       turn.max_force_N = 1.0;
       ASSERT_TRUE(host.set(turn).ok());
       TissueRequest back;
-      back.stiffness_N_per_mm = 1.5;
+      back.changes[&ContactProperties::stiffness_N_per_mm] = 1.5;
       ASSERT_TRUE(host.set(back).ok());
       SettingsRequest direct;
       direct.method = "b-spline";
@@ -1378,8 +1379,8 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   EXPECT_EQ(result_->limit_N, 2.5) << "the highest that held";
   const auto changes = changes_in(recording);
   ASSERT_EQ(changes.size(), 3u);
-  EXPECT_EQ(changes[1].stiffness_N_per_mm, 0.8);
-  EXPECT_EQ(changes[2].static_friction, 0.6);
+  EXPECT_EQ(changes[1].contact.stiffness_N_per_mm, 0.8);
+  EXPECT_EQ(changes[2].contact.static_friction, 0.6);
   expect_events_where_they_took_hold(recording);
   EXPECT_EQ(recording.ticks.back().model_version, 4u);
   EXPECT_EQ(recording.ticks.back().max_force_N, 1.0);
@@ -1400,14 +1401,14 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   ASSERT_FALSE(again.ok());
   EXPECT_THAT(again.error().what, HasSubstr("of the model, which the file does not hold"));
   Recording wild = recording;
-  first_change(wild).stiffness_N_per_mm = 1e9;
+  first_change(wild).contact.stiffness_N_per_mm = 1e9;
   again = replay(wild, loaded_.model);
   ASSERT_FALSE(again.ok());
-  EXPECT_EQ(again.error().where, "stiffness");
+  EXPECT_EQ(again.error().where, "stiffness_N_per_mm");
   // and another value gives another run
   Recording other = recording;
   for (RecordingEvent& event : other.events)
-    if (event.change.version == 3) event.change.stiffness_N_per_mm = 0.85;
+    if (event.change.version == 3) event.change.contact.stiffness_N_per_mm = 0.85;
   again = replay(other, loaded_.model);
   ASSERT_TRUE(again.ok());
   EXPECT_FALSE(again->identical);
@@ -1425,7 +1426,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
     const TickRecord tick = host.snapshot(felt);
     if (softened_at < 0 && sent_N(tick) > 0.5) {
       TissueRequest softer;
-      softer.stiffness_N_per_mm = 0.9;
+      softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.9;
       ASSERT_TRUE(host.set(softer).ok());
       SettingsRequest direct;
       direct.method = "trilinear";

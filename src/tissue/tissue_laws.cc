@@ -17,7 +17,7 @@ TissueLaw law_of(const ModelChange& change) {
 void LawHistory::hear(const ModelChange& change) {
   // whatever a file says, versions rise
   if (!change.is_of_law() || change.version < laws_.back().version) return;
-  const double coarsened = change.stiffness_N_per_mm;
+  const double coarsened = change.contact.stiffness_N_per_mm;
   const bool tells_cells = coarsened >= 1 && coarsened <= kMaxTissueCoarsening;
   laws_.push_back({change.version, law_of(change), tells_cells ? coarsened : laws_.back().coarsened});
 }
