@@ -14,9 +14,10 @@ namespace palpate::app {
 /// Documented in `palpate --help` and README.md.
 enum ExitCode : int {
   kExitOk = 0,
-  kExitBadInput = 1,     ///< A file or setting is unusable, or doctor found something missing
-  kExitUsage = 2,        ///< Invalid command line
-  kExitLimit = 3,        ///< A figure exceeds its limit, a replay differs, or a step of a script failed
+  kExitBadInput = 1,  ///< A file or setting is unusable, or doctor found something missing
+  kExitUsage = 2,     ///< Invalid command line
+  kExitLimit =
+      3,  ///< A figure exceeds its limit, a replay differs, a step of a script failed, or labels have a fault
   kExitOutput = 4,       ///< A result could not be written
   kExitUnavailable = 5,  ///< A data set or the network is unavailable
   kExitInterrupted = 130,

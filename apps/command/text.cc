@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <numeric>
+#include <ostream>
+#include <sstream>
 #include <utility>
 
 namespace palpate::app {
@@ -43,6 +45,24 @@ std::string fitted(std::string text, std::size_t width) {
     text += "…";
   }
   return text + std::string(width - columns_of(text), ' ');
+}
+
+void print_wrapped(std::ostream& out, const std::string& text, const std::string& first,
+                   const std::string& others) {
+  constexpr std::size_t kColumns = 100;
+  std::istringstream words(text);
+  std::string line = first, word;
+  bool begun = false;
+  while (words >> word) {
+    if (begun && line.size() + 1 + word.size() > kColumns) {
+      out << line << '\n';
+      line = others;
+      begun = false;
+    }
+    line += (begun ? " " : "") + word;
+    begun = true;
+  }
+  out << line << '\n';
 }
 
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {

@@ -190,25 +190,6 @@ std::vector<std::string> oddities(const Info& info) {
 
 // --- for people -----------------------------------------------------------------------------------------
 
-// breaks at spaces so that no line passes 100 columns
-void print_wrapped(std::ostream& out, const std::string& text, const std::string& first,
-                   const std::string& others) {
-  constexpr std::size_t kColumns = 100;
-  std::istringstream words(text);
-  std::string line = first, word;
-  bool begun = false;
-  while (words >> word) {
-    if (begun && line.size() + 1 + word.size() > kColumns) {
-      out << line << '\n';
-      line = others;
-      begun = false;
-    }
-    line += (begun ? " " : "") + word;
-    begun = true;
-  }
-  out << line << '\n';
-}
-
 void print_geometry(std::ostream& out, const Info& info) {
   const GridGeometry& g = info.header.geometry;
   const Eigen::Vector3d extent = extent_mm(g);

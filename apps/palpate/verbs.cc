@@ -16,8 +16,9 @@ constexpr const char* kExamples =
     "  palpate help simulate                            what a verb takes\n"
     "\n"
     "Exit codes: 0 done; 1 a file or setting cannot be used, or doctor found something missing; 2 wrong\n"
-    "command line; 3 a figure beyond its limit, a replay that differs or a step of a script that failed;\n"
-    "4 a result could not be written; 5 a data set, a device or the network is missing; 130 interrupted.\n"
+    "command line; 3 a figure beyond its limit, a replay that differs, a step of a script that failed or a\n"
+    "fault that lint found; 4 a result could not be written; 5 a data set, a device or the network is\n"
+    "missing; 130 interrupted.\n"
     "\n"
     "Research and education, not for clinical use.";
 
@@ -29,7 +30,10 @@ constexpr OtherWord kOtherWords[] = {
     {"init", "palpate scene new SCAN LABELS -o scene.toml"},
     {"add", "palpate scene new SCAN LABELS -o scene.toml"},
     {"check", "palpate scene check SCENE"},
-    {"validate", "palpate scene check SCENE"},
+    {"validate", "palpate scene check SCENE, or palpate lint LABELS"},
+    {"quality", "palpate lint LABELS"},
+    {"faults", "palpate lint LABELS"},
+    {"clean", "palpate lint LABELS --fix NEW.seg.nrrd"},
     {"open", "palpate explore FILE"},
     {"load", "palpate explore FILE"},
     {"start", "palpate explore FILE"},
@@ -88,9 +92,10 @@ constexpr OtherWord kOtherWords[] = {
 const Program& palpate_program() {
   static const Program program{
       kExamples,
-      {add_info,   add_data,     add_cache,    add_scene,   add_prepare, add_forces, add_hold,   add_section,
-       add_render, add_simulate, add_explore,  add_devices, add_doctor,  add_token,  add_replay, add_export,
-       add_report, add_cohort,   add_register, add_pivot,   add_plan,    add_task,   add_records},
+      {add_info,    add_data,     add_cache,   add_scene,  add_lint,     add_prepare,
+       add_forces,  add_hold,     add_section, add_render, add_simulate, add_explore,
+       add_devices, add_doctor,   add_token,   add_replay, add_export,   add_report,
+       add_cohort,  add_register, add_pivot,   add_plan,   add_task,     add_records},
       {{"verify", "Measure what this build does on this machine, against limits"}},
       kOtherWords};
   return program;

@@ -214,11 +214,35 @@ Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std
                    std::move(proposed->note),  std::move(files.origin_of_names), std::move(files.names_from)};
 }
 
+Error neither_file_nor_data_set(const std::string& what, Error error) {
+  std::error_code unreadable;
+  if (!std::filesystem::exists(what, unreadable) && !unreadable) {
+    error.what = "no such file, and no data set of that name";
+    error.remedy =
+        "palpate data list shows the data sets; palpate scene new writes a scene file for a scan and "
+        "labels";
+  }
+  return error;
+}
+
+Result<FileVolumes> volumes_of_scene(const Scene& scene, const Progress& progress, const Warn& warn) {
+  const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
+    return file ? std::optional(scene.resolve(*file)) : std::nullopt;
+  };
+  return volumes_of_files(resolved(scene.labels), resolved(scene.names), resolved(scene.scan),
+                          scene.scan_volume, placing_of(scene), progress, warn);
+}
+
+// whether a source names volumes, and neither a scene file nor a data set
+bool names_volumes(const SceneSource& source) {
+  const bool is_scene = std::filesystem::path(source.target).extension() == ".toml";
+  return !find_entry(source.target) && !is_scene && (source.segmentation || is_volume(source.target));
+}
+
 Result<ReadScene> read_scene_or_data_set(const SceneSource& source, const Progress& progress,
                                          const Warn& warn, std::optional<PreparationMethod> preparation) {
   const std::string& what = source.target;
-  const bool is_scene = std::filesystem::path(what).extension() == ".toml";
-  if (!find_entry(what) && !is_scene && (source.segmentation || is_volume(what))) {
+  if (names_volumes(source)) {
     const auto study = study_of(source, progress);
     if (!study) return study.error();
     return read_with_proposal(*study, source.names, progress, warn, preparation);
@@ -235,24 +259,10 @@ Result<ReadScene> read_scene_or_data_set(const SceneSource& source, const Progre
   }
   if (auto other = describe_non_volume(what)) return *std::move(other);
   auto scene = load_scene(what);
-  if (!scene) {
-    Error error = scene.error();
-    std::error_code unreadable;
-    if (!std::filesystem::exists(what, unreadable) && !unreadable) {
-      error.what = "no such file, and no data set of that name";
-      error.remedy =
-          "palpate data list shows the data sets; palpate scene new writes a scene file for a scan and "
-          "labels";
-    }
-    return error;
-  }
+  if (!scene) return neither_file_nor_data_set(what, scene.error());
   if (source.names) return names_without_labels(what);
   prepare_by(preparation, scene->preparation);
-  const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
-    return file ? std::optional(scene->resolve(*file)) : std::nullopt;
-  };
-  auto files = volumes_of_files(resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
-                                scene->scan_volume, placing_of(*scene), progress, warn);
+  auto files = volumes_of_scene(*scene, progress, warn);
   if (!files) return files.error();
   return ReadScene{*std::move(scene),
                    std::move(files->volumes),
@@ -309,6 +319,23 @@ Result<std::optional<LabelMap>> labels_of_scene(const SceneSource& source, const
   auto moved = cached_resampled(*labels, grid, progress);
   if (!moved) return moved.error();
   return std::optional(*std::move(moved));
+}
+
+Result<ReadVolumes> read_volumes(const SceneSource& source, const Progress& progress, const Warn& warn) {
+  if (!names_volumes(source)) {
+    auto read = read_scene_or_data_set(source, progress, warn, {});
+    if (!read) return read.error();
+    return ReadVolumes{std::move(read->volumes), std::move(read->origin_of_names)};
+  }
+  const auto study = study_of(source, progress);
+  if (!study) return study.error();
+  // a file on its own is the label map
+  const bool has_scan = study->labels.has_value();
+  auto files = volumes_of_files(has_scan ? study->labels : study->scan, source.names,
+                                has_scan ? std::optional(study->scan) : std::nullopt,
+                                has_scan ? study->volume : std::nullopt, {}, progress, warn);
+  if (!files) return files.error();
+  return ReadVolumes{std::move(files->volumes), std::move(files->origin_of_names)};
 }
 
 Result<SceneMemory> memory_of_scene_or_data_set(const SceneSource& source, const Progress& progress) {

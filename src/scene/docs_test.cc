@@ -5,6 +5,7 @@
 #include <optional>
 #include <sstream>
 
+#include "base/test_docs.h"
 #include "palpate/base/file.h"
 #include "palpate/scene/plan_file.h"
 #include "palpate/scene/scene.h"
@@ -13,25 +14,8 @@
 namespace palpate {
 namespace {
 
-/// Compares the section between "<!-- NAME begin -->" and "<!-- NAME end -->" of a file of docs/ with the
-/// text generated from the declarations. With PALPATE_UPDATE_DOCS in the environment it is updated instead.
 void check_section(const std::string& file, const std::string& name, const std::string& expected) {
-  const std::string path = std::string(PALPATE_SOURCE_DIR "/docs/") + file;
-  auto text = read_file(path);
-  ASSERT_TRUE(text.ok()) << text.error().message();
-  const std::string begin = "<!-- " + name + " begin -->\n", end = "<!-- " + name + " end -->";
-  const std::size_t first = text->find(begin), last = text->find(end);
-  ASSERT_NE(first, std::string::npos) << path << " has no " << begin;
-  ASSERT_NE(last, std::string::npos) << path << " has no " << end;
-  const std::size_t body = first + begin.size();
-  if (std::getenv("PALPATE_UPDATE_DOCS")) {
-    text->replace(body, last - body, expected);
-    ASSERT_TRUE(write_file(path, *text).ok());
-    return;
-  }
-  EXPECT_EQ(text->substr(body, last - body), expected)
-      << "docs/" << file
-      << " is behind the declarations: PALPATE_UPDATE_DOCS=1 scene_test --gtest_filter='Docs.*'";
+  test::check_docs_section(PALPATE_SOURCE_DIR, file, name, expected);
 }
 
 TEST(Docs, SceneListsEveryKey) {

@@ -162,6 +162,8 @@ class Privacy(cli.PalpateTest):
         self.succeed("replay", out / "run.h5", scene, env=environment)
         self.succeed("forces", scene, "-o", out / "forces.svg", env=environment)
         self.succeed("section", scene, "-o", out / "section.png", env=environment)
+        self.succeed("lint", scene, "--page", out / "lint.html", "--json", out / "lint.json", "--fix", out / "mended.seg.nrrd",
+                     env=environment)
 
         outputs = [p for folder in (out, home) for p in folder.rglob("*") if p.is_file()]
         self.assertGreaterEqual(len(outputs), 5)

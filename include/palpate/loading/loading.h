@@ -129,6 +129,16 @@ struct SceneVolumes {
   std::optional<LabelPlacement> label_placement = {};  ///< Set if both were read
 };
 
+/// Volumes of a scene, read but not prepared.
+struct ReadVolumes {
+  SceneVolumes volumes;
+  std::string origin_of_names = {};  ///< As in LoadedScene
+};
+/// Label map and scan as the files have them, with all layers. A volume on its own is the label map.
+/// Errors: those of load_scene_or_data_set.
+Result<ReadVolumes> read_volumes(const SceneSource& source, const Progress& progress = {},
+                                 const Warn& warn = {});
+
 /// Estimates the memory of a model with the scene's own method from volumes already read. The labels are
 /// converted to bricks, which counts as measured; the rest is estimated. Errors: those of build_model.
 Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Progress& progress = {});

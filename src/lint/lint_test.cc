@@ -1,0 +1,139 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <set>
+
+#include "base/test_docs.h"
+#include "lint/test_planted_faults.h"
+
+namespace palpate {
+namespace {
+
+using test::LintCase;
+
+const LintFinding* finding_of(const LintReport& report, LintKind kind) {
+  const auto at = std::ranges::find(report.findings, kind, &LintFinding::kind);
+  return at == report.findings.end() ? nullptr : &*at;
+}
+
+TEST(Lint, EveryKindIsDescribed) {
+  std::set<std::string_view> keys;
+  for (const LintKindInfo& info : lint_kinds()) {
+    EXPECT_EQ(&lint_kind(info.kind), &info);
+    EXPECT_TRUE(keys.insert(info.key).second);
+    EXPECT_TRUE(info.definition.ends_with("."));
+    EXPECT_FALSE(info.effect.empty() || info.effect.ends_with("."));
+    EXPECT_FALSE(info.remedy.empty() || info.remedy.ends_with("."));
+  }
+}
+
+TEST(Lint, TheManualListsEveryKind) {
+  test::check_docs_section(PALPATE_SOURCE_DIR, "guide/lint.md", "kinds", lint_kind_table());
+}
+
+TEST(Lint, WithoutNamesSidesCannotBeTold) {
+  LintCase one = test::organs_case(1);
+  for (Segment& segment : one.labels.segments)
+    if (segment.name != "spine") segment.name = "organ " + std::to_string(segment.id);
+  const auto report = one.report();
+  ASSERT_TRUE(report.ok());
+  const LintFinding* sides = finding_of(*report, LintKind::kSwappedSides);
+  ASSERT_NE(sides, nullptr);
+  EXPECT_EQ(sides->severity, LintSeverity::kCannotTell);
+}
+
+TEST(Lint, WithoutAScanTheBodyCannotBeTold) {
+  const LintCase one = test::organs_case(1);
+  const auto report = lint(one.labels, {});
+  ASSERT_TRUE(report.ok());
+  const LintFinding* body = finding_of(*report, LintKind::kOutsideBody);
+  ASSERT_NE(body, nullptr);
+  EXPECT_EQ(body->severity, LintSeverity::kCannotTell);
+}
+
+TEST(Lint, AMapWithoutStructuresIsAFault) {
+  LabelMap empty;
+  empty.layers.emplace_back(test::organs_case(1).labels.geometry());
+  const auto report = lint(empty, {});
+  ASSERT_TRUE(report.ok());
+  ASSERT_EQ(report->findings.size(), 1u);
+  EXPECT_EQ(report->findings.front().kind, LintKind::kNoVoxels);
+  EXPECT_EQ(report->grade, 'C');
+}
+
+TEST(Lint, DoesNotDependOnThreads) {
+  std::mt19937 random(5);
+  LintCase one = test::organs_case(3);
+  for (const auto& fault : test::planted_faults())
+    if (fault.kind <= LintKind::kHoles) fault.plant(one, random);
+  LintOptions options;
+  options.scan = &one.scan;
+  options.threads = 1;
+  const auto once = lint(one.labels, options);
+  options.threads = 3;
+  const auto again = lint(one.labels, options);
+  ASSERT_TRUE(once.ok() && again.ok());
+  ASSERT_EQ(once->findings.size(), again->findings.size());
+  for (std::size_t n = 0; n < once->findings.size(); ++n) {
+    EXPECT_EQ(once->findings[n].sentence, again->findings[n].sentence);
+    EXPECT_EQ(once->findings[n].voxel, again->findings[n].voxel);
+  }
+}
+
+TEST(Lint, WhatIsMendedIsGone) {
+  std::mt19937 random(7);
+  LintCase one = test::organs_case(4);
+  for (const auto& fault : test::planted_faults())
+    if (lint_kind(fault.kind).is_mended) {
+      ASSERT_TRUE(fault.plant(one, random)) << fault.name;
+    }
+  const LabelMap before = one.labels;
+  auto mended = mended_labels(one.labels);
+  ASSERT_TRUE(mended.ok());
+  one.labels = mended->labels;
+  const auto report = one.report();
+  ASSERT_TRUE(report.ok());
+  for (const LintFinding& finding : report->findings)
+    EXPECT_FALSE(finding.severity == LintSeverity::kFault && lint_kind(finding.kind).is_mended)
+        << finding.sentence;
+  // counts say how much changed
+  std::size_t changed = 0, said = 0;
+  for (std::size_t n = 0; n < before.layers[0].voxels().size(); ++n)
+    changed += before.layers[0].voxels()[n] != one.labels.layers[0].voxels()[n];
+  for (const LintMend& mend : mended->mends) said += mend.voxels;
+  EXPECT_GT(changed, 0u);
+  EXPECT_EQ(changed, said);
+  // and again nothing is left to do
+  const auto again = mended_labels(one.labels);
+  ASSERT_TRUE(again.ok());
+  EXPECT_TRUE(again->mends.empty());
+}
+
+TEST(Lint, GradesFollowFromFindings) {
+  LintCase one = test::organs_case(2);
+  const auto clean = one.report();
+  ASSERT_TRUE(clean.ok());
+  EXPECT_EQ(clean->grade, 'A');
+  std::mt19937 random(3);
+  std::optional<std::vector<LabelId>> hurt;
+  for (const auto& fault : test::planted_faults())
+    if (fault.kind == LintKind::kHoles) hurt = fault.plant(one, random);
+  ASSERT_TRUE(hurt);
+  const auto report = one.report();
+  ASSERT_TRUE(report.ok());
+  for (const StructureGrade& structure : report->structures)
+    EXPECT_EQ(structure.grade, structure.id == hurt->front() ? 'C' : 'A') << structure.name;
+}
+
+TEST(Lint, ABadRadiusAndAnInterruptionAreErrors) {
+  const LintCase one = test::organs_case(1);
+  EXPECT_EQ(one.report(0).error().kind, ErrorKind::kBadInput);
+  EXPECT_EQ(one.report(13).error().kind, ErrorKind::kBadInput);
+  const std::atomic<bool> stop = true;
+  EXPECT_EQ(lint(one.labels, {}, Progress({}, &stop)).error().kind, ErrorKind::kInterrupted);
+  EXPECT_EQ(mended_labels(one.labels, 0, Progress({}, &stop)).error().kind, ErrorKind::kInterrupted);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,129 @@
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "lint/study.h"
+#include "palpate/base/for_each_index.h"
+
+namespace palpate {
+namespace {
+
+using internal::Component;
+using internal::Islands;
+using internal::RunVolume;
+using internal::VoxelRun;
+
+/// The values beside some components, by the number of faces.
+std::map<std::uint32_t, std::map<LabelId, std::size_t>> neighbours_of(const RunVolume& runs,
+                                                                      const std::vector<bool>& wanted) {
+  std::map<std::uint32_t, std::map<LabelId, std::size_t>> neighbours;
+  internal::for_each_face(
+      runs, [&](int, const VoxelRun& a, const VoxelRun& b, int faces, const std::array<int, 3>&) {
+        if (wanted[a.node]) neighbours[a.node][b.value] += static_cast<std::size_t>(faces);
+        if (wanted[b.node]) neighbours[b.node][a.value] += static_cast<std::size_t>(faces);
+      });
+  return neighbours;
+}
+
+class LayerMender {
+ public:
+  LayerMender(MendedLabels& mended, std::size_t layer) : mended_(mended), layer_(layer) {}
+
+  /// Mends once. @return whether something changed
+  Result<bool> pass(int workers, const Progress& progress) {
+    Volume<LabelId>& voxels = mended_.labels.layers[layer_];
+    const GridGeometry& grid = voxels.geometry();
+    auto runs = internal::runs_of(voxels, workers, progress, {"mending the labels"});
+    if (!runs) return runs.error();
+    const std::vector<Component> components = connect(*runs);
+    const Islands found = islands_and_cavities(*runs, components, grid.voxel_volume_mm3());
+    std::vector<bool> is_island(components.size()), changes(components.size());
+    for (const std::uint32_t n : found.islands) is_island[n] = changes[n] = true;
+    const auto neighbours = neighbours_of(*runs, is_island);
+    std::vector<LabelId> becomes(components.size());
+    for (const std::uint32_t n : found.islands) {
+      const auto at = neighbours.find(n);
+      if (at == neighbours.end()) continue;
+      std::size_t most = 0;
+      for (const auto& [value, faces] : at->second)
+        if (faces > most) {
+          most = faces;
+          becomes[n] = value;
+        }
+      note(LintKind::kIslands, components[n].value, components[n].voxels);
+    }
+    for (const Islands::Cavity& cavity : found.cavities) {
+      if (!cavity.is_hole) continue;
+      changes[cavity.component] = true;
+      becomes[cavity.component] = cavity.around;
+      note(LintKind::kHoles, cavity.around, components[cavity.component].voxels);
+    }
+    bool any = false;
+    for (int k = 0; k < grid.dims[2]; ++k)
+      for (int j = 0; j < grid.dims[1]; ++j)
+        for (const VoxelRun& run : runs->row(j, k)) {
+          if (!changes[run.node]) continue;
+          any = true;
+          LabelId* row = voxels.voxels().data() + grid.offset(0, j, k);
+          std::fill(row + run.first, row + run.last + 1, becomes[run.node]);
+        }
+    return any;
+  }
+
+ private:
+  void note(LintKind kind, LabelId value, std::size_t voxels) {
+    const auto segment = std::ranges::find_if(mended_.labels.segments, [&](const Segment& s) {
+      return s.value == value && static_cast<std::size_t>(s.layer) == layer_;
+    });
+    const auto at = std::ranges::find_if(mended_.mends, [&](const LintMend& mend) {
+      return mend.kind == kind && mend.structure == segment->id;
+    });
+    LintMend& mend =
+        at != mended_.mends.end() ? *at : mended_.mends.emplace_back(LintMend{kind, segment->id, 0, 0, ""});
+    ++mend.parts;
+    mend.voxels += voxels;
+  }
+
+  MendedLabels& mended_;
+  std::size_t layer_;
+};
+
+void mend_names(MendedLabels& mended) {
+  std::vector<Segment>& segments = mended.labels.segments;
+  std::set<std::string> taken;
+  std::vector<Segment*> wrong;
+  for (Segment& segment : segments)
+    if (segment.name.empty() || !taken.insert(internal::plain_name(segment.name)).second)
+      wrong.push_back(&segment);
+  for (Segment* segment : wrong) {
+    const bool was_empty = segment->name.empty();
+    const std::string base = was_empty ? "structure " + std::to_string(segment->id) : segment->name;
+    std::string name = base;
+    for (int n = 2; !taken.insert(internal::plain_name(name)).second || (!was_empty && name == base); ++n)
+      name = base + " " + std::to_string(n);
+    segment->name = name;
+    mended.mends.push_back(
+        {was_empty ? LintKind::kNoName : LintKind::kDuplicateName, segment->id, 0, 0, name});
+  }
+}
+
+}  // namespace
+
+Result<MendedLabels> mended_labels(LabelMap labels, int threads, const Progress& progress) {
+  MendedLabels mended{std::move(labels), {}};
+  const int workers = worker_count(threads, std::max(1, mended.labels.geometry().dims[2]));
+  for (std::size_t layer = 0; layer < mended.labels.layers.size(); ++layer) {
+    LayerMender mender(mended, layer);
+    // a hole that opens where an island was is seen by the next pass
+    constexpr int kMaxPasses = 16;
+    for (int pass = 0; pass < kMaxPasses; ++pass) {
+      const auto changed = mender.pass(workers, progress);
+      if (!changed) return changed.error();
+      if (!*changed) break;
+    }
+  }
+  mend_names(mended);
+  return mended;
+}
+
+}  // namespace palpate

@@ -1,0 +1,76 @@
+#include "lint/study.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "palpate/base/for_each_index.h"
+
+namespace palpate::internal {
+
+LintStudy::LintStudy(const LabelMap& map, const LintOptions& given, const Progress& how_far)
+    : labels(map),
+      options(given),
+      progress(how_far),
+      grid(map.geometry()),
+      workers(worker_count(given.threads, std::max(1, map.geometry().dims[2]))),
+      statistics(segment_statistics(map)) {}
+
+const SegmentStatistics* LintStudy::statistics_of(LabelId id) const {
+  const auto at = std::ranges::lower_bound(statistics, id, {}, &SegmentStatistics::id);
+  return at != statistics.end() && at->id == id ? &*at : nullptr;
+}
+
+std::string LintStudy::name_of(LabelId id) const {
+  const Segment* segment = labels.find(id);
+  return segment == nullptr || segment->name.empty() ? "label " + std::to_string(id) : segment->name;
+}
+
+std::string LintStudy::names_of(const std::vector<LabelId>& ids) const {
+  constexpr std::size_t kMost = 5;
+  std::string text;
+  for (std::size_t n = 0; n < std::min(ids.size(), kMost); ++n)
+    text += (n == 0 ? "" : ids.size() <= kMost && n + 1 == ids.size() ? " and " : ", ") + name_of(ids[n]);
+  if (ids.size() > kMost) text += " and " + std::to_string(ids.size() - kMost) + " more";
+  return text;
+}
+
+Point<Patient> LintStudy::place_of(const std::array<int, 3>& voxel) const {
+  return grid.X_PatientVoxel() * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+}
+
+double LintStudy::face_mm2(std::size_t axis) const {
+  return grid.voxel_volume_mm3() / grid.spacing_mm[static_cast<Eigen::Index>(axis)];
+}
+
+void LintStudy::add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures, const Found& found,
+                    std::string sentence) {
+  LintFinding finding;
+  finding.kind = kind;
+  finding.severity = severity;
+  finding.structures = std::move(structures);
+  finding.quantity = found.quantity;
+  finding.unit = found.unit;
+  finding.voxels = found.voxels;
+  if (found.voxel) {
+    finding.voxel = *found.voxel;
+    finding.place = place_of(*found.voxel);
+  }
+  finding.sentence = std::move(sentence);
+  findings.push_back(std::move(finding));
+}
+
+std::string figure(double value, std::string_view unit) {
+  char text[64];
+  if (std::abs(value) >= 1000)
+    std::snprintf(text, sizeof text, "%.0f", value);
+  else
+    std::snprintf(text, sizeof text, "%.3g", value);
+  return unit.empty() ? std::string(text) : std::string(text) + " " + std::string(unit);
+}
+
+std::string counted(std::size_t count, std::string_view noun) {
+  return std::to_string(count) + " " + std::string(noun) + (count == 1 ? "" : "s");
+}
+
+}  // namespace palpate::internal

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lint/voxel_runs.h"
+#include "palpate/lint/lint.h"
+
+/// What the checks of lint() share.
+namespace palpate::internal {
+
+/// An island is smaller than this fraction of its structure's largest component, and than this volume.
+inline constexpr double kIslandShare = 0.02, kIsland_mm3 = 1000;
+/// An enclosed cavity below this fraction of the volume of the structure around it, and below this volume, is
+/// a hole; a larger one may be anatomy.
+inline constexpr double kHoleShare = 0.02, kHole_mm3 = 1000;
+
+/// The label map under study, and the findings so far.
+struct LintStudy {
+  LintStudy(const LabelMap& labels, const LintOptions& options, const Progress& progress);
+
+  const LabelMap& labels;
+  const LintOptions& options;
+  const Progress& progress;
+  const GridGeometry& grid;
+  int workers;
+  std::vector<SegmentStatistics> statistics;
+  std::vector<LintFinding> findings;
+
+  const SegmentStatistics* statistics_of(LabelId id) const;
+  /// "liver", or "label 7".
+  std::string name_of(LabelId id) const;
+  /// "liver, spleen and 3 more"
+  std::string names_of(const std::vector<LabelId>& ids) const;
+  Point<Patient> place_of(const std::array<int, 3>& voxel) const;
+  /// Area of a face across an axis, mm2.
+  double face_mm2(std::size_t axis) const;
+
+  struct Found {
+    double quantity = 0;
+    std::string_view unit = {};
+    std::size_t voxels = 0;
+    std::optional<std::array<int, 3>> voxel = {};
+  };
+  void add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures, const Found& found,
+           std::string sentence);
+};
+
+/// "12.3 mm2", three digits.
+std::string figure(double value, std::string_view unit);
+/// "1 voxel", "2 voxels"
+std::string counted(std::size_t count, std::string_view noun);
+
+/// A name as it is compared: lower case, words of letters and digits with a space between.
+std::string plain_name(const std::string& name);
+
+/// Components of a layer that are islands, by their numbers, and cavities that a single structure encloses.
+struct Islands {
+  std::vector<std::uint32_t> islands;
+  struct Cavity {
+    std::uint32_t component;
+    LabelId around;  ///< the value
+    bool is_hole;    ///< small enough for a hole
+  };
+  std::vector<Cavity> cavities;
+};
+Islands islands_and_cavities(const RunVolume& runs, const std::vector<Component>& components,
+                             double voxel_mm3);
+
+// ---- the checks; each adds its findings. Errors: kInterrupted.
+
+/// Islands, holes, sheets, necks, open cavities, seams, terraces, what the border cuts; of one layer.
+Result<void> check_shapes(LintStudy& study, std::size_t layer, const ProgressSpan& span);
+/// @param flat  one segment id for each voxel
+Result<void> check_leaks(LintStudy& study, const Volume<LabelId>& flat);
+Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
+Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
+Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
+void check_names(LintStudy& study);
+void check_sides(LintStudy& study);
+void check_overlaps(LintStudy& study);
+
+}  // namespace palpate::internal
