@@ -30,13 +30,13 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   endif()
 endif()
 
-# palpate_of_a_tick(ROOM...): rooms whose code runs in every tick. The same instructions, chosen and ordered for
+# palpate_of_a_tick(MODULE...): modules whose code runs in every tick. The same instructions, chosen and ordered for
 # processors since 2015: for any processor at all g++ clears what is small by `rep stos`, which begins slowly. A tick
 # takes 4 % less (docs/decisions/0072-what-a-tick-and-a-start-spend.md).
 function(palpate_of_a_tick)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
-    foreach(room ${ARGN})
-      target_compile_options(palpate_${room} PRIVATE $<$<CONFIG:Release>:-mtune=skylake>)
+    foreach(module ${ARGN})
+      target_compile_options(palpate_${module} PRIVATE $<$<CONFIG:Release>:-mtune=skylake>)
     endforeach()
   endif()
 endfunction()

@@ -2,12 +2,12 @@
 # package palpate), `program` is palpate with its page compiled in, and its man pages.
 include(CMakePackageConfigHelpers)
 
-# palpate_install_core(ROOM...): the rooms as targets palpate::ROOM, all of them together as palpate::core
+# palpate_install_core(MODULE...): the modules as targets palpate::MODULE, all of them together as palpate::core
 function(palpate_install_core)
-  foreach(room ${ARGN})
-    set_target_properties(palpate_${room} PROPERTIES EXPORT_NAME ${room})
-    install(TARGETS palpate_${room} EXPORT palpate ARCHIVE DESTINATION lib COMPONENT core)
-    install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/palpate/${room} DESTINATION include/palpate COMPONENT core)
+  foreach(module ${ARGN})
+    set_target_properties(palpate_${module} PROPERTIES EXPORT_NAME ${module})
+    install(TARGETS palpate_${module} EXPORT palpate ARCHIVE DESTINATION lib COMPONENT core)
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/palpate/${module} DESTINATION include/palpate COMPONENT core)
   endforeach()
   set_target_properties(palpate_core PROPERTIES EXPORT_NAME core)
   target_compile_features(palpate_core INTERFACE cxx_std_20)

@@ -1,6 +1,6 @@
 #pragma once
 
-// What nearly every test includes, precompiled (palpate_precompiled_headers in cmake/room.cmake). Each test
+// What nearly every test includes, precompiled (palpate_precompiled_headers in cmake/module.cmake). Each test
 // still includes what it uses: tools/check_alone compiles without this.
 
 #include <gmock/gmock.h>

@@ -33,7 +33,7 @@ def run(files, *options):
 def faults(text, **others):
     """The faults of docs/guide/page.md, beside other files."""
     files = {"docs/guide/page.md": text, "docs/guide/other.md": "# Other page\n\n## A `key`, twice\n\n## A `key`, twice\n",
-             "docs/a.png": "", "src/room/thing.cc": "", "src/room/thing_test.cc": "TEST(Suite, Passes) {\n}\n"}
+             "docs/a.png": "", "src/module/thing.cc": "", "src/module/thing_test.cc": "TEST(Suite, Passes) {\n}\n"}
     files.update({name.replace("__", "/").replace("_md", ".md"): value for name, value in others.items()})
     code, lines = run(files)
     lines = [line for line in lines if line.startswith("docs/guide/page.md:")]
@@ -49,7 +49,7 @@ class Links(unittest.TestCase):
     def test_what_is_there(self):
         self.assertEqual(faults("# Page\n[a](other.md) [b](other.md#a-key-twice) [c](other.md#a-key-twice-1) [d](#page)\n"
                                 "[wrapped over\ntwo lines](other.md) ![text](../a.png) <https://example.org> [e](https://example.org/x)\n"
-                                "`src/room/thing.cc` `src/ROOM/NAME_test.cc` `src/acme/acme_driver.cc` `test_acme_fake.h`\n`thing.cc` `mine.csv` `x/src/none.cc` `[f](gone.md)`\n\n"
+                                "`src/module/thing.cc` `src/MODULE/NAME_test.cc` `src/acme/acme_driver.cc` `test_acme_fake.h`\n`thing.cc` `mine.csv` `x/src/none.cc` `[f](gone.md)`\n\n"
                                 "```sh\nroom_test --gtest_filter='Suite.P*'   [f](gone.md)\n```\n\n```sh\n[g](gone.md)\n```\n"), [])
 
     def test_what_is_not(self):
@@ -58,8 +58,8 @@ class Links(unittest.TestCase):
                            ("![text](gone.png)", "there is no gone.png"), ("![](../a.png)", "the picture ../a.png has no text in place of it"),
                            ("[![ ](../a.png)](other.md)", "the picture ../a.png has no text in place of it"),
                            ("<img src=\"../a.png\">", "write pictures and links as [text](path)"),
-                           ("`src/room/gone.cc`", "there is no src/room/gone.cc"), ("`gone.cc`", "there is no source gone.cc"),
-                           ("`palpate/room/gone.h`", "there is no palpate/room/gone.h"), 
+                           ("`src/module/gone.cc`", "there is no src/module/gone.cc"), ("`gone.cc`", "there is no source gone.cc"),
+                           ("`palpate/module/gone.h`", "there is no palpate/module/gone.h"), 
                            ("```sh\ntools/gone\n```", "there is no tools/gone"), ("`--gtest_filter=Suite.F*`", "no test is Suite.F*")):
             with self.subTest(text):
                 found = faults(text + "\n")

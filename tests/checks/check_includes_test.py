@@ -34,7 +34,7 @@ GOOD = {
     "tests/servo/two_test.cc": '#include "servo/test_loop.h"\n',
     "apps/palpate/verb.h": '#include <CLI/CLI.hpp>\n#include "palpate/base/result.h"\n',
     "apps/palpate/info.cc": '#include "verb.h"\n#include "palpate/session/session.h"\n',
-    "src/link/CMakeLists.txt": "palpate_room(link_messages\n  SOURCES pose.cc wire.h\n          request.cc\n  LINK palpate_base)\n",
+    "src/link/CMakeLists.txt": "palpate_module(link_messages\n  SOURCES pose.cc wire.h\n          request.cc\n  LINK palpate_base)\n",
     "src/link/pose.cc": '#include "link/pose.h"\n#include "link/wire.h"\n#include <nlohmann/json.hpp>\n#include <vector>\n',
     "src/link/network.cc": '#include <boost/asio.hpp>\n#include <openssl/ssl.h>\n#include "link/pose.h"\n',
     "bench/gaussian_bench.cc": '#include <itkImage.h>\n#include <CLI/CLI.hpp>\n',
@@ -95,7 +95,7 @@ class CheckIncludes(unittest.TestCase):
                 self.assertIn(complaint, lines[0])
 
     def test_a_part_without_sources_is_a_fault(self):
-        code, lines = run({**GOOD, "src/link/CMakeLists.txt": "palpate_room(link SOURCES hub.cc)\n"})
+        code, lines = run({**GOOD, "src/link/CMakeLists.txt": "palpate_module(link SOURCES hub.cc)\n"})
         self.assertEqual((code, lines), (1, ["src/link/CMakeLists.txt:1: lists no sources of link_messages"]))
 
     def test_empty_tree_is_a_fault(self):

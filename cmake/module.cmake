@@ -76,72 +76,72 @@ function(palpate_precompiled_headers out numeric)
   target_precompile_headers(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests/test_headers.h)
 endfunction()
 
-# palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
+# palpate_module(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
 #              [TESTS ...] [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER]
 #              [FUZZERS ...])
 #
-# One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
-# for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
+# A module: a static library palpate_NAME, its unit tests (NAME_test, one executable
+# for all *_test.cc of the module) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
 # once for every target, and that no other source can therefore share a unit with. ALONE are sources whose
 # headers take long to compile, and that a change of another source should not compile again. FUZZED are the sources that
-# the fuzzers' bytes reach, where most of the room's are not. WORDS says that the room has no loop over voxels or ticks
+# the fuzzers' bytes reach, where most of the module's are not. WORDS says that the module has no loop over voxels or ticks
 # that somebody waits for: it is optimised less, and compiles in two thirds of the time and less. NUMERIC_TESTS says that
 # its tests loop over many points or ticks themselves, so that they are worth optimising.
-function(palpate_room name)
-  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
+function(palpate_module name)
+  cmake_parse_arguments(MODULE "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   set(less_optimised)
-  if(ROOM_WORDS AND NOT PALPATE_BUILD_FUZZERS)
+  if(MODULE_WORDS AND NOT PALPATE_BUILD_FUZZERS)
     set(less_optimised $<$<CONFIG:Release>:-O1>)
     if(PALPATE_SANITIZE)
       set(less_optimised -O0)
     endif()
   endif()
-  set(alone ${ROOM_SIMD} ${ROOM_ALONE})
+  set(alone ${MODULE_SIMD} ${MODULE_ALONE})
   if(alone)
     set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   endif()
   if(name IN_LIST PALPATE_TYPES_ALONE)
-    set(ROOM_SOURCES ${PALPATE_FUZZED_${name}})
-    set(ROOM_SIMD)
-    set(ROOM_ALONE)
+    set(MODULE_SOURCES ${PALPATE_FUZZED_${name}})
+    set(MODULE_SIMD)
+    set(MODULE_ALONE)
   endif()
-  if(ROOM_SOURCES)
-    add_library(${library} STATIC ${ROOM_SOURCES} ${ROOM_SIMD} ${ROOM_ALONE})
+  if(MODULE_SOURCES)
+    add_library(${library} STATIC ${MODULE_SOURCES} ${MODULE_SIMD} ${MODULE_ALONE})
     # a function that no fuzzer calls, and what it would call, are left out when one is linked
-    if(name IN_LIST PALPATE_TYPES_ALONE OR (PALPATE_BUILD_FUZZERS AND ROOM_FUZZED))
+    if(name IN_LIST PALPATE_TYPES_ALONE OR (PALPATE_BUILD_FUZZERS AND MODULE_FUZZED))
       target_compile_options(${library} PRIVATE -ffunction-sections)
     endif()
     target_compile_options(${library} PRIVATE ${less_optimised})
     set(scope PUBLIC)
-    target_link_libraries(${library} PRIVATE ${ROOM_PRIVATE_LINK})
+    target_link_libraries(${library} PRIVATE ${MODULE_PRIVATE_LINK})
   else()
     add_library(${library} INTERFACE)
     set(scope INTERFACE)
   endif()
   target_include_directories(${library} ${scope} $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src> $<INSTALL_INTERFACE:include>)
-  target_link_libraries(${library} ${scope} ${ROOM_LINK})
+  target_link_libraries(${library} ${scope} ${MODULE_LINK})
 
-  if(PALPATE_BUILD_TESTS AND ROOM_TESTS)
-    add_executable(${name}_test ${ROOM_TESTS})
-    target_link_libraries(${name}_test PRIVATE ${library} ${ROOM_TEST_LINK} GTest::gmock GTest::gtest_main)
-    palpate_test_options(${name}_test NUMERIC ${ROOM_NUMERIC_TESTS})
+  if(PALPATE_BUILD_TESTS AND MODULE_TESTS)
+    add_executable(${name}_test ${MODULE_TESTS})
+    target_link_libraries(${name}_test PRIVATE ${library} ${MODULE_TEST_LINK} GTest::gmock GTest::gtest_main)
+    palpate_test_options(${name}_test NUMERIC ${MODULE_NUMERIC_TESTS})
     target_compile_definitions(${name}_test PRIVATE
       PALPATE_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-    palpate_tests(${name}_test ${name} CI ${ROOM_CI} NIGHTLY ${ROOM_NIGHTLY} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
+    palpate_tests(${name}_test ${name} CI ${MODULE_CI} NIGHTLY ${MODULE_NIGHTLY} SLOW_SANITIZED "${MODULE_SLOW_SANITIZED}")
   endif()
 
-  if(PALPATE_BUILD_FUZZERS AND ROOM_FUZZERS)
+  if(PALPATE_BUILD_FUZZERS AND MODULE_FUZZERS)
     # coverage for what is fuzzed; each fuzzer adds the driver
-    if(ROOM_FUZZED)
+    if(MODULE_FUZZED)
       target_compile_options(${library} PRIVATE -fno-sanitize=all -O0)
-      set_source_files_properties(${ROOM_FUZZED} PROPERTIES
+      set_source_files_properties(${MODULE_FUZZED} PROPERTIES
         COMPILE_OPTIONS "-fsanitize=${PALPATE_SANITIZE},fuzzer-no-link;-O1" SKIP_UNITY_BUILD_INCLUSION ON)
     else()
       target_compile_options(${library} PRIVATE -fsanitize=fuzzer-no-link)
     endif()
-    foreach(fuzzer ${ROOM_FUZZERS})
+    foreach(fuzzer ${MODULE_FUZZERS})
       get_filename_component(target ${fuzzer} NAME_WE)
       add_executable(${target} ${fuzzer})
       target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
