@@ -416,7 +416,7 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   EXPECT_EQ(error_of(softer).where, "stiffness_N_per_mm");
   EXPECT_THAT(error_of(softer).what, HasSubstr("b-spline"));
-  softer.stiffness_N_per_mm.reset();
+  softer.changes[&ContactProperties::stiffness_N_per_mm].reset();
   softer.changes[&ContactProperties::viscosity_N_s_per_mm] = 0.002;
   EXPECT_EQ(error_of(softer).what, "no error");
   viewed_->next_method();
@@ -818,7 +818,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
       {one([](auto& r) { r.max_force_N = 4; }), "viewer 3 wants to set the limit of the force to 4 N, now 3"},
       {one([](auto& r) { r.method = "trilinear"; }), "viewer 3 wants to feel by the method trilinear"},
       {one([](auto& r) {
-         r.changes[&ContactProperties::friction] = false;
+         r.friction = false;
          r.viscosity = false;
          r.passivity = true;
        }),
@@ -922,7 +922,7 @@ TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
     return *viewed_->set(more);
   };
   EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), Grant::kAsked);
-  EXPECT_EQ(wants([](auto& r) { r.changes[&ContactProperties::friction] = true; }), Grant::kAsked);
+  EXPECT_EQ(wants([](auto& r) { r.friction = true; }), Grant::kAsked);
   EXPECT_EQ(wants([](auto& r) { r.paused = false; }), Grant::kAsked);
   TissueRequest stiffer;
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.6;
