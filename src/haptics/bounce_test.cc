@@ -107,10 +107,10 @@ TEST(Bounce, ASlowTouchSaysNothing) {
 TEST(Bounce, ItIsOverAfterAWhile) {
   // a tip suspended in a wall, as if about to reverse for ever
   BounceState state;
-  const double fell_mm_s = 100, step_mm = 0.03;
+  const double impact_mm_s = 100, step_mm = 0.03;
   int last = 0;
   for (int n = 0; n < 100; ++n) {
-    const BounceInput input{2, n < 5 ? -0.05 : 0, -fell_mm_s, step_mm, 2e-3, kBounceTick_s};
+    const BounceInput input{2, n < 5 ? -0.05 : 0, -impact_mm_s, step_mm, 2e-3, kBounceTick_s};
     const double max_N = limit_rebound_N(input, state);
     EXPECT_GE(max_N, 0);
     if (max_N < kNone) last = n;

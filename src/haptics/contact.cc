@@ -30,9 +30,9 @@ LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
 }
 
 // ray marching through the labels in steps of half a voxel
-class LabelWalk {
+class LabelRay {
  public:
-  LabelWalk(const Model& model, const Point<Patient>& x)
+  LabelRay(const Model& model, const Point<Patient>& x)
       : model_(model),
         start_(model.field->X_VoxelPatient() * x),
         step_mm_(0.5 * model.labels->geometry().min_spacing_mm()),
@@ -123,7 +123,7 @@ double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<
 
 ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample) {
   if (sample.value == 0) return {};
-  const LabelWalk walk(model, x);
+  const LabelRay walk(model, x);
   const Vector<Patient> outward = -sample.gradient.normalized();
   const bool has_direction = outward != Vector<Patient>();
 

@@ -73,7 +73,7 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
       const double aside = std::sqrt(aside_mm2[pair]), radius = radius_mm(a, b);
       const double per_mm =
           aside < radius ? aside / radius / (std::numbers::pi * radius) : 1 / (std::numbers::pi * aside);
-      foot.closeness_per_mm += 2 * force[a] * force[b] * per_mm;
+      foot.interaction_per_mm += 2 * force[a] * force[b] * per_mm;
     }
   return foot;
 }

@@ -22,7 +22,7 @@ struct Footprint {
   double depth_mm = 0, radius_mm = 0;
   /// Additional compliance by interaction of the places, times E*: each is lowered by the pressure at the
   /// others, 1 / (pi E* r) at a distance r (Boussinesq).
-  double closeness_per_mm = 0;
+  double interaction_per_mm = 0;
   /// Ratio of dF/dd of all places moved together to that of the equivalent sphere; at least 1.
   double stiffer = 1;
   /// Force-weighted mean of the vectors from the tip to the points of action on the surface.

@@ -28,7 +28,7 @@ TEST(Footprint, OfOnePlaceIsThatPlace) {
   const Footprint foot = footprint_of({&place, 1}, kUp);
   EXPECT_NEAR(foot.depth_mm, 0.7, 1e-12);
   EXPECT_NEAR(foot.radius_mm, 2.5, 1e-12);
-  EXPECT_EQ(foot.closeness_per_mm, 0);
+  EXPECT_EQ(foot.interaction_per_mm, 0);
   EXPECT_NEAR(foot.stiffer, 1, 1e-12);
   EXPECT_NEAR((foot.arm_mm - Vector<Patient>(1, 2, 0.5)).norm(), 0, 1e-12);
 }
@@ -57,7 +57,7 @@ TEST(Footprint, FarFromEachOtherTheyAddUp) {
 
 // Force on a half-space with E* = 1 (yield_force's law), with the footprint's additional compliance.
 double pressed_N(const Footprint& foot) {
-  const ContactLaw tissue{foot.closeness_per_mm, {}, 1};
+  const ContactLaw tissue{foot.interaction_per_mm, {}, 1};
   return yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N;
 }
 
@@ -75,7 +75,7 @@ TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
   }
   const ContactSurface plane = testing::felt_surface(
       testing::cube_grid(45, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
-  const int leant_on = 0;
+  const int edge_contact_front = 0;
   struct Shaft {
     double radius_mm, length_mm, deep_mm, truth_N;
   };
@@ -88,7 +88,7 @@ TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
                                                                {1, 40, 1, 12.921}}) {
     const ToolSphere shaft{{}, radius_mm, {length_mm, 0, 0}};
     std::vector<PressPlace> places(kMaxPressPlaces);
-    const std::size_t count = press_places({&plane, 1}, {&leant_on, 1}, {&shaft, 1},
+    const std::size_t count = press_places({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
                                            Point<Patient>(-20, 0, radius_mm - deep_mm), places);
     const double is_N = pressed_N(footprint_of(std::span(places).first(count), kUp));
     // where the contact is wider than the depth, the row resolves less of the area between its spheres
@@ -127,12 +127,12 @@ TEST(Footprint, HasNoSteps) {
 TEST(Footprint, AShaftPressesWithWhatLiesOnTheSurface) {
   const ContactSurface plane = testing::felt_surface(
       testing::cube_grid(40, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
-  const int leant_on = 0;
+  const int edge_contact_front = 0;
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {
     const ToolSphere shaft{{}, 2, Vector<Patient>(along)};
     std::vector<PressPlace> places(kMaxPressPlaces);
-    const std::size_t count =
-        press_places({&plane, 1}, {&leant_on, 1}, {&shaft, 1}, Point<Patient>(0, 0, 2 - deep_mm), places);
+    const std::size_t count = press_places({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
+                                           Point<Patient>(0, 0, 2 - deep_mm), places);
     return footprint_of(std::span(places).first(count), kUp);
   };
   const double one = 4.0 / 3 * std::sqrt(2.0) * std::pow(8, 1.5);

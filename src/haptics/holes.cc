@@ -15,7 +15,7 @@ double aside_mm(const Hole& hole, const Vector<Patient>& from_entry) {
 
 }  // namespace
 
-bool Hole::lets_in(const Point<Patient>& middle, double part_radius_mm) const {
+bool Hole::fits(const Point<Patient>& middle, double part_radius_mm) const {
   const Vector<Patient> from_entry = middle - at;
   const double along_mm = from_entry.dot(inward), play_mm = kProxyFeel.hole_play_mm;
   // a part may be anywhere in the hole, with a tolerance for one in contact with the rim beside it

@@ -25,14 +25,14 @@ std::uint64_t hash_of(const Holes& holes) {
 TEST(Holes, LetInWhatFitsWhereverItLies) {
   const Hole hole = made();
   const double play_mm = kProxyFeel.hole_play_mm;
-  EXPECT_TRUE(hole.lets_in({0, 0, 0}, 1));
-  EXPECT_TRUE(hole.lets_in({0.9 * play_mm, 0, 0}, 1));
-  EXPECT_FALSE(hole.lets_in({1.1 * play_mm, 0, 0}, 1));
-  EXPECT_TRUE(hole.lets_in({0.9 + play_mm, 0, 0}, 0.1)) << "a thin one has room";
-  EXPECT_FALSE(hole.lets_in({0, 0, 0}, 1.2)) << "wider than the hole";
-  EXPECT_TRUE(hole.lets_in({0, 0, 2 + 0.9 * play_mm}, 1)) << "from the other end";
-  EXPECT_FALSE(hole.lets_in({0, 0, 2 + 1.1 * play_mm}, 1));
-  EXPECT_FALSE(hole.lets_in({0, 0, -1.1 * play_mm}, 1));
+  EXPECT_TRUE(hole.fits({0, 0, 0}, 1));
+  EXPECT_TRUE(hole.fits({0.9 * play_mm, 0, 0}, 1));
+  EXPECT_FALSE(hole.fits({1.1 * play_mm, 0, 0}, 1));
+  EXPECT_TRUE(hole.fits({0.9 + play_mm, 0, 0}, 0.1)) << "a thin one has room";
+  EXPECT_FALSE(hole.fits({0, 0, 0}, 1.2)) << "wider than the hole";
+  EXPECT_TRUE(hole.fits({0, 0, 2 + 0.9 * play_mm}, 1)) << "from the other end";
+  EXPECT_FALSE(hole.fits({0, 0, 2 + 1.1 * play_mm}, 1));
+  EXPECT_FALSE(hole.fits({0, 0, -1.1 * play_mm}, 1));
 }
 
 TEST(Holes, AreAsLongAsWhatWentThroughHasCome) {

@@ -49,7 +49,7 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
       if (known_free && is_known_beyond(surface, sphere, at, reach_mm)) continue;
-      const Near near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+      const ContactPair near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
       const double far_mm = reach_mm * surface.steepest();
       if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm) continue;
       const Known known = look(near, at, far_mm, near.steps / 2);
@@ -67,7 +67,7 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
     const Surface& surface = *surfaces[s].surface;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
-      const Near near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+      const ContactPair near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
       const double min_mm = sphere.radius_mm - kProxyFeel.outside_mm;
       if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= min_mm) continue;
       if (near.clearance(at, -kProxyFeel.outside_mm, near.steps / 2, looks).mm < -kProxyFeel.outside_mm)
@@ -83,15 +83,16 @@ double PairSet::steepest() const {
   return steepest;
 }
 
-PairSet::Known PairSet::look(const Near& near, const Point<Patient>& proxy, double enough_mm, int begin) {
-  const Near::Clearance clearance = near.clearance(proxy, enough_mm, begin, looks_);
+PairSet::Known PairSet::look(const ContactPair& near, const Point<Patient>& proxy, double enough_mm,
+                             int begin) {
+  const ContactPair::Clearance clearance = near.clearance(proxy, enough_mm, begin, looks_);
   return {proxy + near.shape.offset_mm, clearance.mm,
           near.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
 }
 
 double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double enough_mm) {
   Known& known = known_[n];
-  const Near& near = near_[n];
+  const ContactPair& near = near_[n];
   const Point<Patient> centre = proxy + near.shape.offset_mm;
   const double moved_mm = (centre - known.centre).norm();
   const double at_least_mm = known.clearance_mm - moved_mm * near.surface->steepest();
@@ -102,7 +103,7 @@ double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double eno
 }
 
 double PairSet::middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step) {
-  const Near& near = near_[n];
+  const ContactPair& near = near_[n];
   if (near.steps == 0) return 0;
   return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape, near.steps,
                                      step, kProxyFeel.beside_mm, looks_);
@@ -122,7 +123,7 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
 }
 
 // insertion sort by clearance, so that the nearest pairs are kept
-void PairSet::insert(const Near& near, double clearance_mm, const Known& known) {
+void PairSet::insert(const ContactPair& near, double clearance_mm, const Known& known) {
   if (count_ == kMaxNear)
     left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxNear - 1]));
   std::size_t place = count_;
@@ -139,7 +140,8 @@ void PairSet::insert(const Near& near, double clearance_mm, const Known& known) 
   clearances_mm_.make(place, clearance_mm);
 }
 
-bool Walls::add(const Near& near, int step, const Point<Patient>& at, double clearance_mm) {
+bool ContactConstraints::add(const ContactPair& near, int step, const Point<Patient>& at,
+                             double clearance_mm) {
   const Vector<Patient> normal = near.surface->outward(at + near.offset_mm(step));
   if (normal == Vector<Patient>()) return false;
   const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
@@ -149,14 +151,14 @@ bool Walls::add(const Near& near, int step, const Point<Patient>& at, double cle
   return true;
 }
 
-void Walls::put(std::size_t place, const Near& near, int step, const HalfSpace& wall) {
+void ContactConstraints::put(std::size_t place, const ContactPair& near, int step, const HalfSpace& wall) {
   half_spaces_.make(place, wall);
   near_.make(place, &near);
   step_.make(place, step);
 }
 
 // index of a parallel half-space that is less restrictive, or kMaxHalfSpaces
-std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
+std::size_t ContactConstraints::place_of_weaker(const HalfSpace& wall) const {
   std::size_t n = 0;
   while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(wall.normal) > kProxyFeel.parallel &&
                                  half_spaces_[n].offset < wall.offset))
@@ -165,7 +167,7 @@ std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
 }
 
 bool project_out(PairSet& near, int max_steps, double step_mm, Point<Patient>& proxy) {
-  Walls walls;
+  ContactConstraints walls;
   Point<Patient> outside = proxy;
   for (int n = 0; n <= max_steps; ++n) {
     walls.clear();

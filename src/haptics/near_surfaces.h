@@ -27,7 +27,7 @@ inline bool is_there(std::span<const ContactSurface> surfaces, int layer, const 
 }
 
 /// Pair of a tool part and a surface that it may touch in this tick.
-struct Near {
+struct ContactPair {
   const Surface* surface;
   int index, sphere;
   ToolSphere shape;
@@ -77,16 +77,18 @@ class PairSet {
   /// Empties the set.
   void clear() { count_ = 0; }
   /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMaxNear.
-  const Near& recall(const Near& near) { return near_.make(count_++, near); }
+  const ContactPair& recall(const ContactPair& near) { return near_.make(count_++, near); }
 
   std::size_t count() const { return count_; }
-  const Near& operator[](std::size_t n) const { return near_[n]; }
-  std::size_t place_of(const Near& near) const { return static_cast<std::size_t>(&near - near_.data()); }
+  const ContactPair& operator[](std::size_t n) const { return near_[n]; }
+  std::size_t place_of(const ContactPair& near) const {
+    return static_cast<std::size_t>(&near - near_.data());
+  }
   double reach_mm() const { return reach_mm_; }
   /// Maximum slope of the distance fields in the set; at least 1.
   double steepest() const;
   /// Whether any sphere was inside a surface at the position passed to gather().
-  bool is_in_one() const { return count_ > 0 && clearances_mm_[0] <= -kProxyFeel.outside_mm; }
+  bool penetrates() const { return count_ > 0 && clearances_mm_[0] <= -kProxyFeel.outside_mm; }
 
   /// Clearance of pair n, or a lower bound above `enough_mm` where that is cheaper. Cached: a clearance
   /// decreases by at most the surface's maximum slope times the displacement.
@@ -113,11 +115,11 @@ class PairSet {
     int step = 0;
   };
 
-  Known look(const Near& near, const Point<Patient>& proxy, double enough_mm, int begin);
+  Known look(const ContactPair& near, const Point<Patient>& proxy, double enough_mm, int begin);
 
-  void insert(const Near& near, double clearance_mm, const Known& known);
+  void insert(const ContactPair& near, double clearance_mm, const Known& known);
 
-  UninitialisedArray<Near, kMaxNear> near_;
+  UninitialisedArray<ContactPair, kMaxNear> near_;
   UninitialisedArray<double, kMaxNear> clearances_mm_;
   UninitialisedArray<Known, kMaxNear> known_;
   std::size_t count_ = 0;
@@ -134,28 +136,28 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
              const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at);
 
 /// Half-space constraints, each with the sphere-surface pair that it comes from.
-class Walls {
+class ContactConstraints {
  public:
   bool full() const { return count_ == kMaxHalfSpaces; }
   void clear() { count_ = 0; }
   /// Adds the tangent plane of the pair's surface at a position of the tip with a known clearance. A full set
   /// replaces a weaker parallel plane. Returns false if the surface has no normal there, or there is no room.
   /// @param step  step of the capsule's row that has this clearance
-  bool add(const Near& near, int step, const Point<Patient>& at, double clearance_mm);
+  bool add(const ContactPair& near, int step, const Point<Patient>& at, double clearance_mm);
   /// Adds the half-space of a sphere from an earlier tick. Precondition: not full.
-  void recall(const Near& near, const HalfSpace& wall) { put(count_++, near, 0, wall); }
+  void recall(const ContactPair& near, const HalfSpace& wall) { put(count_++, near, 0, wall); }
   std::size_t count() const { return count_; }
   std::span<const HalfSpace> half_spaces() const { return {half_spaces_.data(), count_}; }
   const HalfSpace& half_space(std::size_t n) const { return half_spaces_[n]; }
-  const Near& near(std::size_t n) const { return *near_[n]; }
+  const ContactPair& near(std::size_t n) const { return *near_[n]; }
   int step(std::size_t n) const { return step_[n]; }
 
  private:
   std::size_t place_of_weaker(const HalfSpace& wall) const;
-  void put(std::size_t place, const Near& near, int step, const HalfSpace& wall);
+  void put(std::size_t place, const ContactPair& near, int step, const HalfSpace& wall);
 
   UninitialisedArray<HalfSpace, kMaxHalfSpaces> half_spaces_;
-  UninitialisedArray<const Near*, kMaxHalfSpaces> near_;
+  UninitialisedArray<const ContactPair*, kMaxHalfSpaces> near_;
   UninitialisedArray<int, kMaxHalfSpaces> step_;
   std::size_t count_ = 0;
 };

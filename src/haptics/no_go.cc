@@ -89,7 +89,7 @@ MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
 }
 
 /// Active regions in order of decreasing depth, up to the capacity.
-class Pushes {
+class ActiveRegions {
  public:
   void add(const Push& push) {
     const auto end = push_.begin() + static_cast<std::ptrdiff_t>(count_);
@@ -228,7 +228,7 @@ NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& dist
   // NaN: the limit is unknown, and nothing is limited
   const bool capped = max_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
   if (capped && !(max_stiffness_N_per_mm > 0)) return all;
-  Pushes pushes;
+  ActiveRegions pushes;
   for (std::size_t r = 0; r < regions.size(); ++r) {
     const NoGoRegion& region = regions[r];
     const MetRegion near = nearest_to(region, distances, spheres, tip);

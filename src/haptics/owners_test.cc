@@ -166,7 +166,7 @@ TEST(Owners, AMemoGivesWhatIsAskedForAfreshWhateverChanges) {
         break;
       case 4:
         felt.made = felt.made == nullptr ? as_made : nullptr;
-        felt.made_labels = labels;
+        felt.original_labels = labels;
         break;
       default:
         break;

@@ -24,7 +24,7 @@ void follow_direction(double along_mm, double step_mm, PassivityState& state) {
   const double half_mm = 0.5 * kPassivityFeel.turn_steps * step_mm;
   state.play_mm += along_mm;
   if (std::abs(state.play_mm) < half_mm) return;
-  state.gives_way = state.play_mm > 0;
+  state.moves_with_force = state.play_mm > 0;
   state.play_mm = std::copysign(half_mm, state.play_mm);
 }
 
@@ -60,9 +60,9 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
 // Factor for the force during withdrawal where the energy does not cover the reserve, so that motions too
 // slow for the damper also repay what they gave out. The reduction is limited to the force of one encoder
 // step, which is below the force flicker of the encoder itself.
-double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double step_mm,
-                           const PassivityState& state) {
-  if (!state.gives_way) return 1;
+double withdrawal_factor(double force_N, double stiffness_N_per_mm, double step_mm,
+                         const PassivityState& state) {
+  if (!state.moves_with_force) return 1;
   const double missing =
       std::max(0.0, 1 - state.energy_mJ / (force_N * kPassivityFeel.reserve_steps * step_mm));
   return 1 - std::min({missing, kPassivityFeel.max_hysteresis, stiffness_N_per_mm * step_mm / force_N});
@@ -98,7 +98,7 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
   PassivityOutput kept;
   kept.factor = soft_N / force_N *
                 std::min(damped(input, soft_N, step_mm, state, kept.damping_N_s_per_m),
-                         less_on_the_way_out(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
+                         withdrawal_factor(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
   kept.factor = std::min(kept.factor, max_N / force_N);
   return kept;
 }

@@ -18,7 +18,7 @@ namespace palpate {
 namespace {
 
 // upper bound of the distance by which a proxy inside surfaces, e.g. after a tool change, is pushed out
-constexpr double kMaxPush_mm = kProxyFeel.max_corrections * kProxyFeel.stride_mm();
+constexpr double kMaxPushOut_mm = kProxyFeel.max_corrections * kProxyFeel.stride_mm();
 
 int layers_of(std::span<const ContactSurface> surfaces) {
   int most = 0;
@@ -63,11 +63,11 @@ struct DisplacementLimit {
 
   /// Whether a position is outside the ball, so that the limit applies.
   bool holds(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
-  bool is_taut(const Point<Patient>& at) const {
+  bool is_at_limit(const Point<Patient>& at) const {
     return (at - middle).norm() > length_mm - kProxyFeel.still_mm;
   }
   // largest fraction of a displacement that stays within the ball
-  double free_part(const Point<Patient>& from, const Vector<Patient>& way) const {
+  double fraction_within(const Point<Patient>& from, const Vector<Patient>& way) const {
     if (!holds(from + way)) return 1;
     const Vector<Patient> out = from - middle;
     const double along = out.dot(way), square = way.squared_norm();
@@ -84,7 +84,7 @@ struct ProxyAdvance {
   Vector<Patient> stretched_mm;          ///< Spring vector (tip to proxy) of the last tick
   double hand_mm = 0;  ///< Displacement of the tip in this tick plus the arc of the tool's rotation
   /// hand_mm plus the displacement accumulated while the proxy was catching up at zero force.
-  double behind_mm = 0;
+  double catch_up_mm = 0;
   /// Upper limit of the spring vector's change in this tick: hand_mm plus the permitted slip.
   double max_change_mm = std::numeric_limits<double>::infinity();
 };
@@ -101,7 +101,7 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
   const double length_mm = stretched_mm.norm();
   if (!before || !(length_mm > 0)) return wanted;
   // the spring was inactive and may already be long
-  const double beyond_mm = length_mm - walked.behind_mm;
+  const double beyond_mm = length_mm - walked.catch_up_mm;
   if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
   if (!std::isfinite(walked.max_change_mm)) return wanted;
   // stiffnesses whose force lies in a ball around the last force
@@ -122,28 +122,28 @@ struct UpdateWorkspace {
   };
 
   PairSet near;
-  Walls walls;
+  ContactConstraints walls;
   std::bitset<kMaxNear> friction_known;
   UninitialisedArray<Friction, kMaxNear> friction;
   UninitialisedArray<TouchedAt, kMaxContacts> touched_at;
 };
 
 /// Update of one layer's proxy position in one tick: substeps towards the tip along the surfaces.
-class Walk {
+class ProxyUpdate {
  public:
   /// @param spheres    tool parts in the proxy's attitude
   /// @param max_mm    maximum path length
   /// @param leash      displacement limit
   /// @param stretched  spring vector of the last tick, tip to proxy, mm
   /// @param way        receives every vertex of the path; may be null
-  Walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-       double max_mm, const DisplacementLimit& leash, const Vector<Patient>& stretched,
-       const Point<Patient>& tip, ProxyLayer& state, const ProxyOptions& options, ProxyPath* way,
-       UpdateWorkspace& room)
+  ProxyUpdate(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+              double max_mm, const DisplacementLimit& leash, const Vector<Patient>& stretched,
+              const Point<Patient>& tip, ProxyLayer& state, const ProxyOptions& options, ProxyPath* way,
+              UpdateWorkspace& room)
       : surfaces_(surfaces),
-        leash_(leash),
+        limit_(leash),
         leash_mm_(leash.length_mm),
-        leant_on_(state.contact[0]),
+        first_contact_before_(state.contact[0]),
         stretched_(stretched),
         options_(options),
         has_capsules_(has_capsules(spheres)),
@@ -156,7 +156,7 @@ class Walk {
         state_(state),
         proxy_(state.position),
         anchor_(state.position),
-        last_way_(state.last_way),
+        last_way_(state.last_displacement),
         anchored_(state.contacts > 0),
         walls_(room.walls),
         friction_known_(room.friction_known),
@@ -171,32 +171,32 @@ class Walk {
   bool go(ProxyAdvance& result) {
     bool moves = false, through_free_space = false;
     if (!rests_as_before()) {
-      look_around();
-      if (near_.is_in_one() && !leave()) {
+      gather_near();
+      if (near_.penetrates() && !leave()) {
         result.wedged = true;
         state_.contacts = 0;
         return false;
       }
       note(proxy_);
-      moves = !flies() && go_on(result);
+      moves = !moves_freely() && advance_substeps(result);
       // a blocked proxy gets a contact before it has arrived, too: a tick at zero force would be felt
       through_free_space = slips() && is_held_by_nothing();
-      if (!result.wedged && !through_free_space && is_held_by_nothing()) lean_on_what_is_nearest();
+      if (!result.wedged && !through_free_space && is_held_by_nothing()) contact_nearest();
     } else {
       note(proxy_);
     }
-    settle_along_capsules();
-    let_go_slowly(through_free_space);
+    centre_capsule_contacts();
+    limit_spring_rate(through_free_space);
     result.lagging = moves || slips();
     state_.position = proxy_;
-    state_.last_way = last_way_;
+    state_.last_displacement = last_way_;
     return true;
   }
 
  private:
   // Moves straight to the tip if the proxy is in free space with no surface nearby: the common case for most
   // layers.
-  bool flies() {
+  bool moves_freely() {
     const Vector<Patient> way = tip_ - proxy_;
     const double way_mm = way.norm();
     if (near_.count() > 0 || state_.contacts > 0 || way_mm + kProxyFeel.still_mm >= left_mm_) return false;
@@ -210,7 +210,7 @@ class Walk {
   }
 
   // moves in substeps; true if the work limit was reached before the goal
-  bool go_on(ProxyAdvance& result) {
+  bool advance_substeps(ProxyAdvance& result) {
     max_looks_ = near_.looks() + (has_capsules_ ? kProxyFeel.max_looks_of_capsules : kProxyFeel.max_looks);
     int stride = 0;
     bool moves = true;
@@ -220,12 +220,12 @@ class Walk {
              left_mm_ > kProxyFeel.still_mm) {
         moves = step(result);
         stride += moves;
-        if (moves && left_mm_ <= kProxyFeel.still_mm) look_around();
+        if (moves && left_mm_ <= kProxyFeel.still_mm) gather_near();
       }
       if (moves || result.wedged || slips() || !is_held_by_nothing()) break;
-      moves = felt < kProxyFeel.max_feelings && feel_for_a_way();
+      moves = felt < kProxyFeel.max_feelings && search_direction();
       if (!moves) break;
-      if (left_mm_ <= kProxyFeel.still_mm) look_around();
+      if (left_mm_ <= kProxyFeel.still_mm) gather_near();
     }
     return moves;
   }
@@ -248,7 +248,7 @@ class Walk {
       friction_.make(place, *wall.friction);
     }
     const bool sticking = state_.sticking, anchored = anchored_;
-    hold_where_it_is();
+    set_anchor();
     if (const auto nearest = closest_point(tip_, walls_.half_spaces()); nearest && nearest->count > 0) {
       const Point<Patient> goal = with_friction(*nearest);
       if ((goal - proxy_).norm() <= kProxyFeel.still_mm) {
@@ -259,7 +259,7 @@ class Walk {
     }
     state_.sticking = sticking;
     anchored_ = anchored;
-    leash_.length_mm = leash_mm_;
+    limit_.length_mm = leash_mm_;
     walls_.clear();
     return false;
   }
@@ -267,8 +267,8 @@ class Walk {
   // caches the active contacts for the next tick, provided that all pairs were gathered at this position
   void remember_rest() {
     const bool stayed = proxy_ == state_.position && near_.count() < kMaxNear && !has_capsules_;
-    if (!stayed || walls_.count() == 0 || walls_.count() > RestingContacts::kMaxWalls) return;
-    std::array<RestingContacts::Wall, RestingContacts::kMaxWalls> touched;
+    if (!stayed || walls_.count() == 0 || walls_.count() > RestingContacts::kMaxConstraints) return;
+    std::array<RestingContacts::Wall, RestingContacts::kMaxConstraints> touched;
     for (std::size_t n = 0; n < walls_.count(); ++n) {
       const std::size_t place = near_.place_of(walls_.near(n));
       touched[n] = {walls_.half_space(n).normal, walls_.half_space(n).offset, walls_.near(n).index,
@@ -281,7 +281,7 @@ class Walk {
   // Gathers the surfaces within reach of the next part of the path. In free space that is the whole path; in
   // contact the proxy usually covers only a small part of the distance to the tip, and a shorter reach has
   // fewer pairs.
-  void look_around() {
+  void gather_near() {
     const double part_mm = state_.contacts == 0 ? to_go_mm_ : std::min(to_go_mm_, kProxyFeel.part_mm);
     near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, part_mm + kProxyFeel.stride_mm());
     friction_known_.reset();
@@ -292,20 +292,20 @@ class Walk {
 
   // pushes the proxy out of surfaces that it starts in
   bool leave() {
-    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMaxPush_mm);
+    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMaxPushOut_mm);
     steepest_ = near_.steepest();
     if (!project_out(near_, kProxyFeel.max_corrections, stride_mm(), proxy_)) return false;
     to_go_mm_ += left_mm_;
-    look_around();
+    gather_near();
     return true;
   }
 
   // whether the displacement limit stopped the proxy on its way to another position
-  bool slips() const { return leashed_ && leash_.is_taut(proxy_); }
+  bool slips() const { return leashed_ && limit_.is_at_limit(proxy_); }
 
   // one substep; false when the proxy has come to rest
   bool step(ProxyAdvance& result) {
-    const double free_mm = touch_what_is_near();
+    const double free_mm = build_constraints();
     leashed_ = false;
     // a failed attempt must not release friction: each attempt starts with the friction state before the
     // first
@@ -327,11 +327,11 @@ class Walk {
       const Point<Patient> end = towards(goal, walls_.count() == 0 ? free_mm : stride_mm());
       // a surface first hit by this substep becomes a constraint, and the goal is solved again
       if (add_walls_below(end)) continue;
-      return go_to(end);
+      return move_to(end);
     }
     state_.sticking = sticking;
     anchored_ = anchored;
-    return creep();
+    return retry_shorter();
   }
 
   double stride_mm() const { return kProxyFeel.stride_mm() / steepest_; }
@@ -344,21 +344,21 @@ class Walk {
     const double length_mm = way.norm();
     double part = std::min(1.0, std::min(max_mm, left_mm_) / length_mm);
     if (walls_.count() > 0 && way.dot(last_way_) < 0) part *= 0.5;
-    const double free_part = leash_.free_part(proxy_, way);
-    leashed_ = free_part < part;
-    part = std::min(part, free_part);
+    const double fraction_within = limit_.fraction_within(proxy_, way);
+    leashed_ = fraction_within < part;
+    part = std::min(part, fraction_within);
     return part < 1 ? proxy_ + way * part : goal;
   }
 
   // Moves to the end of a substep and projects it back outside the surfaces. A substep that increases the
   // distance to the tip is rejected, so that the proxy comes to rest where constraints turn within one
   // substep.
-  bool go_to(const Point<Patient>& asked) {
+  bool move_to(const Point<Patient>& asked) {
     Point<Patient> end = asked, there = end;
     if (!project_out(near_, kProxyFeel.max_corrections, stride_mm(), there)) return false;
     // the projection may have moved the point beyond the displacement limit
-    if (leash_.holds(there)) {
-      end = proxy_ + (end - proxy_) * leash_.free_part(proxy_, there - proxy_);
+    if (limit_.holds(there)) {
+      end = proxy_ + (end - proxy_) * limit_.fraction_within(proxy_, there - proxy_);
       there = end;
       if (!project_out(near_, kProxyFeel.max_corrections, stride_mm(), there)) return false;
       leashed_ = true;
@@ -381,14 +381,14 @@ class Walk {
   }
 
   // constraints turn faster than a substep can follow: retries with shorter ones
-  bool creep() {
+  bool retry_shorter() {
     const auto nearest = closest_point(tip_, walls_.half_spaces());
     if (!nearest) return false;
     Vector<Patient> stride = towards(with_friction(*nearest), stride_mm()) - proxy_;
     for (int halving = 0; halving < kProxyFeel.max_halvings; ++halving) {
       stride = stride * 0.5;
       const Point<Patient> end = proxy_ + stride;
-      if (!is_below(end)) return go_to(end);
+      if (!is_below(end)) return move_to(end);
     }
     return false;
   }
@@ -401,7 +401,7 @@ class Walk {
 
   // Searches for a substep that decreases the distance to the tip and stays outside: straight ahead, then on
   // cones of increasing angle. Returns false if there is none.
-  bool feel_for_a_way() {
+  bool search_direction() {
     const Eigen::Vector3d ahead = (tip_ - proxy_).normalized().eigen();
     const Eigen::Vector3d right = ahead.unitOrthogonal(), up = ahead.cross(right);
     constexpr int kRings = 4, kAround = 8;
@@ -415,8 +415,8 @@ class Walk {
                                      std::sin(aside) * (std::cos(around) * right + std::sin(around) * up)));
           const Point<Patient> end = proxy_ + way;
           if (near_.looks() >= max_looks_) return false;
-          if (leash_.holds(end) || is_below(end) || (tip_ - end).norm() >= (tip_ - proxy_).norm()) continue;
-          if (go_to(end)) return true;
+          if (limit_.holds(end) || is_below(end) || (tip_ - end).norm() >= (tip_ - proxy_).norm()) continue;
+          if (move_to(end)) return true;
         }
     return false;
   }
@@ -424,7 +424,7 @@ class Walk {
   // Adds a contact with the blocking surface; otherwise there would be no force at any depth of the tip. The
   // multiplier is the depth of the tip, not its distance to the proxy, so that a tip that has emerged
   // elsewhere is not pulled back.
-  void lean_on_what_is_nearest() {
+  void contact_nearest() {
     std::size_t nearest = 0;
     double min_mm = std::numeric_limits<double>::infinity(), deepest_mm = 0;
     for (std::size_t n = 0; n < near_.count(); ++n) {
@@ -443,15 +443,15 @@ class Walk {
 
   // Rate limit of the spring's stretch: changes from the last value to the target by at most the displacement
   // limit, also if the target is zero or less than the distance to the proxy.
-  void let_go_slowly(bool through_free_space) {
+  void limit_spring_rate(bool through_free_space) {
     const Vector<Patient> away = proxy_ - tip_;
     const double away_mm = away.norm();
-    if (!std::isfinite(leash_.length_mm) || away_mm <= kProxyFeel.arrived_mm) return;
+    if (!std::isfinite(limit_.length_mm) || away_mm <= kProxyFeel.arrived_mm) return;
     const double wanted_mm = through_free_space || state_.contacts > 0 ? state_.part * away_mm : 0;
     // projected onto the new direction to the proxy, within the displacement limit of the last stretch
     const double before_mm = stretched_.dot(away) / away_mm;
     const double turned_squared = stretched_.squared_norm() - before_mm * before_mm;
-    const double change_mm = std::sqrt(std::max(0.0, leash_.length_mm * leash_.length_mm - turned_squared));
+    const double change_mm = std::sqrt(std::max(0.0, limit_.length_mm * limit_.length_mm - turned_squared));
     const double now_mm =
         std::min(std::clamp(wanted_mm, before_mm - change_mm, before_mm + change_mm), away_mm);
     if (now_mm <= 0) {
@@ -463,14 +463,14 @@ class Walk {
       state_.contact[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / wanted_mm;
     if (state_.contacts > 0) return;
     state_.contacts = 1;
-    state_.contact[0] = leant_on_;
+    state_.contact[0] = first_contact_before_;
     state_.contact[0].normal = away.normalized();
     state_.contact[0].multiplier_mm = now_mm;
   }
 
   // Places the contact of a capsule that lies along a surface at the middle of the touching interval, which
   // does not jump between voxels as the nearest point does.
-  void settle_along_capsules() {
+  void centre_capsule_contacts() {
     // contacts carried over from the last tick have it already
     if (!leant_) return;
     for (int n = 0; n < state_.contacts; ++n) {
@@ -480,7 +480,7 @@ class Walk {
   }
 
   // builds half-spaces of all touched surfaces; returns the free distance if there are none
-  double touch_what_is_near() {
+  double build_constraints() {
     walls_.clear();
     double free_mm = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < near_.count(); ++n) {
@@ -488,12 +488,12 @@ class Walk {
       if (clearance_mm <= kProxyFeel.skin_mm) walls_.add(near_[n], near_.step(n), proxy_, clearance_mm);
     }
     if (walls_.count() == 0) free_mm = free_way_mm();
-    if (walls_.count() > 0) hold_where_it_is();
+    if (walls_.count() > 0) set_anchor();
     return free_mm;
   }
 
   // sets the friction anchor when contact begins
-  void hold_where_it_is() {
+  void set_anchor() {
     if (anchored_) return;
     anchor_ = proxy_;
     anchored_ = true;
@@ -556,7 +556,7 @@ class Walk {
     const bool stuck = state_.sticking;
     state_.sticking = behind_mm <= (stuck ? still : sliding) / all_mm * depth_mm;
     // what static friction releases beyond kinetic friction is exempt from the displacement limit
-    if (stuck && !state_.sticking) leash_.length_mm = leash_mm_ + (still - sliding) / all_mm * depth_mm;
+    if (stuck && !state_.sticking) limit_.length_mm = leash_mm_ + (still - sliding) / all_mm * depth_mm;
     if (state_.sticking) return nearest.point + behind;
     return nearest.point + behind * (sliding / all_mm * depth_mm / behind_mm);
   }
@@ -603,7 +603,7 @@ class Walk {
 
   // friction of a pair; on a common surface, evaluated where the constraint is first met in this tick
   const Friction& friction_of(std::size_t wall) {
-    const Near& near = walls_.near(wall);
+    const ContactPair& near = walls_.near(wall);
     const std::size_t place = near_.place_of(near);
     if (!friction_known_[place]) {
       friction_known_[place] = true;
@@ -621,12 +621,12 @@ class Walk {
   }
 
   std::span<const ContactSurface> surfaces_;
-  DisplacementLimit leash_;
-  const double leash_mm_;            // displacement limit before friction released any
-  bool leashed_ = false;             // the last substep was shortened by the displacement limit
-  bool leant_ = false;               // the contacts were set by this update
-  const ProxyContact leant_on_;      // first contact of the last tick
-  const Vector<Patient> stretched_;  // spring vector of the last tick, mm
+  DisplacementLimit limit_;
+  const double leash_mm_;                    // displacement limit before friction released any
+  bool leashed_ = false;                     // the last substep was shortened by the displacement limit
+  bool leant_ = false;                       // the contacts were set by this update
+  const ProxyContact first_contact_before_;  // first contact of the last tick
+  const Vector<Patient> stretched_;          // spring vector of the last tick, mm
   const ProxyOptions options_;
   const bool has_capsules_;
   const double away_;  // maximum fraction of a substep by which the distance to the tip may increase
@@ -643,7 +643,7 @@ class Walk {
   Point<Patient> anchor_;  // position at which friction holds the proxy
   Vector<Patient> last_way_;
   bool anchored_;
-  Walls& walls_;
+  ContactConstraints& walls_;
   std::bitset<kMaxNear>& friction_known_;
   UninitialisedArray<Friction, kMaxNear>& friction_;
   UninitialisedArray<UpdateWorkspace::TouchedAt, kMaxContacts>& touched_at_;
@@ -661,7 +661,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
     if (!punctured[s]) continue;
     const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
       return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
-        const Near near{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
+        const ContactPair near{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
         int looks = 0;
         return near.clearance(at, kProxyFeel.sealed_mm, near.steps / 2, looks).mm > kProxyFeel.sealed_mm;
       });
@@ -672,7 +672,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
 }
 
 /// Spring force that acts on each structure that can be punctured, summed over layers.
-class Given {
+class PunctureForces {
  public:
   void add(int structure, double force_N) {
     std::size_t n = 0;
@@ -795,9 +795,10 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
 }
 
 /// Sum of the spring forces of all layers.
-class Springs {
+class LayerSprings {
  public:
-  Springs(std::span<const ContactSurface> surfaces, const Point<Patient>& tip, const ProxyOptions& options)
+  LayerSprings(std::span<const ContactSurface> surfaces, const Point<Patient>& tip,
+               const ProxyOptions& options)
       : surfaces_(surfaces),
         tip_(tip),
         options_(options),
@@ -815,7 +816,7 @@ class Springs {
     const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
     double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
-    Pressed pressed;
+    DeformableContact pressed;
     for (std::size_t n = 0; n < contacts.size(); ++n) {
       const ProxyContact& contact = contacts[n];
       const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
@@ -894,7 +895,7 @@ class Springs {
 
   Vector<Patient> normal() const { return normals_N_.normalized(); }
   double friction() const { return options_.friction && pulls_N_ > 0 ? friction_N_ / pulls_N_ : 0; }
-  const Given& given() const { return given_; }
+  const PunctureForces& given() const { return given_; }
   const PenetrationPath& way_in() const { return way_in_; }
 
  private:
@@ -903,7 +904,7 @@ class Springs {
     own_around_.forget();
   }
   // contacts with deformable tissue, averaged into one sphere pressing at one point
-  struct Pressed {
+  struct DeformableContact {
     double multiplier_mm = 0;
     double modulus = 0, radius_mm = 0;  // weighted by the multipliers
     Vector<Patient> arm_mm;             // weighted, from the tip
@@ -923,19 +924,21 @@ class Springs {
   };
   // Footprint of a tool with several parts, or of a capsule lying along tissue, which may have fewer contacts
   // than places that press. The depths are offset so that the deepest equals the spring's length.
-  Footprint footprint(const Pressed& pressed, std::span<const ProxyContact> contacts,
+  Footprint footprint(const DeformableContact& pressed, std::span<const ProxyContact> contacts,
                       std::span<const ToolSphere> spheres, const Vector<Patient>& stretched_mm) const {
     const double per_pull = 1 / pressed.multiplier_mm, depth_mm = stretched_mm.norm();
     const Footprint one{depth_mm, pressed.radius_mm * per_pull, 0, 1, pressed.arm_mm * per_pull};
     if ((spheres.size() == 1 && spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0)) return one;
-    std::array<int, kMaxContacts> leant_on;
+    std::array<int, kMaxContacts> edge_contact_front;
     std::size_t count = 0;
     for (const ProxyContact& contact : contacts) {
-      const auto known = std::span(leant_on).first(count);
-      if (std::ranges::find(known, contact.surface) == known.end()) leant_on[count++] = contact.surface;
+      const auto known = std::span(edge_contact_front).first(count);
+      if (std::ranges::find(known, contact.surface) == known.end())
+        edge_contact_front[count++] = contact.surface;
     }
     std::array<PressPlace, kMaxPressPlaces> places;
-    std::size_t found = press_places(surfaces_, std::span(leant_on).first(count), spheres, tip_, places);
+    std::size_t found =
+        press_places(surfaces_, std::span(edge_contact_front).first(count), spheres, tip_, places);
     double deepest_mm = 0;
     for (const PressPlace& place : std::span(places).first(found))
       deepest_mm = std::max(deepest_mm, place.depth_mm);
@@ -947,7 +950,7 @@ class Springs {
     if (found <= 1) return one;
     return footprint_of(std::span(places).first(found), stretched_mm * (1 / depth_mm));
   }
-  Yielded press(const Pressed& pressed, const Footprint& foot, const Point<Patient>& position,
+  Yielded press(const DeformableContact& pressed, const Footprint& foot, const Point<Patient>& position,
                 double stretched_mm, ComplianceState& yield, RelaxationState& relaxation) {
     const ComplianceFrame* const frame = options_.yields;
     const LocalCompliance spot = frame != nullptr ? frame->spot[options_.device] : LocalCompliance{};
@@ -955,7 +958,7 @@ class Springs {
     const Point<Patient> at = position + foot.arm_mm;
     ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
                                          pressed.modulus * per_pull, options_.dt_s, yield);
-    tissue.beyond_mm_per_N += foot.closeness_per_mm / tissue.modulus_N_per_mm2;
+    tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
     Yielded yielded;
     if (!(depth_mm > 0)) return yielded;
     const double most = options_.max_stiffness_N_per_mm / foot.stiffer;
@@ -1011,7 +1014,7 @@ class Springs {
   Vector<Patient> normals_N_;
   double friction_N_ = 0, pulls_N_ = 0;
   bool relaxed_ = false;
-  Given given_;
+  PunctureForces given_;
 };
 
 // whether the puncture of a structure opens a surface
@@ -1066,16 +1069,15 @@ void use_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSph
           holes.lead(structure, state.position + sphere.offset_mm + sphere.along_mm * part);
       continue;
     }
-    bool leans = false, lets_in = true;
+    bool leans = false, fits = true;
     each_leaning(surfaces, spheres, structure, hand, state,
                  [&](const ProxyContact& /*contact*/, const Point<Patient>& middle, double radius_mm) {
                    leans = true;
-                   lets_in =
-                       lets_in && std::any_of(holes.all().begin(), holes.all().end(), [&](const Hole& hole) {
-                         return hole.structure == structure && hole.lets_in(middle, radius_mm);
-                       });
+                   fits = fits && std::any_of(holes.all().begin(), holes.all().end(), [&](const Hole& hole) {
+                            return hole.structure == structure && hole.fits(middle, radius_mm);
+                          });
                  });
-    if (leans && lets_in) open(surfaces, structure, state);
+    if (leans && fits) open(surfaces, structure, state);
   }
 }
 
@@ -1093,7 +1095,7 @@ void leave_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
 }
 
 // whether a contact of the last tick was punctured; its proxy is released without a rate limit
-bool is_let_go(const ProxyLayer& state) {
+bool is_contact_punctured(const ProxyLayer& state) {
   const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
   return std::any_of(contacts.begin(), contacts.end(), [&](const ProxyContact& contact) {
     return state.punctured[static_cast<std::size_t>(contact.surface)];
@@ -1118,7 +1120,7 @@ double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterni
 /// @param max_slip_mm  permitted slip
 DisplacementLimit leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
                            double max_slip_mm) {
-  if (state.contacts == 0 || is_let_go(state)) return {};
+  if (state.contacts == 0 || is_contact_punctured(state)) return {};
   return {state.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
 }
 
@@ -1126,15 +1128,16 @@ DisplacementLimit leash_of(const ProxyLayer& state, const Vector<Patient>& tip_m
 double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const ProxyAdvance& walked) {
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kAll;
-  if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * walked.behind_mm;
+  if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * walked.catch_up_mm;
   if (!std::isfinite(walked.max_change_mm)) return kAll;
   return std::max(*before_N_per_mm, now.tangent_N_per_mm) * walked.hand_mm;
 }
 
 // rotates and moves one layer's proxy
-ProxyAdvance walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                  const ToolPose& hand, const Vector<Patient>& tip_moved, double max_slip_mm,
-                  ProxyLayer& state, const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room) {
+ProxyAdvance advance_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                           int layer, const ToolPose& hand, const Vector<Patient>& tip_moved,
+                           double max_slip_mm, ProxyLayer& state, const ProxyOptions& options, ProxyPath* way,
+                           UpdateWorkspace& room) {
   const Point<Patient>& tip = hand.tip;
   ProxyAdvance result;
   if (!state.coupled) {
@@ -1157,10 +1160,10 @@ ProxyAdvance walk(std::span<const ContactSurface> surfaces, std::span<const Tool
   const double turned_mm = arc_of_turn_mm(spheres, attitude_before, state.attitude);
   const DisplacementLimit leash = leash_of(state, tip_moved, turned_mm, max_slip_mm);
   result.hand_mm = tip_moved.norm() + turned_mm;
-  result.behind_mm = state.behind_mm + result.hand_mm;
+  result.catch_up_mm = state.catch_up_mm + result.hand_mm;
   result.max_change_mm = leash.length_mm;
-  const bool in_walls = !Walk(surfaces, held.spheres(), layer, max_mm, leash, result.stretched_mm, tip, state,
-                              options, way, room)
+  const bool in_walls = !ProxyUpdate(surfaces, held.spheres(), layer, max_mm, leash, result.stretched_mm, tip,
+                                     state, options, way, room)
                              .go(result);
   // a proxy inside surfaces, or stuck without a constraint, is reset to the tip where the tip is free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
@@ -1214,15 +1217,15 @@ bool is_clear_way(std::span<const ContactSurface> surfaces, std::span<const Tool
 
 // Whether the tool is back in free space on the side from which contact began. The remaining contacts then
 // hold it from elsewhere, e.g. a pocket into which the proxy was pressed.
-bool has_come_back(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                    const ToolPose& hand, ProxyState& state) {
   if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxyFeel.back_pitch_mm)
     return false;
   state.last_search_tip = hand.tip;
   // early-out: the tip usually lies below the surface in contact
-  const ProxyContact& leant_on = state.contact[0];
-  const ToolSphere& sphere = spheres[static_cast<std::size_t>(leant_on.sphere)];
-  const Surface& surface = *surfaces[static_cast<std::size_t>(leant_on.surface)].surface;
+  const ProxyContact& edge_contact_front = state.contact[0];
+  const ToolSphere& sphere = spheres[static_cast<std::size_t>(edge_contact_front.sphere)];
+  const Surface& surface = *surfaces[static_cast<std::size_t>(edge_contact_front.surface)].surface;
   const double enough_mm = sphere.radius_mm + kProxyFeel.back_clearance_mm;
   if (nearest_part(surface, sphere, hand.tip, enough_mm).distance_mm < enough_mm) return false;
   return is_clear_way(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
@@ -1231,9 +1234,9 @@ bool has_come_back(std::span<const ContactSurface> surfaces, std::span<const Too
 // Resets a layer whose covering layer has released the tool: the proxy takes the operator's pose without
 // collision checks. The force of its spring in the last tick becomes a residual force, minus the part
 // explained by the tip's displacement since: a tool lifted off within one tick leaves none.
-void uncover(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-             const ToolPose& hand, const Point<Patient>& tip_before, ProxyLayer& layer,
-             ProxyRelease& release) {
+void release_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                   const ToolPose& hand, const Point<Patient>& tip_before, ProxyLayer& layer,
+                   ProxyRelease& release) {
   const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
   const double left_mm = stretched_mm.norm() - (hand.tip - tip_before).norm();
   if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && left_mm > 0) {
@@ -1248,20 +1251,20 @@ void uncover(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
   layer.attitude = hand.attitude;
   if (!layer.coupled || way.norm() > kProxyFeel.still_mm) {
     layer.position = hand.tip;
-    layer.last_way = way;
+    layer.last_displacement = way;
   }
   layer.coupled = true;
   layer.sticking = false;
   layer.contacts = 0;
   layer.part = 1;
   layer.spring_N_per_mm = 0;
-  layer.behind_mm = layer.lost_s = 0;
+  layer.catch_up_mm = layer.lost_s = 0;
   layer.punctured = still_open(surfaces, spheres, hand, layer);
 }
 
 // transfer_proxy() for one layer
-void keep_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                std::span<const SurfaceCorrespondence> before, ProxyLayer& state) {
+void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                    std::span<const SurfaceCorrespondence> before, ProxyLayer& state) {
   const ProxyLayer old = state;
   SurfaceSet same, punctured;
   for (std::size_t s = 0; s < before.size(); ++s) {
@@ -1294,8 +1297,8 @@ void keep_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSp
 
 // initialises a layer's proxy for a tip that is inside tissue
 // @param punctured  surfaces that the tool has punctured
-bool give_birth(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
+bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                      int layer, const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
   // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   constexpr double kFar_mm = 1000;
   constexpr int kMaxSteps = 64, kMaxGatherings = 4;
@@ -1321,8 +1324,8 @@ OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const
   if (felt.owners == nullptr) return OwnerShares(felt.structure < 0 ? index : felt.structure);
   if (felt.made == nullptr) return felt.owners->at(at);
   // labels below the surface differ only from a depth of half a voxel
-  const double beneath_mm = 0.5 * felt.made_labels->geometry().min_spacing_mm();
-  return felt.made->distance_mm(at) < -beneath_mm ? felt.owners->within(*felt.made_labels, at)
+  const double beneath_mm = 0.5 * felt.original_labels->geometry().min_spacing_mm();
+  return felt.made->distance_mm(at) < -beneath_mm ? felt.owners->within(*felt.original_labels, at)
                                                   : felt.owners->at(at);
 }
 
@@ -1352,7 +1355,7 @@ std::span<const RestingContacts::Wall> RestingContacts::find(const Point<Patient
 
 void RestingContacts::remember(const Point<Patient>& position, const SurfaceSet& punctured,
                                std::span<const ToolSphere> spheres, std::span<const Wall> walls) {
-  PALPATE_CHECK(walls.size() <= kMaxWalls && spheres.size() <= kMaxToolSpheres);
+  PALPATE_CHECK(walls.size() <= kMaxConstraints && spheres.size() <= kMaxToolSpheres);
   std::copy(walls.begin(), walls.end(), wall_.begin());
   walls_ = walls.size();
   spheres_ = spheres.size();
@@ -1400,7 +1403,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
                           ProxyPath* way) {
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !spheres.empty() && spheres.size() <= kMaxToolSpheres);
   ProxyResult result;
-  Springs springs(surfaces, hand.tip, options);
+  LayerSprings springs(surfaces, hand.tip, options);
   UpdateWorkspace room;
   // force change that slip may still cause in this layer and those within, and the stiffness that it acts on
   double slip_N = options.max_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
@@ -1409,13 +1412,13 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   const Vector<Patient> tip_moved = hand.tip - state.tip;
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
-  bool covered = !has_come_back(surfaces, spheres, hand, state);
+  bool covered = !has_withdrawn(surfaces, spheres, hand, state);
   if (!covered) state.yield = {};
   for (int n = 0; n < layers_of(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
     covered = covered && (n == 0 || !state.layer(n - 1).coupled || !follows(state.layer(n - 1), hand));
     if (!covered) {
-      uncover(surfaces, spheres, hand, tip_before, layer, state.release);
+      release_layer(surfaces, spheres, hand, tip_before, layer, state.release);
       // the proxy was reset: a single vertex, no path
       if (n == 0 && way != nullptr) way->add(layer.position, layer.attitude);
       continue;
@@ -1423,8 +1426,8 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;
     const double max_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
-    const ProxyAdvance walked = walk(surfaces, spheres, n, hand, tip_moved, max_slip_mm, layer, options,
-                                     n == 0 ? way : nullptr, room);
+    const ProxyAdvance walked = advance_layer(surfaces, spheres, n, hand, tip_moved, max_slip_mm, layer,
+                                              options, n == 0 ? way : nullptr, room);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
     if (!state.coupled) {
@@ -1440,7 +1443,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     const ProxyForce force =
         springs.add(layer, held.spheres(), walked, slip_N, n == 0 ? state.yield : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
-    layer.behind_mm = layer.contacts == 0 && walked.lagging ? walked.behind_mm : 0;
+    layer.catch_up_mm = layer.contacts == 0 && walked.lagging ? walked.catch_up_mm : 0;
     // slip that this layer has not used is left to the layers within
     const double changed_N = (force.force_N - walked.stretched_mm * before_N_per_mm.value_or(0)).norm();
     slip_N -= std::clamp(changed_N - explained_N(before_N_per_mm, force, walked), 0.0, slip_N);
@@ -1492,7 +1495,7 @@ void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const To
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
   for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = state.layer(n);
-    keep_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer);
+    transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer);
   }
 }
 
@@ -1500,7 +1503,7 @@ bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const 
                       const ToolPose& hand, ProxyState& state) {
   ProxyState born;
   for (int n = 0; n < layers_of(surfaces); ++n)
-    if (!give_birth(surfaces, spheres, n, hand, {}, born.layer(n)) && n == 0) return false;
+    if (!initialise_layer(surfaces, spheres, n, hand, {}, born.layer(n)) && n == 0) return false;
   born.free_tip = born.position;
   born.free_attitude = born.attitude;
   state = born;
@@ -1516,7 +1519,7 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
     for (int n = 0; n < kMaxLayers && before[s].index >= 0; ++n)
       through[s] = through[s] || state.layer(n).punctured[static_cast<std::size_t>(before[s].index)];
   const bool was_coupled = state.coupled;
-  keep_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state);
+  transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state);
   state.within = {};
   state.yield = {};
   state.relaxation = {};
@@ -1527,7 +1530,7 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
     if (through[s]) open(surfaces, static_cast<int>(s), state);
   for (int n = state.coupled ? 1 : 0; n < layers_of(surfaces); ++n) {
     const SurfaceSet punctured = state.layer(n).punctured;
-    const bool born = give_birth(surfaces, spheres, n, hand, punctured, state.layer(n));
+    const bool born = initialise_layer(surfaces, spheres, n, hand, punctured, state.layer(n));
     if (!born || n > 0) continue;
     state.free_tip = state.position;
     state.free_attitude = state.attitude;

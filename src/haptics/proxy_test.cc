@@ -1303,13 +1303,13 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
         const ProxyLayer &layer = run.state.layer(m), &other = looks_again.layer(m);
         ASSERT_EQ(layer.position, other.position) << "scene " << scene << ", tick " << n << ", layer " << m;
         ASSERT_EQ(layer.attitude.coeffs(), other.attitude.coeffs());
-        ASSERT_EQ(layer.last_way, other.last_way);
+        ASSERT_EQ(layer.last_displacement, other.last_displacement);
         ASSERT_EQ(layer.coupled, other.coupled);
         ASSERT_EQ(layer.sticking, other.sticking);
         ASSERT_EQ(layer.punctured, other.punctured);
         ASSERT_EQ(layer.part, other.part);
         ASSERT_EQ(layer.spring_N_per_mm, other.spring_N_per_mm);
-        ASSERT_EQ(layer.behind_mm, other.behind_mm);
+        ASSERT_EQ(layer.catch_up_mm, other.catch_up_mm);
         ASSERT_EQ(layer.lost_s, other.lost_s);
         ASSERT_EQ(layer.contacts, other.contacts);
         for (int c = 0; c < layer.contacts; ++c) {

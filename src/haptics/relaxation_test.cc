@@ -255,7 +255,7 @@ TEST(ComplementaryEnergy, IsWhatTheStoredEnergyLeavesOfForceTimesDepth) {
   std::uniform_real_distribution<double> unit(0, 1);
   for (int n = 0; n < 5000; ++n) {
     ContactLaw tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
-    tissue.beyond_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
+    tissue.surroundings_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
     if (n % 2 == 0) {
       // a neo-Hookean solution, stiffer or softer by up to a fifth of W
       tissue.finite_N = std::pow(10, 2 * unit(random) - 2);
@@ -284,7 +284,7 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
     const Relaxation relaxation{{{{0.01 + part * first, std::pow(10, 2 * unit(random) - 1.5)},
                                   {0.01 + part * (1 - first), std::pow(10, 2 * unit(random) - 1)}}}};
     PressedSphere sphere{.relaxing = Relaxing(relaxation)};
-    sphere.tissue.beyond_mm_per_N = (2 * unit(random) - 0.5) / (6 * kModulus_N_per_mm2);
+    sphere.tissue.surroundings_mm_per_N = (2 * unit(random) - 0.5) / (6 * kModulus_N_per_mm2);
     if (path % 2 == 0) sphere.max_N_per_mm = 0.1 + unit(random);
     if (path % 4 < 2) {
       sphere.tissue.finite_N = 0.05 + 0.3 * unit(random);

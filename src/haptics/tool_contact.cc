@@ -110,14 +110,14 @@ Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
 }
 
 // distribution of a layer's force over its contacts: along each normal, in sum the spring force
-struct LeansOn {
+struct LayerForce {
   ProxyLayer& layer;
   double force_N_per_mm;  // force per multiplier
   std::span<const ToolSphere> spheres;
 };
 
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
-std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<ContactPoint> told) {
+std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> told) {
   std::array<const ProxyContact*, kMaxContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contacts);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
@@ -233,7 +233,7 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   return tool;
 }
 
-HeldTool::HeldTool(const TickContext& tick, const DeviceContext& hand)
+PosedTool::PosedTool(const TickContext& tick, const DeviceContext& hand)
     : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return hand.in_patient(tick, of_tool); };
   for (const Eigen::Vector3d& offset_mm : hand.tool.points_mm)
@@ -259,7 +259,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   return options;
 }
 
-ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const HeldTool& held,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& held,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
   const Model& model = tick.model;
   const DeviceParameters& gains = hand.device;
@@ -280,8 +280,8 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
     // tool parts in the proxy's attitude
     const ProxySpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
     const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
-    told += tell_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
-                          std::span(tool.contacts).subspan(told));
+    told += append_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
+                            std::span(tool.contacts).subspan(told));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
                                 result.force_N - outermost.force_N * less);

@@ -60,7 +60,7 @@ class ToolRun {
       const TickContext tick{model_, ForceMethod::kProxy, false, false, 1e-3, {}, {}};
       const DeviceContext hand{
           model_.tools[0], device_, Eigen::Matrix3d::Identity(), from + (to - from) * n / kTicks, {}};
-      const HeldTool held(tick, hand);
+      const PosedTool held(tick, hand);
       const ProxyResult result =
           advance_proxy(model_.surfaces, held.spheres(), held.pose(), proxy_, proxy_options(tick, hand));
       contact = touch_by_proxy(tick, hand, held, proxy_, result, coupling_);

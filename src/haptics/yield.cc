@@ -75,7 +75,7 @@ double DepthLaw::max_s(double least) const {
 DepthLaw law_of(const ContactLaw& tissue, double radius_mm) {
   const double modulus = tissue.modulus_N_per_mm2;
   const double radius = std::max(radius_mm, kYieldFeel.min_radius_mm);
-  return {tissue.beyond_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
+  return {tissue.surroundings_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
           tissue.stiffening_mm_per_N2, tissue.finite_N};
 }
 
@@ -123,7 +123,8 @@ std::uint64_t ComplianceFrame::hash() const {
 
 void ComplianceState::hash_into(std::uint64_t& hash) const {
   hash_word(hash, frame);
-  for (const double value : {left_mm_per_N, left_modulus, elapsed_s, beyond_mm_per_N, modulus_N_per_mm2})
+  for (const double value :
+       {left_mm_per_N, left_modulus, elapsed_s, surroundings_mm_per_N, modulus_N_per_mm2})
     hash_double(hash, value);
   // the linear law adds nothing to the hash
   if (finite_N == 0 && left_N == 0) return;
@@ -148,7 +149,7 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
     const double told = spot.compliance_mm_per_N;
     const double on = told + spot.slope_per_N.dot(at - spot.at);
     const double carried = std::clamp(on, kYieldFeel.min_carried * told, kYieldFeel.max_carried * told);
-    tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N() + (carried - told);
+    tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N() + (carried - told);
     if (carried == on) tissue.slope_per_N = spot.slope_per_N;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
     if (spot.is_finite()) {
@@ -163,7 +164,7 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   if (state.modulus_N_per_mm2 == 0) {
     state.left_mm_per_N = state.left_modulus = state.left_mm_per_N2 = state.left_N = 0;
   } else if (frame != state.frame) {
-    state.left_mm_per_N = state.beyond_mm_per_N - tissue.beyond_mm_per_N;
+    state.left_mm_per_N = state.surroundings_mm_per_N - tissue.surroundings_mm_per_N;
     state.left_modulus = state.modulus_N_per_mm2 / tissue.modulus_N_per_mm2 - 1;
     state.left_mm_per_N2 = state.stiffening_mm_per_N2 - tissue.stiffening_mm_per_N2;
     state.left_N = state.finite_N - tissue.finite_N;
@@ -172,11 +173,11 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   state.frame = frame;
   state.elapsed_s = std::min(kYieldFeel.blend_s, state.elapsed_s + dt_s);
   const double left = 1 - state.elapsed_s / kYieldFeel.blend_s;
-  tissue.beyond_mm_per_N += left * state.left_mm_per_N;
+  tissue.surroundings_mm_per_N += left * state.left_mm_per_N;
   tissue.modulus_N_per_mm2 *= 1 + left * state.left_modulus;
   tissue.stiffening_mm_per_N2 += left * state.left_mm_per_N2;
   tissue.finite_N += left * state.left_N;
-  state.beyond_mm_per_N = tissue.beyond_mm_per_N;
+  state.surroundings_mm_per_N = tissue.surroundings_mm_per_N;
   state.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   state.stiffening_mm_per_N2 = tissue.stiffening_mm_per_N2;
   state.finite_N = tissue.finite_N;

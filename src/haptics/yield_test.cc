@@ -24,13 +24,13 @@ constexpr double kModulus = 0.0125;  // E = 10 kPa, nu = 0.45
 double depth_mm(const ContactLaw& tissue, double force_N, double radius_mm) {
   const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
   const double first_N = tissue.finite_N;
-  return tissue.beyond_mm_per_N * force_N + 0.75 * force_N / (a * tissue.modulus_N_per_mm2) -
+  return tissue.surroundings_mm_per_N * force_N + 0.75 * force_N / (a * tissue.modulus_N_per_mm2) -
          tissue.stiffening_mm_per_N2 *
              (force_N < first_N ? force_N * force_N : 2 * first_N * force_N - first_N * first_N);
 }
 double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm) {
   const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
-  return tissue.beyond_mm_per_N + 0.5 / (a * tissue.modulus_N_per_mm2) -
+  return tissue.surroundings_mm_per_N + 0.5 / (a * tissue.modulus_N_per_mm2) -
          2 * tissue.stiffening_mm_per_N2 * std::min(force_N, tissue.finite_N);
 }
 
@@ -89,14 +89,14 @@ TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
     const double radius_mm = 0.5 + 7 * unit(random);
     ContactLaw tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
     // from stiff bone below to soft surroundings
-    tissue.beyond_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
+    tissue.surroundings_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
     // also with C that increases the stiffness; softening only where the other terms are soft enough
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
     const double min_give = std::max(1 / most, kYieldFeel.min_give_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
-    if (n % 3 == 2 && tissue.beyond_mm_per_N > min_give) tissue.stiffening_mm_per_N2 = -per_N;
+    if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_give) tissue.stiffening_mm_per_N2 = -per_N;
     tissue.finite_N = 3 * unit(random) / own;
     const double depth = std::pow(10, 3 * unit(random) - 2);
     const YieldForce force = yield_force(tissue, depth, radius_mm, most);
@@ -152,7 +152,7 @@ TEST(YieldForce, AsideIsWhatItsEnergyLosesAlongTheSurface) {
     ASSERT_EQ(at.force_N > tissue.finite_N, n < 2);
     const auto stored_at = [&](double way_mm) {
       ContactLaw there = tissue;
-      there.beyond_mm_per_N += way_mm * tissue.slope_per_N[axis];
+      there.surroundings_mm_per_N += way_mm * tissue.slope_per_N[axis];
       there.stiffening_mm_per_N2 += way_mm * tissue.stiffening_slope[axis];
       return yield_force(there, 3, 3).stored_mJ;
     };
@@ -182,7 +182,7 @@ ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<P
 TEST(FeelYield, IsAHalfSpaceWhileNothingIsKnown) {
   ComplianceState state;
   const ContactLaw tissue = blend_compliance(0, {}, {1, 2, 3}, kModulus, 0.001, state);
-  EXPECT_EQ(tissue.beyond_mm_per_N, 0);
+  EXPECT_EQ(tissue.surroundings_mm_per_N, 0);
   EXPECT_EQ(tissue.modulus_N_per_mm2, kModulus);
   EXPECT_EQ(tissue.slope_per_N, Vector<Patient>());
 }
@@ -194,12 +194,12 @@ TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
     ComplianceState state;
     return blend_compliance(1, frame.spot[0], {x, 0, 0}, 1, 0.001, state);
   };
-  EXPECT_NEAR(beyond_at(0).beyond_mm_per_N, 10 - half_space, 1e-12);
-  EXPECT_NEAR(beyond_at(2).beyond_mm_per_N, 11 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(0).surroundings_mm_per_N, 10 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(2).surroundings_mm_per_N, 11 - half_space, 1e-12);
   EXPECT_EQ(beyond_at(2).slope_per_N, frame.spot[0].slope_per_N);
   // where the extrapolation is clamped there is no tangential force either
-  EXPECT_NEAR(beyond_at(200).beyond_mm_per_N, 20 - half_space, 1e-12);
-  EXPECT_NEAR(beyond_at(-200).beyond_mm_per_N, 5 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(200).surroundings_mm_per_N, 20 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(-200).surroundings_mm_per_N, 5 - half_space, 1e-12);
   EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
 }
 

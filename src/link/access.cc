@@ -98,8 +98,8 @@ double entropy_bound_bits(std::string_view token) {
   const int characters = 26 * any(is_lower) + 26 * any(is_upper) + 10 * any(is_digit) + 32 * any(is_other);
   double bits = 0;
   for (std::size_t n = 0; n < token.size(); ++n) {
-    const bool goes_on = n > 0 && std::abs(token[n] - token[n - 1]) <= 1;
-    bits += goes_on ? 1 : std::log2(characters);
+    const bool continues = n > 0 && std::abs(token[n] - token[n - 1]) <= 1;
+    bits += continues ? 1 : std::log2(characters);
   }
   return bits;
 }

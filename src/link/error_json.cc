@@ -27,7 +27,7 @@ bool is_word_of_protocol(std::string_view place) {
          std::ranges::find(kLaws, place) != kLaws.end() || find_force_method(place).has_value();
 }
 
-Json told_error(const Error& error) {
+Json error_json(const Error& error) {
   const std::string_view place = is_word_of_protocol(error.where) ? std::string_view(error.where) : "";
   return {{"what", printable_name(error.what)}, {"where", place}, {"how", printable(error.remedy)}};
 }

@@ -55,12 +55,12 @@ class Refusing : public testing::FakeHost {
 }  // namespace told_error_test
 
 TEST(ToldError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
-  const palpate::Json told = told_error(told_error_test::with_canary());
+  const palpate::Json told = error_json(told_error_test::with_canary());
   EXPECT_EQ(told["what"], "cannot be written, the disk is full");
   EXPECT_EQ(told["where"], "");
   EXPECT_EQ(told["how"], "free some space or write elsewhere");
   for (const char* file : {"plan.toml", "plan.toml:7", "./role", "role.h5", "--plan", "/", "DOE"})
-    EXPECT_EQ(told_error({ErrorKind::kBadInput, "x", file, ""})["where"], "") << file;
+    EXPECT_EQ(error_json({ErrorKind::kBadInput, "x", file, ""})["where"], "") << file;
   for (const ForceMethodInfo& method : kForceMethods) EXPECT_TRUE(is_word_of_protocol(method.name));
   for (const auto& law : kTissueLaws) EXPECT_TRUE(is_word_of_protocol(law.name)) << law.name;
 }

@@ -169,7 +169,7 @@ Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
 Json playback_json(const ViewedState::Playback& playback) {
   return {{"playing", playback.playing},
           {"speed", playback.speed},
-          {"failed", playback.failure ? told_error(*playback.failure) : Json()}};
+          {"failed", playback.failure ? error_json(*playback.failure) : Json()}};
 }
 
 }  // namespace
@@ -230,9 +230,9 @@ std::string state_json(const ViewedState& state, const StateReader& reader) {
   json["method"] = state.method;
   json["law"] = state.law;
   json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
-  json["law_failed"] = state.law_failure ? told_error(*state.law_failure) : Json();
+  json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();
   json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
-  json["method_failed"] = state.method_failure ? told_error(*state.method_failure) : Json();
+  json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
   json["friction"] = state.friction;
   json["viscosity"] = state.viscosity;
   json["passivity"] = state.passivity;
@@ -309,7 +309,7 @@ std::string asked_json(std::int64_t id) {
 
 std::string refused_json(std::int64_t id, const Error& error) {
   Json json = {{"type", "refused"}, {"id", id}};
-  json.update(told_error(error));
+  json.update(error_json(error));
   return text_of(json);
 }
 

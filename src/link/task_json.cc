@@ -168,7 +168,7 @@ std::string debriefing_json(const ViewedDebriefing& told) {
   json["runs"] = told.runs;
   json["in_a_row"] = told.in_a_row;
   json["kept"] = or_null(told.kept);
-  json["not_kept"] = told.not_kept ? told_error(*told.not_kept) : Json();
+  json["not_kept"] = told.not_kept ? error_json(*told.not_kept) : Json();
   return line_of(json);
 }
 

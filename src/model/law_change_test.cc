@@ -244,7 +244,7 @@ TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
   ASSERT_TRUE(tip.go_by(TissueLaw::kElastic).ok());
   tip.stay(0.005);
   EXPECT_EQ(tip.record().yield_frame, last);
-  EXPECT_EQ(tip.proxy().yield.beyond_mm_per_N, 0) << "a half space, until there is a new one";
+  EXPECT_EQ(tip.proxy().yield.surroundings_mm_per_N, 0) << "a half space, until there is a new one";
   tip.stay(0.3);
   EXPECT_GT(tip.record().yield_frame, last + 10);
   EXPECT_NEAR(sent_N(tip), elastic_N, 0.02 * elastic_N);

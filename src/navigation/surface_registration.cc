@@ -108,7 +108,7 @@ class Fitter {
   }
 
  private:
-  SurfaceProjection foot_of(const Eigen::Vector3d& x, bool by_field) const {
+  SurfaceProjection project_to_surface(const Eigen::Vector3d& x, bool by_field) const {
     if (by_field)
       if (const auto foot = project_by_field(surface_, x)) return *foot;
     std::size_t nearest = 0;
@@ -127,7 +127,7 @@ class Fitter {
     std::vector<Eigen::Vector3d> at;
     for (const Point<Tracker>& point : touched_) {
       at.push_back((X * point).eigen());
-      fit.feet.push_back(foot_of(at.back(), by_field));
+      fit.feet.push_back(project_to_surface(at.back(), by_field));
       fit.feet.back().distance_mm -= options_.tip_radius_mm;
       fit.feet.back().height_mm -= options_.tip_radius_mm;
     }

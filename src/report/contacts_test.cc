@@ -13,7 +13,7 @@ namespace {
 
 /// Calls `see` for every tick of a recording with its times.
 template <class See>
-void see_all(const Recording& recording, See&& see) {
+void relink_unpaired(const Recording& recording, See&& see) {
   TickTimes times(RecordingSource(recording).head());
   // in chunks, as when reading
   for (std::size_t first = 0; first < recording.ticks.size(); first += 37)
@@ -30,7 +30,7 @@ int devices_of(const Recording& recording) {
 std::vector<StructureFigures> summarise_structures(const Recording& recording, const Model& model,
                                                    const std::vector<Contact>& contacts) {
   StructureMeter meter(devices_of(recording), model);
-  see_all(recording, [&](const TimedTick& now) { meter.see(now); });
+  relink_unpaired(recording, [&](const TimedTick& now) { meter.see(now); });
   return meter.finish(contacts);
 }
 
@@ -55,7 +55,7 @@ ForceExtremes force_extremes(const Recording& recording) {
 /// Start of each tick, and the end of the last one.
 std::vector<double> tick_edges_s(const Recording& recording) {
   std::vector<double> edges{0};
-  see_all(recording, [&](const TimedTick& now) {
+  relink_unpaired(recording, [&](const TimedTick& now) {
     EXPECT_EQ(now.index + 1, edges.size());
     edges.back() = now.begin_s;
     edges.push_back(now.end_s);
@@ -84,7 +84,7 @@ struct Script {
   std::vector<double> edges() const { return tick_edges_s(recording); }
   std::vector<Contact> contacts() const {
     ContactFinder finder(devices_of(recording));
-    see_all(recording, [&](const TimedTick& now) { finder.see(now); });
+    relink_unpaired(recording, [&](const TimedTick& now) { finder.see(now); });
     return finder.finish();
   }
 };
@@ -142,7 +142,7 @@ TEST(Contacts, WhatIsFeltBeneathWhatIsTouchedIsCountedByItself) {
   run.recording.ticks[10].device[0].felt_share[1] = kNotKnown;
   run.recording.ticks[11].device[0].felt_depth_mm[1] = kNotKnown;
   BeneathMeter meter(1);
-  see_all(run.recording, [&](const TimedTick& now) { meter.see(now); });
+  relink_unpaired(run.recording, [&](const TimedTick& now) { meter.see(now); });
   const std::vector<DeepFigures> figures = meter.finish();
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_EQ(figures[0].label, 6);

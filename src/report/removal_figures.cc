@@ -107,7 +107,7 @@ void RemovalMeter::hear(std::span<const RecordingEvent> events) {
     if (event.kind == RecordingEvent::Kind::kSweep ||
         (event.kind == RecordingEvent::Kind::kModel &&
          (event.change.tissue == ModelChange::kCut || event.change.is_of_stroke())))
-      heard_.push_back(event);
+      applied_arming_.push_back(event);
 }
 
 void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
@@ -127,8 +127,9 @@ void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
 }
 
 void RemovalMeter::see(const TimedTick& now) {
-  for (; !heard_.empty() && heard_.front().tick <= now.tick.tick; heard_.pop_front())
-    hear(heard_.front(), now.begin_s);
+  for (; !applied_arming_.empty() && applied_arming_.front().tick <= now.tick.tick;
+       applied_arming_.pop_front())
+    hear(applied_arming_.front(), now.begin_s);
   nearest_.see(now.tick);
   if (motor_was_on(model_, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
 }
@@ -177,7 +178,7 @@ double RemovalMeter::all_mm3(LabelId label) const {
 }
 
 void RemovalMeter::take_away(const Cut& cut, double time_s) {
-  if (!strokes_.goes_on(cut.sweep.stroke))
+  if (!strokes_.continues(cut.sweep.stroke))
     strokes_.begin(cut.sweep.stroke, ++figures_.strokes, std::numeric_limits<std::size_t>::max());
   removed_.add({&cut, 1});
   nearest_.see(cut.sweep);

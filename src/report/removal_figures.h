@@ -102,12 +102,12 @@ class RemovalMeter {
   const Model& model_;
   RemovedVolume removed_;
   NearestMeter nearest_;
-  StrokeHistory<std::size_t> strokes_;     // stroke numbers in their order
-  std::map<LabelId, double> volumes_mm3_;  // current
-  std::deque<RecordingEvent> heard_;       // sweeps and cuts that precede the next tick
-  std::vector<Cut> waiting_;               // sweeps for the next cut version
-  std::vector<Structure> structure_;       // by label; empty until something is cut
-  std::vector<const Surface*> surface_;    // in the order of figures_.structures; null: none
+  StrokeHistory<std::size_t> strokes_;         // stroke numbers in their order
+  std::map<LabelId, double> volumes_mm3_;      // current
+  std::deque<RecordingEvent> applied_arming_;  // sweeps and cuts that precede the next tick
+  std::vector<Cut> waiting_;                   // sweeps for the next cut version
+  std::vector<Structure> structure_;           // by label; empty until something is cut
+  std::vector<const Surface*> surface_;        // in the order of figures_.structures; null: none
   RemovalFigures figures_;
 };
 

@@ -385,7 +385,7 @@ bool project_onto_surface(const PositionReader& position, Point<Patient>& p, Vec
 // Moves a surface point along the surface to the local minimum of its distance to x, to a few micrometres;
 // returns the distance. The step is the tangential offset of x, scaled by a secant estimate of the
 // curvature's effect from the previous step.
-double slide_nearer(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
+double refine_nearest(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
   constexpr double kEnough_mm = 5e-4, kLongest_mm = 0.5;
   constexpr int kTries = 8;
   double best_mm = (x - p).norm();
@@ -517,7 +517,7 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
     } else {
       Point<Patient> here(middle_of(node.disc));
       double here_mm = (x - here).norm();
-      if (now.min_mm < here_mm - kSlack_mm) here_mm = slide_nearer(position, x, here);
+      if (now.min_mm < here_mm - kSlack_mm) here_mm = refine_nearest(position, x, here);
       if (!(here_mm < best_mm)) continue;
       best_mm = here_mm;
       place = here;

@@ -127,7 +127,8 @@ RearmResult Loop::rearm(std::uint32_t stop, std::uint32_t& number) noexcept {
   std::uint64_t now = arming_.load();
   if ((now & 1) == 0) return RearmResult::kNotStopped;
   if (static_cast<std::uint32_t>(now >> 1) != stop) return RearmResult::kStoppedAgain;
-  if (free_at_.load() != now) return heard_.load() == now ? RearmResult::kTouching : RearmResult::kNotApplied;
+  if (free_at_.load() != now)
+    return applied_arming_.load() == now ? RearmResult::kTouching : RearmResult::kNotApplied;
   const std::uint64_t next = ((now >> 1) + 1) << 1;
   if (!arming_.compare_exchange_strong(now, next)) return RearmResult::kStoppedAgain;
   number = static_cast<std::uint32_t>(next >> 1);
@@ -296,7 +297,7 @@ void Loop::publish() noexcept {
   }
   touched_ = touching;
   free_at_.store(touching ? kNowhere : tick_arming_);
-  heard_.store(tick_arming_);
+  applied_arming_.store(tick_arming_);
   silent_.store(silent, std::memory_order_relaxed);
 }
 

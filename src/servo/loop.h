@@ -128,7 +128,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   std::atomic<int> cpu_{-1};
   // arming_ as of the last tick, and the same value if all tips of that tick were in free space, else
   // kNowhere
-  std::atomic<std::uint64_t> heard_{0}, free_at_{kNowhere};
+  std::atomic<std::uint64_t> applied_arming_{0}, free_at_{kNowhere};
 
   // baselines of health() since the last reset
   LateCounts late_before_;

@@ -84,21 +84,21 @@ double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& l
 // Sets the output to zero after a fault or a stale pose and selects how it recovers: by the slew after the
 // first short dropout, by the ramp otherwise. A pause, which fades out, never waits for a fresh pose.
 void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
-  const bool is_short =
-      request.age_s <= kOutputFeel.short_dropout_s && (state.away || state.whole_s >= kOutputFeel.ramp_in_s);
+  const bool is_short = request.age_s <= kOutputFeel.short_dropout_s &&
+                        (state.away || state.since_fault_s >= kOutputFeel.ramp_in_s);
   state.away = faults == 0 && !request.off && request.age_s >= kOutputFeel.stale_s && is_short;
   if (!state.away) state.gain = 0;
   state.sent = {};
-  state.whole_s = 0;
+  state.since_fault_s = 0;
   state.returning = false;
 }
 
 // Slew limit for this tick; reduced while the force grows after a short dropout.
 double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& wanted_N, double dt_s,
                         OutputState& state) {
-  state.returning = state.away || (state.returning && state.whole_s < kOutputFeel.return_s);
+  state.returning = state.away || (state.returning && state.since_fault_s < kOutputFeel.return_s);
   state.away = false;
-  state.whole_s = std::min(kOutputFeel.ramp_in_s, state.whole_s + dt_s);
+  state.since_fault_s = std::min(kOutputFeel.ramp_in_s, state.since_fault_s + dt_s);
   const double slew_N_per_s = limits.slew_N_per_s > 0 ? limits.slew_N_per_s : OutputLimits{}.slew_N_per_s;
   const bool grows = magnitude(wanted_N) > magnitude(state.sent.force_N);
   return state.returning && grows ? std::min(slew_N_per_s, kOutputFeel.return_N_per_s) : slew_N_per_s;

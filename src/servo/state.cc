@@ -47,10 +47,10 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   // an uncoupled layer is reinitialised before use, and the layer may not exist
   if (!proxy.coupled && proxy.punctured.none()) return;
   hash_place(hash, proxy.position);
-  hash_place(hash, proxy.last_way);
+  hash_place(hash, proxy.last_displacement);
   hash_quaternion(hash, proxy.attitude);
   hash_surfaces(hash, proxy.punctured);
-  hash.add(proxy.part, proxy.spring_N_per_mm.value_or(-1), proxy.behind_mm, proxy.lost_s, proxy.contacts);
+  hash.add(proxy.part, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.lost_s, proxy.contacts);
   for (int n = 0; n < proxy.contacts; ++n) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
     const std::uint64_t of =
@@ -110,9 +110,9 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash_wrench(hash, hand.difference);
   const PassivityState& passivity = hand.passivity;
   hash.add(hand.blend_elapsed_s, passivity.energy_mJ, passivity.way_mm, passivity.time_s,
-           passivity.speed_mm_s, passivity.play_mm, passivity.gives_way);
+           passivity.speed_mm_s, passivity.play_mm, passivity.moves_with_force);
   const BounceState& bounce = passivity.bounce;
-  hash.add(bounce.fell_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
+  hash.add(bounce.impact_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
            bounce.back_N_s2_mm, bounce.squares_N2_s4, bounce.touched);
   const OscillationState& swing = hand.swing;
   hash_place(hash, swing.axis);
@@ -126,7 +126,8 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   }
   hash.add(hand.turned_mJ);
   hash_wrench(hash, hand.output.sent);
-  hash.add(hand.output.gain, hand.output.heat, hand.output.whole_s, hand.output.away, hand.output.returning);
+  hash.add(hand.output.gain, hand.output.heat, hand.output.since_fault_s, hand.output.away,
+           hand.output.returning);
 }
 
 }  // namespace
@@ -137,7 +138,7 @@ std::uint64_t SessionState::hash(int devices) const {
   hash_quaternion(hash, rotation_start);
   hash_quaternion(hash, rotation_target);
   hash_quaternion(hash, rotation_felt);
-  hash.add(rotation_elapsed_s, made_by);
+  hash.add(rotation_elapsed_s, force_source);
   // only burrs make strokes
   if (strokes > 0) hash.add(std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));
   // 0 if no tissue was ever deformable

@@ -299,8 +299,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   // a change of force source starts a blend
   const std::uint64_t maker = force_source_digest(model, parameters, devices.size());
-  const bool changed = state.made_by != 0 && state.made_by != maker;
-  state.made_by = maker;
+  const bool changed = state.force_source != 0 && state.force_source != maker;
+  state.force_source = maker;
 
   // proxies stay on surfaces that a new version of the model shares with the old one
   SurfaceMatches before;

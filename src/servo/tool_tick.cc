@@ -35,7 +35,7 @@ unsigned coupled_layers(const ProxyState& proxy) {
 ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, const ProxyChange& change,
                          const MotorState& motor, SessionState::Hand& hand) {
   const std::vector<ContactSurface>& surfaces = tick.model.surfaces;
-  HeldTool held(tick, context);
+  PosedTool held(tick, context);
   ProxyState& proxy = hand.proxy;
   const std::optional<Burr> burr = burr_of(tick, context, motor);
   if (burr) {
@@ -64,7 +64,7 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
 void keep_away(const TickContext& tick, const DeviceContext& context, ToolContact& contact, DeviceTick& out) {
   const Model& model = tick.model;
   if (model.no_go.empty() && model.distances.structures().empty()) return;
-  HeldTool held(tick, context);
+  PosedTool held(tick, context);
   if (const auto burr = burr_of(tick, context, {})) held.set_first(burr->head(0));
 
   // structures near the tool

@@ -44,7 +44,7 @@ const CutList::InForce& CutList::in_force(std::uint32_t version) const {
   for (std::size_t n = 0; n < changes; ++n) {
     for (; next < changes_[n].sweeps; ++next, ++left) {
       const std::uint32_t stroke = sweeps_[next].stroke;
-      if (!history.goes_on(stroke))
+      if (!history.continues(stroke))
         history.begin(stroke, {next, next}, std::numeric_limits<std::size_t>::max());
       history.last().end = next + 1;
     }
@@ -54,7 +54,7 @@ const CutList::InForce& CutList::in_force(std::uint32_t version) const {
     if (undo) last_.undone_to.push_back(left);
   }
   last_.runs = history.done();
-  last_.goes_on = next;
+  last_.continues = next;
   last_.changes = changes;
   last_.known = true;
   return last_;
@@ -62,7 +62,7 @@ const CutList::InForce& CutList::in_force(std::uint32_t version) const {
 
 std::size_t CutList::count(std::uint32_t version) const {
   const InForce& in = in_force(version);
-  std::size_t count = std::max(sweeps_until(version), in.goes_on) - in.goes_on;
+  std::size_t count = std::max(sweeps_until(version), in.continues) - in.continues;
   for (const Run& run : in.runs) count += run.end - run.begin;
   return count;
 }
@@ -78,7 +78,7 @@ std::vector<SweepRecord> CutList::by(std::uint32_t version, std::size_t first, s
     some.insert(some.end(), from, from + static_cast<std::ptrdiff_t>(count));
   };
   for (const Run& run : in.runs) take(run.begin, run.end);
-  take(in.goes_on, std::max(sweeps_until(version), in.goes_on));
+  take(in.continues, std::max(sweeps_until(version), in.continues));
   return some;
 }
 

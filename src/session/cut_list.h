@@ -51,8 +51,8 @@ class CutList {
   struct InForce {
     std::vector<Run> runs;
     std::vector<std::uint64_t> undone_to;
-    std::size_t goes_on = 0;  // sweeps from this index on are in force, each from its own version on
-    std::size_t changes = 0;  // number of changes that led to this state
+    std::size_t continues = 0;  // sweeps from this index on are in force, each from its own version on
+    std::size_t changes = 0;    // number of changes that led to this state
     bool known = false;
   };
   const InForce& in_force(std::uint32_t version) const;

@@ -29,17 +29,17 @@ TEST(CutList, EveryVersionHasTheSweepsOfItsStrokes) {
   std::vector<std::vector<std::uint64_t>> undone_to{{}};
   std::uint32_t version = 0, stroke = 0;
   double number = 0;
-  bool goes_on = false;
+  bool continues = false;
   for (int n = 0; n < 300; ++n) {
     ++version;
     std::vector<std::uint64_t> left = undone_to.back();
     if (const unsigned action = random() % 5; action < 3) {
-      if (action == 0 || !goes_on) {
+      if (action == 0 || !continues) {
         ++stroke;
         done.emplace_back();
         undone.clear();
       }
-      goes_on = true;
+      continues = true;
       for (unsigned sweeps = 1 + random() % 3; sweeps > 0; --sweeps) {
         done.back().push_back(sweep_of(stroke, ++number));
         list.add(version, done.back().back());
@@ -51,7 +51,7 @@ TEST(CutList, EveryVersionHasTheSweepsOfItsStrokes) {
       if (!from.empty()) {
         to.push_back(std::move(from.back()));
         from.pop_back();
-        goes_on = false;
+        continues = false;
       }
     }
     std::vector<SweepRecord> in_force;

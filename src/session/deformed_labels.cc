@@ -67,7 +67,7 @@ void widen(VoxelBox& within, const ElasticBox& box, const GridGeometry& grid) {
 
 }  // namespace
 
-std::shared_ptr<const Bricks<LabelId>> SeenLabels::of(const ViewerHost& host) {
+std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host) {
   const std::shared_ptr<const Bricks<LabelId>> labels = host.labels();
   Yields yields;
   for (std::size_t device = 0; device < yields.size(); ++device) yields[device] = host.yielded(device);

@@ -12,7 +12,7 @@ namespace palpate {
 
 /// Label map deformed by soft tissue, as viewers see it, for volume pictures rendered by this process.
 /// Versions share unchanged bricks. Thread-safe; concurrent callers wait.
-class SeenLabels {
+class DeformedLabels {
  public:
   /// @returns ViewerHost::seen_labels(), from the host's labels and deformation
   std::shared_ptr<const Bricks<LabelId>> of(const ViewerHost& host);

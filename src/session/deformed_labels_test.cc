@@ -58,9 +58,9 @@ int top(const Bricks<LabelId>& labels, int i, int j) {
   return k;
 }
 
-TEST(SeenLabels, ADentIsADent) {
+TEST(DeformedLabels, ADentIsADent) {
   YieldingHost host;
-  SeenLabels seen;
+  DeformedLabels seen;
   EXPECT_EQ(seen.of(host), host.labels()) << "nothing has yielded";
 
   host.yields[0] = dent(15, 3);
@@ -77,9 +77,9 @@ TEST(SeenLabels, ADentIsADent) {
   EXPECT_EQ(seen.of(host), host.labels());
 }
 
-TEST(SeenLabels, WhatTwoToolsDoIsAddedUp) {
+TEST(DeformedLabels, WhatTwoToolsDoIsAddedUp) {
   YieldingHost host;
-  SeenLabels seen;
+  DeformedLabels seen;
   host.yields[0] = dent(15, 1.5);
   host.yields[1] = dent(15, 1.5);
   const auto both = seen.of(host);

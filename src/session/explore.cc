@@ -319,7 +319,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   std::string careful;
   auto tip = tip_source_for(*setup, options, progress, careful);
   if (!tip) return tip.error();
-  CarriedCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
+  MeasuredCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
   setup->model = std::move(carried.model);
   if (!carried.told.empty()) setup->trouble.push_back(carried.told);
   if (progress.stopped()) return Progress::interrupted();

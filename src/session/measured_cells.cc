@@ -74,8 +74,8 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std:
 
 }  // namespace
 
-CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
-                                 double max_frame_s) {
+MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
+                                  double max_frame_s) {
   if (!is_elastic(model->tissue_law) || !model->has(ForceMethod::kProxy) || model->tissue_coarsened > 1)
     return {std::move(model), {}};
   // one of several spread-out points suffices
@@ -103,8 +103,8 @@ CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t
   return {std::move(coarser), told};
 }
 
-Result<CarriedCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
-                                        const Progress& progress) {
+Result<MeasuredCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
+                                         const Progress& progress) {
   const auto preparing = cached_preparation();
   if (has_other_surfaces(felt, law)) {
     // the current surfaces stay in memory meanwhile
@@ -114,7 +114,7 @@ Result<CarriedCells> measured_under_law(const Model& felt, TissueLaw law, std::s
   }
   auto under = under_law(felt, law, *preparing, progress);
   if (!under) return under.error();
-  if (!is_elastic(law)) return CarriedCells{*std::move(under), {}};
+  if (!is_elastic(law)) return MeasuredCells{*std::move(under), {}};
   auto whole = std::make_shared<Model>(**under);
   whole->tissue_coarsened = 1;
   return with_measured_cells(std::move(whole), devices);

@@ -13,7 +13,7 @@
 namespace palpate {
 
 /// Model whose soft tissue can be solved in real time on this machine.
-struct CarriedCells {
+struct MeasuredCells {
   std::shared_ptr<const Model> model;
   std::string told;  ///< Warning text if the cells are coarser than the scene requests; empty otherwise
 };
@@ -27,14 +27,14 @@ struct CarriedCells {
 /// kMaxDevices
 /// @param max_frame_s  processor time available per frame; by default three quarters of the frame period,
 /// which leaves some to other threads
-CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
-                                 double max_frame_s = 0.75 * kYieldFrame_s);
+MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
+                                  double max_frame_s = 0.75 * kYieldFrame_s);
 
 /// Switches a model to another law (under_law; surfaces prepared earlier are taken from the cache) and, if
 /// that law is elastic, chooses the cell size as above, ignoring the factor of `felt`. Takes seconds if the
 /// law needs other surfaces. Errors: those of under_law; kBadInput if both sets of surfaces do not fit in
 /// memory.
-Result<CarriedCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
-                                        const Progress& progress = {});
+Result<MeasuredCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
+                                         const Progress& progress = {});
 
 }  // namespace palpate

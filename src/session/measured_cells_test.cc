@@ -22,18 +22,18 @@ std::shared_ptr<const Model> ball_under(TissueLaw law) {
   return ready_for(std::make_shared<const Model>(std::move(model)), kProxyAlone).value();
 }
 
-TEST(CarriedCells, AreCoarserWhereAFrameTakesTooLong) {
+TEST(MeasuredCells, AreCoarserWhereAFrameTakesTooLong) {
   const auto model = ball_under(TissueLaw::kElastic);
-  const CarriedCells none_is_fast_enough = with_measured_cells(model, 1, 0);
+  const MeasuredCells none_is_fast_enough = with_measured_cells(model, 1, 0);
   EXPECT_EQ(none_is_fast_enough.model->tissue_coarsened, 2);
   EXPECT_EQ(none_is_fast_enough.model->content_hash, model->content_hash);
   EXPECT_EQ(yield_cell_mm(*none_is_fast_enough.model), 2 * yield_cell_mm(*model));
   EXPECT_THAT(none_is_fast_enough.told, HasSubstr("cells of 4 mm and not of 2"));
 }
 
-TEST(CarriedCells, AreAsTheSceneHasThemElsewhere) {
+TEST(MeasuredCells, AreAsTheSceneHasThemElsewhere) {
   const auto model = ball_under(TissueLaw::kElastic);
-  const CarriedCells fast = with_measured_cells(model, 2, 1e3);
+  const MeasuredCells fast = with_measured_cells(model, 2, 1e3);
   EXPECT_EQ(fast.model, model);
   EXPECT_THAT(fast.told, IsEmpty());
   // the law of layers needs no solver
@@ -46,7 +46,7 @@ TEST(CarriedCells, AreAsTheSceneHasThemElsewhere) {
 }
 
 // the session may release the model that the hand planned its path in, once it uses coarser cells
-TEST(CarriedCells, TheHandKeepsTheModelThatItLooksAt) {
+TEST(MeasuredCells, TheHandKeepsTheModelThatItLooksAt) {
   LoadedScene loaded = testing::loaded_ball();
   const auto script = parse_script("[[step]]\napproach = \"ball\"\n", "test script");
   ASSERT_TRUE(script);

@@ -148,9 +148,9 @@ Result<void> compute_removed_volumes(const Model& model, const Progress& progres
 class CutLabels {
  public:
   std::shared_ptr<const Bricks<LabelId>> by(const Model& model, std::vector<SweepRecord> sweeps) {
-    const bool goes_on =
+    const bool continues =
         sweeps.size() >= sweeps_.size() && std::equal(sweeps_.begin(), sweeps_.end(), sweeps.begin());
-    if (!goes_on || carving_ == nullptr) {
+    if (!continues || carving_ == nullptr) {
       carving_ = std::make_shared<const Carving>(model);
       labels_ = model.labels;
       sweeps_.clear();
@@ -335,7 +335,7 @@ class Playback final : public ViewerHost {
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
   const Edits edits_;
-  mutable SeenLabels seen_labels_;
+  mutable DeformedLabels seen_labels_;
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
   const NearestLine nearest_;

@@ -83,9 +83,9 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
   auto some = index_.up_to(number, kMaxOn);
   // continue from the last solution, or start a few solutions earlier
   const auto last = std::ranges::find(some, solver_.frame().number, &YieldIndex::Solution::number);
-  const bool goes_on = last != some.end() && last + 1 != some.end();
-  some = some.last(goes_on ? static_cast<std::size_t>(some.end() - last) - 1
-                           : std::min(some.size(), kLeadIn + 1));
+  const bool continues = last != some.end() && last + 1 != some.end();
+  some = some.last(continues ? static_cast<std::size_t>(some.end() - last) - 1
+                             : std::min(some.size(), kLeadIn + 1));
   for (const YieldIndex::Solution& solution : some) {
     const auto felt = tick_at_(solution.row, progress);
     const auto model = felt && !ending_ ? model_of(felt->model_version) : nullptr;
@@ -110,11 +110,11 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
     return model.tissue_law == law && model.tissue_coarsened == coarsened;
   };
   if (by == cut_by_ && undone_to == undone_to_ && goes_so(*cut_)) return cut_;
-  const bool goes_on = undone_to == undone_to_ && by > cut_by_;
-  const std::shared_ptr<const Model>& from = goes_on ? cut_ : model_;
+  const bool continues = undone_to == undone_to_ && by > cut_by_;
+  const std::shared_ptr<const Model>& from = continues ? cut_ : model_;
   std::vector<Cut> cuts;
   for (const SweepRecord& sweep :
-       cuts_.by(version, goes_on ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
+       cuts_.by(version, continues ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
     cuts.push_back(cut_of(sweep));
   std::shared_ptr<const Model> made = from;
   if (!cuts.empty()) {

@@ -249,7 +249,7 @@ void ViewedSession::prepare_law(std::unique_lock<std::mutex>& lock, const Progre
   const TissueLaw law = *law_awaited_;
   // unlock: a thread waiting for the mutex would inherit this thread's low priority as latency
   lock.unlock();
-  const auto made = [&]() -> Result<CarriedCells> {
+  const auto made = [&]() -> Result<MeasuredCells> {
     try {
       return parts_.other_law(*of, law, parts_.devices.size(), progress);
     } catch (const std::exception& why) {

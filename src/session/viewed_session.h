@@ -61,8 +61,8 @@ struct ViewedParts {
       std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>
       more_methods = with_methods;
   /// Prepares a model for another tissue law; replaced in tests only. May throw.
-  std::function<Result<CarriedCells>(const Model& felt, TissueLaw law, std::size_t devices,
-                                     const Progress& progress)>
+  std::function<Result<MeasuredCells>(const Model& felt, TissueLaw law, std::size_t devices,
+                                      const Progress& progress)>
       other_law = measured_under_law;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this
   /// machine is too slow. Empty if it is not.
@@ -229,7 +229,7 @@ class ViewedSession final : public ViewerHost {
   const std::array<bool, kForceMethods.size()> choosable_;
   mutable std::once_flag scene_made_;
   mutable ViewedScene scene_;
-  mutable SeenLabels seen_labels_;
+  mutable DeformedLabels seen_labels_;
 
   EventLog told_;
   ArmingCode arming_code_;

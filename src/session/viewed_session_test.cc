@@ -577,7 +577,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   std::atomic<bool> may_be_made{false};
   std::atomic<int> made{0};
   other_law_ = [&](const Model& felt, TissueLaw law, std::size_t devices,
-                   const Progress& progress) -> Result<CarriedCells> {
+                   const Progress& progress) -> Result<MeasuredCells> {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ++made;
     auto under = measured_under_law(felt, law, devices, progress);
@@ -586,7 +586,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
     const bool is_slow = law == TissueLaw::kNeoHookean;
     auto carried = std::make_shared<Model>(*under->model);
     carried->tissue_coarsened = is_slow ? 1.6 : 1;
-    return CarriedCells{std::move(carried), is_slow ? "coarser cells" : ""};
+    return MeasuredCells{std::move(carried), is_slow ? "coarser cells" : ""};
   };
   start();
   EXPECT_THAT(viewed_->scene().laws, ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));

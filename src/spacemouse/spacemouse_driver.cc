@@ -173,7 +173,8 @@ class SpaceMouseDriver::Core {
     if (sample_.fault) return;
     sample_.taken_ns = now_ns;
     sample_.buttons = buttons_.load();
-    const bool rests = is_relative_.load() && now_ns - told_ns_.load() > std::llround(kSilentIsRest_s * 1e9);
+    const bool rests =
+        is_relative_.load() && now_ns - last_event_ns_.load() > std::llround(kSilentIsRest_s * 1e9);
     Eigen::Vector3d way = Eigen::Vector3d::Zero(), turn = Eigen::Vector3d::Zero();
     for (int i = 0; i < 3 && !rests; ++i) {
       way[i] = speed_of(deflection_[static_cast<std::size_t>(i)].load()) * settings_.speed_mm_s * passed_s;
@@ -227,7 +228,7 @@ class SpaceMouseDriver::Core {
     const auto axis = axis_of(event.code);
     if (!axis) return;
     is_relative_.store(event.type == EV_REL);
-    told_ns_.store(monotonic_ns());
+    last_event_ns_.store(monotonic_ns());
     deflection_[axis->ours].store(axis->sign * std::clamp(event.value / kMaxDeflection, -1.0, 1.0));
   }
 
@@ -252,7 +253,7 @@ class SpaceMouseDriver::Core {
   bool is_dropped_ = false;  // events are ignored until the next report
   std::array<std::atomic<double>, 6> deflection_{};
   std::atomic<std::uint32_t> buttons_{0};
-  std::atomic<std::int64_t> told_ns_{0};
+  std::atomic<std::int64_t> last_event_ns_{0};
   std::atomic<bool> is_relative_{false}, lost_{false}, end_{false};
   std::thread reader_;
 };

@@ -94,7 +94,7 @@ class Relaxation {
   void unlink_walls(const std::vector<std::uint8_t>& wall);
   void compute_border_divisors();
   void unlink_unpaired();
-  void see_all();
+  void relink_unpaired();
   CellPlace way_mm(std::size_t n, int link) const;
   float square_along(std::size_t n, int link, const CellPlace& normal) const;
   CellPlace area(std::size_t n) const;
@@ -209,7 +209,7 @@ void Relaxation::compute_border_divisors() {
 void Relaxation::unlink_unpaired() {
   for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.node;
 }
-void Relaxation::see_all() {
+void Relaxation::relink_unpaired() {
   for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.to;
 }
 
@@ -325,7 +325,7 @@ void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
 }
 
 void Relaxation::bend() {
-  see_all();
+  relink_unpaired();
   const std::vector<CellPlace> normal = normals();
   // Curvature from the rotation of the normals. Computed from positions, a small error of the normal would
   // turn displacements along the surface, caused by the cells' borders, into curvature.

@@ -34,7 +34,7 @@ std::vector<ElasticMaterial> materials_of(const Model& model) {
 
 CarvedLabels carved_labels(const Model& model) {
   if (model.carving == nullptr) return {model.labels, nullptr};
-  return {model.carving->made_labels(), model.carving->taken()};
+  return {model.carving->original_labels(), model.carving->taken()};
 }
 
 VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::uint8_t>* now,
@@ -110,7 +110,7 @@ CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
   return changed;
 }
 
-void CarvedCells::take_over(const CarvedCells& other, const std::array<int, 3>& offset) {
+void CarvedCells::copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset) {
   CellBox shared = other.on_their_way_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shared.low[axis] -= offset[axis];

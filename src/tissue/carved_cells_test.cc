@@ -186,7 +186,7 @@ class CarvedCellsOf : public ::testing::Test {
   }
   void settle() {
     for (int n = 0; n < kStepsToFollow; ++n) step();
-    EXPECT_TRUE(cells_->on_their_way().empty());
+    EXPECT_TRUE(cells_->changing_cells().empty());
   }
   void expect_as_whole() {
     const CarvedCells whole(carved_labels(*model_), kMaterials, box_, about_);
@@ -339,10 +339,10 @@ TEST_F(CarvedCellsOf, OthersGoOnWhereTheseAreOnTheirWay) {
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
   model_ = cut(model_, {sweep_in(*model_, {10, 12, 20}, {20, 12, 20}, 3)});
   step();
-  ASSERT_FALSE(cells_->on_their_way().empty());
+  ASSERT_FALSE(cells_->changing_cells().empty());
   const ElasticBox moved = box_in(*model, {4, 0, 2}, {19, 16, 18});
   CarvedCells next(carved_labels(*model_), kMaterials, moved, about_);
-  next.take_over(*cells_, {2, -1, 2});
+  next.copy_overlap(*cells_, {2, -1, 2});
   for (int k = 0; k < 16; ++k)
     for (int j = 1; j < 16; ++j)
       for (int i = 0; i < 17; ++i)

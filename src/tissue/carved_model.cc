@@ -105,7 +105,7 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
     const std::uint32_t stroke = cuts.front().sweep.stroke;
     const auto other = std::ranges::find_if(cuts, [&](const Cut& cut) { return cut.sweep.stroke != stroke; });
     const auto count = static_cast<std::size_t>(other - cuts.begin());
-    if (!next->strokes_.goes_on(stroke))
+    if (!next->strokes_.continues(stroke))
       next->strokes_.begin(stroke, {std::make_shared<const Left>(next->left_), nullptr});
     next->take(cuts.first(count));
     cuts = cuts.subspan(count);
@@ -213,7 +213,7 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
     const CarvedSurface* const left = left_.surfaces[s].get();
     surface.surface = left != nullptr ? left->surface() : made_[s];
     surface.made = left != nullptr ? made_[s] : nullptr;
-    surface.made_labels = left != nullptr ? original_labels_ : nullptr;
+    surface.original_labels = left != nullptr ? original_labels_ : nullptr;
     surface.clearance_error_mm = left != nullptr ? left->clearance_error_mm() : 0;
   }
   for (std::size_t n = 0; n < made_of_tracked_.size(); ++n) {

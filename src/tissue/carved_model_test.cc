@@ -185,7 +185,7 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
       const ContactSurface &is = felt->surfaces[s], &oracle = at_once->surfaces[s];
       ASSERT_EQ(is.surface->content_hash(), oracle.surface->content_hash());
       ASSERT_EQ(is.made, oracle.made);
-      ASSERT_EQ(is.made_labels == nullptr, oracle.made_labels == nullptr);
+      ASSERT_EQ(is.original_labels == nullptr, oracle.original_labels == nullptr);
       ASSERT_EQ(is.clearance_error_mm, oracle.clearance_error_mm);
     }
   }

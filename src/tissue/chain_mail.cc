@@ -198,7 +198,7 @@ void ChainMail::relax(int passes) {
     });
 }
 
-void ChainMail::take_over(const ChainMail& other, const std::array<int, 3>& offset) {
+void ChainMail::copy_overlap(const ChainMail& other, const std::array<int, 3>& offset) {
   for_each_node({{0, 0, 0}, layout_.cells}, [&](int i, int j, int k) {
     const std::array<int, 3> there{i + offset[0], j + offset[1], k + offset[2]};
     for (std::size_t axis = 0; axis < 3; ++axis)
@@ -245,7 +245,7 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& felt) {
           std::array<int, 3> offset;
           for (std::size_t axis = 0; axis < 3; ++axis)
             offset[axis] = where.first_cell[axis] - region->where.first_cell[axis];
-          next->mail.take_over(region->mail, offset);
+          next->mail.copy_overlap(region->mail, offset);
         }
         region = std::move(next);
       }

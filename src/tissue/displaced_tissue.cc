@@ -118,11 +118,11 @@ double DisplacedTissue::strain(const Point<Patient>& at_rest) const {
 
 DisplacedTissue::Part::Part(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N)
     : moved_(grid.box(), moved_by(grid, unit_mm, force_N), empty_nodes(grid), kFadeCells) {
-  find_slopes(grid);
+  compute_gradients(grid);
 }
 
 // Displacement gradient at cell centres, as in the solver (docs/concepts/tissue.md, "What is solved").
-void DisplacedTissue::Part::find_slopes(const ElasticGrid& grid) {
+void DisplacedTissue::Part::compute_gradients(const ElasticGrid& grid) {
   const ElasticBox& box = moved_.box();
   const auto& cells = box.cells;
   slope_.resize(cell(0, 0, cells[2]), Eigen::Matrix3f::Zero());

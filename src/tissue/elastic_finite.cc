@@ -51,8 +51,8 @@ void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticFi
   state_->multigrid.finest().apply_finite_everywhere(displacement_mm.values, force_N.values);
 }
 
-FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                                           const FiniteSettings& settings, const HeldMeans& held) {
+FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
+                                                const FiniteSettings& settings, const HeldMeans& held) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;

@@ -164,8 +164,8 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
   settings.max_steps = 40;
   settings.max_iterations = 60;
   settings.tolerance = 2e-5;  // about the precision of floats
-  EXPECT_TRUE(solver.solve_finite(load, besides, settings, held).converged);
-  EXPECT_TRUE(ElasticSolver(grid).solve_finite(load, by_grid, settings).converged);
+  EXPECT_TRUE(solver.solve_neo_hookean(load, besides, settings, held).converged);
+  EXPECT_TRUE(ElasticSolver(grid).solve_neo_hookean(load, by_grid, settings).converged);
   for (std::size_t n = 0; n < by_grid.values.size(); ++n)
     ASSERT_NEAR(besides.values[n], by_grid.values[n], 1e-4f);
 }
@@ -180,7 +180,7 @@ TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
   for (const float force_N : {0.01f, 0.1f, 1.0f, -1.0f}) {
     load.values[grid.layout().node(7, 6, 6, 2)] = -force_N;
     for (int frame = 0; frame < 10; ++frame) {
-      const FiniteSolution told = solver.solve_finite(load, u, settings);
+      const FiniteSolution told = solver.solve_neo_hookean(load, u, settings);
       EXPECT_GE(told.min_volume, settings.min_volume);
       ASSERT_TRUE(
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));
@@ -190,7 +190,7 @@ TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
   std::fill(load.values.begin(), load.values.end(), 0.0f);
   settings.max_steps = 60;
   settings.tolerance = 1e-6;
-  EXPECT_TRUE(solver.solve_finite(load, u, settings).converged);
+  EXPECT_TRUE(solver.solve_neo_hookean(load, u, settings).converged);
   for (const float one : u.values) EXPECT_LE(std::abs(one), 1e-3f);
 }
 

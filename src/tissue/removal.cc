@@ -125,7 +125,7 @@ class Ahead {
 
   /// Estimate for a burr resting on an edge, such as the rim of a groove, where no sampling point is deep
   /// enough to count: each contact contributes as much as one sampling direction.
-  Front leant_on(const ProxyLayer& layer) const {
+  Front edge_contact_front(const ProxyLayer& layer) const {
     if (count_ == 0) return {};
     Sum sum;
     for (int n = 0; n < layer.contacts; ++n) {
@@ -497,7 +497,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   if (!(push.norm() > 0)) return result;
   const Ahead ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state);
   Front front = ahead.along({push, push});
-  if (!(front.area_mm2 > 0)) front = ahead.leant_on(layer);
+  if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
   state.front_mm2 = front.area_mm2;
   state.edge_mm_per_s = front.edge_mm_per_s;
   state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;

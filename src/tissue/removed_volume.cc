@@ -19,7 +19,7 @@ RemovedVolume::RemovedVolume(const Model& model)
 
 void RemovedVolume::add(std::span<const Cut> cuts) {
   for (const Cut& cut : cuts) {
-    if (!strokes_.goes_on(cut.sweep.stroke)) strokes_.begin(cut.sweep.stroke, {});
+    if (!strokes_.continues(cut.sweep.stroke)) strokes_.begin(cut.sweep.stroke, {});
     add(cut.sweep, strokes_.last());
   }
 }

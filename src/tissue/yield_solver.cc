@@ -122,7 +122,7 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
 /// F = E'(s) / W at a depth of s W. E'(s) = u1 . f(u) over all nodes; where they are not in equilibrium yet,
 /// the error of u1 . K u is of second order. Along the surface E changes by s (dJ) y with K y = f(u), in the
 /// same way as J, from which u1 follows.
-struct YieldSolver::Finite {
+struct YieldSolver::NeoHookeanBody {
   ElasticField correction_mm;  ///< u - s u1; its means under the patch are 0
   ElasticField turning_mm;     ///< y - F u1
   ElasticField u_mm, force_N;  ///< Scratch
@@ -132,7 +132,7 @@ struct YieldSolver::Finite {
   double failed_mm = 0;  ///< Depth of a resting tool at which more than max_give had no solution; 0: none
   double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Values last published
 
-  explicit Finite(const ElasticLayout& layout)
+  explicit NeoHookeanBody(const ElasticLayout& layout)
       : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
   void forget() {
     for (ElasticField* field : {&correction_mm, &turning_mm})
@@ -152,7 +152,7 @@ struct YieldSolver::Region {
   double modulus = 0;                       ///< Contact modulus under the patch in the last frame
   double radius_mm = 0;                     ///< Radius of the tool
   bool is_new = true;                       ///< Nothing has been solved in it yet
-  std::unique_ptr<Finite> finite;           ///< For the neo-Hookean law
+  std::unique_ptr<NeoHookeanBody> finite;   ///< For the neo-Hookean law
 
   /// @param before  box that it replaces; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
@@ -162,13 +162,14 @@ struct YieldSolver::Region {
         cells(yield_cells(model, by_label, where)),
         solver([&]() -> const ElasticGrid& {
           if (before != nullptr && before->is_of(cells.labels(), by_label))
-            cells.take_over(before->cells, way_from(*before));
+            cells.copy_overlap(before->cells, way_from(*before));
           return cells.grid();
         }()),
         unit_mm(cells.grid().layout()),
         load_N(cells.grid().layout()) {
-    if (model.tissue_law == TissueLaw::kNeoHookean) finite = std::make_unique<Finite>(grid().layout());
-    if (before != nullptr) take_over(*before);
+    if (model.tissue_law == TissueLaw::kNeoHookean)
+      finite = std::make_unique<NeoHookeanBody>(grid().layout());
+    if (before != nullptr) copy_overlap(*before);
     if (model.relaxation_times.any()) shares.emplace(model, cells.labels(), cells.grid());
   }
 
@@ -185,7 +186,7 @@ struct YieldSolver::Region {
   }
   // same removal, with all cells at their target
   bool stands_at(const CarvedLabels& labels) const {
-    return labels.taken == cells.labels().taken && cells.on_their_way().empty();
+    return labels.taken == cells.labels().taken && cells.changing_cells().empty();
   }
 
   // offset from one of its cells' index to that of the same cell in another box
@@ -194,18 +195,18 @@ struct YieldSolver::Region {
     return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
   }
   // copies the solution where both boxes overlap
-  void take_over(const Region& before) {
+  void copy_overlap(const Region& before) {
     if (before.grid().layout().cells != grid().layout().cells) return;
-    take_over(before, before.unit_mm, unit_mm);
+    copy_overlap(before, before.unit_mm, unit_mm);
     if (finite == nullptr || before.finite == nullptr) return;
-    take_over(before, before.finite->correction_mm, finite->correction_mm);
-    take_over(before, before.finite->turning_mm, finite->turning_mm);
+    copy_overlap(before, before.finite->correction_mm, finite->correction_mm);
+    copy_overlap(before, before.finite->turning_mm, finite->turning_mm);
     finite->give_mm = before.finite->give_mm;
     finite->max_give = before.finite->max_give;
     finite->stiffening_mm_per_N2 = before.finite->stiffening_mm_per_N2;
     finite->finite_N = before.finite->finite_N;
   }
-  void take_over(const Region& before, const ElasticField& from, ElasticField& to) {
+  void copy_overlap(const Region& before, const ElasticField& from, ElasticField& to) {
     const ElasticLayout& layout = grid().layout();
     const auto& all = layout.cells;
     const std::array<int, 3> way = way_from(before);
@@ -229,13 +230,13 @@ struct YieldSolver::Region {
   }
 
   /// Solves the neo-Hookean body at the tool's expected depth and adds its parameters to the linear spot.
-  void solve_finite(const PressurePatch& patch, double depth_mm, bool anew, LocalCompliance& spot);
+  void solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew, LocalCompliance& spot);
 };
 
-void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, bool anew,
-                                       LocalCompliance& spot) {
+void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew,
+                                            LocalCompliance& spot) {
   constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2, kAtRest = 0.05;
-  Finite& f = *finite;
+  NeoHookeanBody& f = *finite;
   const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRest * mm; };
   const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
   f.depth_mm = std::max(depth_mm, 0.0);
@@ -243,7 +244,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   const HeldMeans surface = patch.columns(kSolvingFeel.min_bearing);
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
   ContactLaw tissue;
-  tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N();
+  tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N();
   tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
   tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
   tissue.finite_N = f.finite_N;
@@ -268,7 +269,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   settings.max_steps = kSolvingFeel.finite_steps;
   settings.max_iterations = anew ? kSolvingFeel.first_iterations : kSolvingFeel.finite_iterations;
   settings.min_volume = kSolvingFeel.min_volume;
-  const FiniteSolution found = solver.solve_finite(load_N, f.u_mm, settings, surface);
+  const FiniteSolution found = solver.solve_neo_hookean(load_N, f.u_mm, settings, surface);
   solver.finite_forces(f.u_mm, f.force_N);
   const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
   const double stiffer = (force_N - s) / force_N;
@@ -357,7 +358,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
-    if (region->finite != nullptr) region->solve_finite(patch, depth_mm, anew, spot);
+    if (region->finite != nullptr) region->solve_neo_hookean(patch, depth_mm, anew, spot);
     if (region->shares) spot.relaxed = region->shares->relaxed(region->grid(), region->unit_mm);
   }
   return frame_;

@@ -126,7 +126,7 @@ class TrackerStream::Core {
   std::vector<std::string> heard() const {
     const std::lock_guard lock(mutex_);
     std::vector<std::string> names;
-    for (const std::string& name : heard_) names.push_back(printable_name(name));
+    for (const std::string& name : applied_arming_) names.push_back(printable_name(name));
     return names;
   }
 
@@ -138,24 +138,26 @@ class TrackerStream::Core {
     std::int64_t at_ns = -kSecond_ns;
   };
 
-  /// @param goes_on  remark about automatic retries
-  std::optional<Error> missing_pose(const char* goes_on) const {
+  /// @param continues  remark about automatic retries
+  std::optional<Error> missing_pose(const char* continues) const {
     const std::lock_guard lock(mutex_);
     const auto unavailable = [this](std::string what, std::string cure) {
       return Error{ErrorKind::kUnavailable, std::move(what), "tracker " + settings_.address.text(),
                    std::move(cure)};
     };
     const std::int64_t now_ns = monotonic_ns();
-    if (!is_connected_) return unavailable(why_not_, why_not_cure_ + goes_on);
+    if (!is_connected_) return unavailable(why_not_, why_not_cure_ + continues);
     if (now_ns - pose_ns_ <= kUnseen_ns) return std::nullopt;
-    if (heard_.empty())
+    if (applied_arming_.empty())
       return unavailable("sends no transforms",
                          "let its server send TRANSFORM messages, and start the tracking");
     for (const std::string& wanted : {settings_.transform, settings_.reference}) {
       if (wanted.empty()) continue;
-      if (std::ranges::none_of(heard_, [&](const std::string& name) { return is_called(name, wanted); })) {
+      if (std::ranges::none_of(applied_arming_,
+                               [&](const std::string& name) { return is_called(name, wanted); })) {
         std::string all;
-        for (const std::string& name : heard_) all += (all.empty() ? "" : ", ") + printable_name(name);
+        for (const std::string& name : applied_arming_)
+          all += (all.empty() ? "" : ", ") + printable_name(name);
         return unavailable("sends no " + printable_name(wanted), "it sends: " + all);
       }
     }
@@ -178,7 +180,7 @@ class TrackerStream::Core {
   }
   bool has_what_is_awaited() const {
     const std::lock_guard lock(mutex_);
-    return is_connected_ && (settings_.transform.empty() ? !heard_.empty() : pose_ns_ > 0);
+    return is_connected_ && (settings_.transform.empty() ? !applied_arming_.empty() : pose_ns_ > 0);
   }
   void not_connected(std::string why, std::string cure) {
     const std::lock_guard lock(mutex_);
@@ -247,7 +249,7 @@ class TrackerStream::Core {
     {
       const std::lock_guard lock(mutex_);
       is_connected_ = true;
-      heard_.clear();
+      applied_arming_.clear();
       tool_ = {};
       reference_ = {};
     }
@@ -275,7 +277,7 @@ class TrackerStream::Core {
     MarkersPose told;
     {
       const std::lock_guard lock(mutex_);
-      if (heard_.size() < kMaxHeard) heard_.insert(message.name.substr(0, kLongestHeard));
+      if (applied_arming_.size() < kMaxHeard) applied_arming_.insert(message.name.substr(0, kLongestHeard));
       if (!message.seen) return;
       const bool is_tool = !settings_.transform.empty() && is_called(message.name, settings_.transform),
                  is_reference = !settings_.reference.empty() && is_called(message.name, settings_.reference);
@@ -311,7 +313,7 @@ class TrackerStream::Core {
   bool is_connected_ = false;
   std::string why_not_ = "is not connected yet",
               why_not_cure_ = "look at the address, and whether the tracker's server runs";
-  std::set<std::string> heard_;
+  std::set<std::string> applied_arming_;
   Seen tool_, reference_;
   std::int64_t pose_ns_ = 0;  // time of the last pose passed on; 0: none yet
   std::thread reader_;

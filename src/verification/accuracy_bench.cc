@@ -96,7 +96,7 @@ class GridBench {
   }
 
   void add_exact() {
-    if (!goes_on()) return;
+    if (!continues()) return;
     const ExactSolid solid(truth_.shape.shape, grid_);
     for (const auto& [bytes, stored] : {std::pair{1, "-exact-u8"}, std::pair{2, "-exact-u16"}}) {
       Model model;
@@ -108,12 +108,12 @@ class GridBench {
         add_method(std::string(name_of(method)) + stored + on_, model, method, truth_.profile,
                    kWithoutChoppiness);
     }
-    if (!goes_on()) return;
+    if (!continues()) return;
     const SplineField ramp(solid.ramp(kSigma_mm));
     compare(
         "b-spline-exact-int16" + on_, [&](const Point<Patient>& p) { return sample_spline(ramp, p); },
         truth_.profile, kMagnitude);
-    if (!goes_on()) return;
+    if (!continues()) return;
     const SignedField distance = solid.distance_field();
     compare(
         "trilinear-exact-distance-int16" + on_,
@@ -134,7 +134,7 @@ class GridBench {
  private:
   enum WithChoppiness : bool { kWithoutChoppiness, kWithChoppiness };
 
-  bool goes_on() {
+  bool continues() {
     if (!error_ && progress_.stopped()) error_ = Progress::interrupted();
     return !error_;
   }
@@ -142,7 +142,7 @@ class GridBench {
   template <class T>
   std::optional<T> kept(Result<T> result) {
     if (!result && !error_) error_ = result.error();
-    if (!goes_on()) return {};
+    if (!continues()) return {};
     return *std::move(result);
   }
 
@@ -161,7 +161,7 @@ class GridBench {
   // Adds the figures of a method; without values only choppiness.
   void add_method(const std::string& path, const Model& model, ForceMethod method,
                   const AccuracyValues& values, WithChoppiness with_choppiness = kWithChoppiness) {
-    if (!goes_on()) return;
+    if (!continues()) return;
     const auto field = kept(make_force_field(model, method));
     if (!field) return;
     const Sampler sample = [&](const Point<Patient>& p) { return (*field)->sample(p); };

@@ -372,7 +372,7 @@ TissueCase stretched_case(double part) {
   settings.max_steps = 50;
   settings.tolerance = 1e-6;
   TissueCase told;
-  told.iterations = solver.solve_finite(load, u, settings).iterations;
+  told.iterations = solver.solve_neo_hookean(load, u, settings).iterations;
   solver.finite_forces(u, force);
   double pulled_N = 0;
   for (int j = 0; j <= kCells; ++j)
@@ -437,12 +437,12 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
     for (std::size_t value = 0; value < u.values.size(); ++value)
       u.values[value] += whole.values[value] / static_cast<float>(frames);
     const double begin = tissue_thread_seconds();
-    told.min_volume = std::min(told.min_volume, solver.solve_finite(load, u, frame).min_volume);
+    told.min_volume = std::min(told.min_volume, solver.solve_neo_hookean(load, u, frame).min_volume);
     seconds.push_back(tissue_thread_seconds() - begin);
     solver.finite_forces(u, force);
     const double in_frame_N = force_of(force);
     ElasticField converged = u;
-    told.converged = told.converged && solver.solve_finite(load, converged, exact).converged;
+    told.converged = told.converged && solver.solve_neo_hookean(load, converged, exact).converged;
     solver.finite_forces(converged, force);
     const double right_N = force_of(force);
     if (n > 0)

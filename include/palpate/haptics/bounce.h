@@ -6,7 +6,7 @@ namespace palpate {
 /// inward, in mm of the device.
 struct BounceState {
   bool touched = false;             ///< Whether contact has begun
-  double fell_mm_s = 0;             ///< Impact speed
+  double impact_mm_s = 0;           ///< Impact speed
   double time_s = 0, depth_mm = 0;  ///< Time and displacement since the first tick of contact
   double push_N_s = 0;              ///< Impulse of the force that has acted since then
   /// Integral of push_N_s over time; a free mass is decelerated by this over its mass.

@@ -27,7 +27,7 @@ struct Hole {
   /// Whether a tool part at `middle` fits into the hole, from either end.
   /// @param middle     centre of the tool part
   /// @param radius_mm  its radius; at most that of the hole
-  bool lets_in(const Point<Patient>& middle, double radius_mm) const;
+  bool fits(const Point<Patient>& middle, double radius_mm) const;
 };
 
 /// The most recent holes of all tools. Trivially copyable, without pointers; does not allocate, lock or

@@ -15,7 +15,7 @@ struct PassivityState {
   // direction along the force, with hysteresis: displacement within the dead band, and whether the tip last
   // moved along the force
   double play_mm = 0;
-  bool gives_way = false;
+  bool moves_with_force = false;
   BounceState bounce;
 };
 

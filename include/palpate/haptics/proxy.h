@@ -64,7 +64,7 @@ struct ContactSurface : ContactProperties {
   /// built from. Ownership of a point below that original surface follows these labels. null: nothing was
   /// removed.
   std::shared_ptr<const Surface> made = nullptr;
-  std::shared_ptr<const Bricks<LabelId>> made_labels = nullptr;
+  std::shared_ptr<const Bricks<LabelId>> original_labels = nullptr;
   /// Whether burrs are blocked from removing this structure (palpate/tissue/removal.h).
   bool kept = false;
   /// Maximum error by which the distance to a carved part of the surface is underestimated
@@ -199,7 +199,7 @@ class RestingContacts {
     /// Friction coefficients; empty unless they were evaluated.
     std::optional<Friction> friction = std::nullopt;
   };
-  static constexpr std::size_t kMaxWalls = 4;
+  static constexpr std::size_t kMaxConstraints = 4;
 
   /// Cached half-spaces; empty if the cache does not match these arguments.
   std::span<const Wall> find(const Point<Patient>& position, const SurfaceSet& punctured,
@@ -213,7 +213,7 @@ class RestingContacts {
     Vector<Patient> offset_mm;
     double radius_mm = 0;
   };
-  std::array<Wall, kMaxWalls> wall_;
+  std::array<Wall, kMaxConstraints> wall_;
   std::size_t walls_ = 0, spheres_ = 0;
   Point<Patient> position_;
   SurfaceSet punctured_;
@@ -236,8 +236,9 @@ struct ProxyLayer {
   /// Attitude of the proxy's tool, as in ToolPose. Differs from the operator's while contacts block the
   /// rotation or the work limit of a tick was reached.
   Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
-  Vector<Patient> last_way;  ///< Last substep displacement, mm; used to damp oscillation between substeps
-  SurfaceSet punctured;      ///< Bit n: the tool has punctured surface n and not left it yet
+  Vector<Patient>
+      last_displacement;  ///< Last substep displacement, mm; used to damp oscillation between substeps
+  SurfaceSet punctured;   ///< Bit n: the tool has punctured surface n and not left it yet
   /// Fraction of the vector from tip to proxy that stretches the spring. Below 1 where the proxy is blocked
   /// by a surface although no half-space constraint explains it.
   double part = 1;
@@ -245,7 +246,7 @@ struct ProxyLayer {
   /// after the surfaces changed.
   std::optional<double> spring_N_per_mm;
   /// Displacement of the device while the proxy was catching up through free space at zero force.
-  double behind_mm = 0;
+  double catch_up_mm = 0;
   double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
   int contacts = 0;   ///< Number of valid entries of `contact`
   std::array<ProxyContact, kMaxContacts> contact;

@@ -100,9 +100,9 @@ struct ToolContact {
 ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand);
 
 /// The tool's spheres and capsules in the operator's pose, in the patient frame.
-class HeldTool {
+class PosedTool {
  public:
-  HeldTool(const TickContext& tick, const DeviceContext& hand);
+  PosedTool(const TickContext& tick, const DeviceContext& hand);
   const ToolPose& pose() const { return pose_; }
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
   /// Replaces the first sphere, which is the head of a burr.
@@ -130,7 +130,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand);
 /// @param proxy     state after the advance
 /// @param result    result of the advance
 /// @param coupling  spring and damper, updated
-ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const HeldTool& held,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& held,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 
 }  // namespace palpate

@@ -72,17 +72,17 @@ struct ComplianceState {
   /// Time since the current frame arrived, up to YieldFeel::blend_s.
   double elapsed_s = 0;
   // values of the last tick; modulus 0: no deformable tissue was in contact
-  double beyond_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0;
+  double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0;
 
   void hash_into(std::uint64_t& hash) const;
 };
 
 /// Parameters of the contact law of a tick.
 struct ContactLaw {
-  double beyond_mm_per_N = 0;       ///< LocalCompliance::beyond_half_space_mm_per_N at the contact point
-  Vector<Patient> slope_per_N;      ///< grad W
-  double modulus_N_per_mm2 = 0;     ///< E*; above 0
-  double stiffening_mm_per_N2 = 0;  ///< C, as LocalCompliance::stiffening_mm_per_N2
+  double surroundings_mm_per_N = 0;  ///< LocalCompliance::beyond_half_space_mm_per_N at the contact point
+  Vector<Patient> slope_per_N;       ///< grad W
+  double modulus_N_per_mm2 = 0;      ///< E*; above 0
+  double stiffening_mm_per_N2 = 0;   ///< C, as LocalCompliance::stiffening_mm_per_N2
   Vector<Patient> stiffening_slope = {};  ///< grad C
   double finite_N = 0;  ///< F1: force beyond which the C term continues linearly; above 0 unless C is 0
 };

@@ -48,10 +48,10 @@ std::uint8_t switches_of(const Parameters& parameters);
 /// State of the output stage for one device.
 struct OutputState {
   Wrench sent;
-  double gain = 0;     ///< Ramp gain, 0 ... 1
-  double heat = 0;     ///< Fraction of the thermal budget in use, 0 ... 1
-  double whole_s = 0;  ///< Time since the last fault or dropout; saturates at ramp_in_s
-  bool away = false;   ///< No fresh pose at present, in a dropout that is still short: the ramp gain is held
+  double gain = 0;           ///< Ramp gain, 0 ... 1
+  double heat = 0;           ///< Fraction of the thermal budget in use, 0 ... 1
+  double since_fault_s = 0;  ///< Time since the last fault or dropout; saturates at ramp_in_s
+  bool away = false;  ///< No fresh pose at present, in a dropout that is still short: the ramp gain is held
   bool returning = false;  ///< Recovering from a short dropout: the force grows at return_N_per_s at most
 };
 
@@ -87,7 +87,7 @@ struct SessionState {
   double rotation_elapsed_s = 1.0;
   // digest of everything that selects the force computation; 0 before the first tick. A new value starts a
   // blend
-  std::uint64_t made_by = 0;
+  std::uint64_t force_source = 0;
   // cutting tools: number of times that a motor was started while all were off, and whether any is running
   std::uint32_t strokes = 0;
   bool motor_on = false;

@@ -46,10 +46,10 @@ class CarvedCells {
   /// @returns cells that may have changed
   CellBox follow(const CarvedLabels& labels, ElasticSolver& solver);
   /// Cells that have not reached their target fill yet.
-  const CellBox& on_their_way() const { return on_their_way_; }
+  const CellBox& changing_cells() const { return on_their_way_; }
   /// Copies the state of cells that are still changing in `other` to the same cells here.
   /// @param offset  added to a cell's index here gives its index in `other`
-  void take_over(const CarvedCells& other, const std::array<int, 3>& offset);
+  void copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset);
 
  private:
   void note_changes(const CarvedLabels& labels);

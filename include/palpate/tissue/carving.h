@@ -97,7 +97,7 @@ class Carving {
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
 
   /// Labels before any removal.
-  const std::shared_ptr<const Bricks<LabelId>>& made_labels() const { return original_labels_; }
+  const std::shared_ptr<const Bricks<LabelId>>& original_labels() const { return original_labels_; }
   /// Removed fraction of every voxel, 0 ... 255, finer than the labels so that soft tissue loses stiffness
   /// gradually (YieldSolver). The maximum over all sweeps, so independent of their order. null while nothing
   /// is removed, and for models without deformable tissue.

@@ -54,7 +54,7 @@ class ChainMail {
   void relax(int passes);
   /// Copies the displacements of nodes shared with another instance.
   /// @param offset  added to a node's index here gives its index in `other`
-  void take_over(const ChainMail& other, const std::array<int, 3>& offset);
+  void copy_overlap(const ChainMail& other, const std::array<int, 3>& offset);
 
   /// Displacements of all nodes along the box's axes, mm.
   const ElasticField& moved_mm() const { return moved_mm_; }

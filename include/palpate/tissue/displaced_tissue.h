@@ -51,7 +51,7 @@ class DisplacedTissue {
     std::size_t cell(int i, int j, int k) const {
       return (static_cast<std::size_t>(k) * moved_.box().cells[1] + j) * moved_.box().cells[0] + i;
     }
-    void find_slopes(const ElasticGrid& grid);
+    void compute_gradients(const ElasticGrid& grid);
 
     DisplacementField moved_;
     std::vector<Eigen::Matrix3f> slope_;  ///< At the cells' centres, along the box's axes

@@ -92,8 +92,8 @@ class ElasticSolver {
   /// (`solve` from 0 for the change), so that no cell next to them is inverted.
   /// @param held  constraints besides the nodes held by the grid; a few, for which the solver need not be
   ///              rebuilt
-  FiniteSolution solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                              const FiniteSettings& settings, const HeldMeans& held = {});
+  FiniteSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
+                                   const FiniteSettings& settings, const HeldMeans& held = {});
   /// Nodal forces of the neo-Hookean body, like forces().
   void finite_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 

@@ -19,7 +19,7 @@ template <class Stroke>
 class StrokeHistory {
  public:
   /// Whether sweeps with this stroke number belong to last().
-  bool goes_on(std::uint32_t number) const { return open_ && number_ == number; }
+  bool continues(std::uint32_t number) const { return open_ && number_ == number; }
   /// Begins a stroke.
   /// @param most  capacity, above 0; the oldest stroke is discarded
   Stroke& begin(std::uint32_t number, Stroke stroke, std::size_t most = kMaxUndoneStrokes) {

@@ -75,7 +75,7 @@ class YieldSolver {
   double displacing_force_N(std::size_t device, const DeviceTick& felt) const;
 
  private:
-  struct Finite;
+  struct NeoHookeanBody;
   struct Region;
 
   ComplianceFrame frame_;
