@@ -1,10 +1,13 @@
 import { defineConfig } from "vite";
 
-/** Indentation of index.html, a tenth of it, is not sent. */
-const withoutIndentation = { name: "without-indentation", transformIndexHtml: (html: string) => html.replace(/^ +/gm, "") };
+/** Removes the indentation of index.html, a tenth of its size. */
+const withoutIndentation = {
+  name: "without-indentation",
+  transformIndexHtml: (html: string) => html.replace(/^ +/gm, ""),
+};
 
-// files with fixed names: they are compiled into palpate (CMakeLists.txt). A module that is imported when it is used is a file of its own,
-// assets/viewer_NAME.js
+// Files have fixed names, because they are compiled into palpate (CMakeLists.txt). A module that is imported
+// dynamically is a file of its own, assets/viewer_NAME.js.
 export default defineConfig({
   base: "/",
   plugins: [withoutIndentation],

@@ -48,7 +48,7 @@ inline double sidedness(double smoothed_opacity) {
   return std::clamp((0.95 - smoothed_opacity) / 0.15, 0.0, 1.0);
 }
 
-/// Both as in the viewer's page (web/src/volume_caster.ts).
+/// Both as in the viewer's page (web/src/volume/volume_caster.ts).
 inline double surface_depth(double opacity) {
   return -std::log(1 - 0.6 * opacity);
 }

@@ -7,7 +7,7 @@
 #include "palpate/rendering/rendering.h"
 #include "palpate/tissue/displaced_tissue.h"
 
-/// Strain of tissue as a colour overlay on a section; the same scale as in web/src/strain.ts.
+/// Strain of tissue as a colour overlay on a section; the same scale as in web/src/drawing/strain.ts.
 namespace palpate::report {
 
 /// Linear colour scale up to kMaxStrain, at which it saturates. Below kMinStrain the overlay fades out,

@@ -1,12 +1,19 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { isBookmark, type Bookmark } from "../src/bookmarks.js";
+import { isBookmark, type Bookmark } from "../src/panels/bookmarks.js";
 
 const whole: Bookmark = {
   name: "neck",
   seen: {
-    layout: "five", window: { level: 40, width: 400 }, camera: { right: [1, 0, 0], up: [0, 0, 1], focus: [1, 2, 3], across_mm: 0 }, cross: null, normal: [1, 0, 0],
-    along: "tool", like: "axial", sections: [{ kind: "oblique", across_mm: 90, pan: [0, 1], offset_mm: 0 }], rotation: [1, 0, 0, 0],
+    layout: "five",
+    window: { level: 40, width: 400 },
+    camera: { right: [1, 0, 0], up: [0, 0, 1], focus: [1, 2, 3], across_mm: 0 },
+    cross: null,
+    normal: [1, 0, 0],
+    along: "tool",
+    like: "axial",
+    sections: [{ kind: "oblique", across_mm: 90, pan: [0, 1], offset_mm: 0 }],
+    rotation: [1, 0, 0, 0],
   },
 };
 
@@ -14,9 +21,19 @@ test("what a browser kept is shown when it is a whole bookmark, and nothing else
   assert.ok(isBookmark(JSON.parse(JSON.stringify(whole))));
   assert.ok(isBookmark({ ...whole, seen: { ...whole.seen, cross: [1, 2, 3], rotation: null } }));
   const wrong: Record<string, unknown>[] = [
-    { layout: "seven" }, { window: null }, { window: { level: 1, width: 0 } }, { camera: { ...whole.seen.camera, up: [0, 1] } }, { cross: [1, 2] }, { normal: ["a", 0, 0] },
-    { along: "me" }, { like: "" }, { sections: null }, { sections: [{ ...whole.seen.sections[0], across_mm: -1 }] }, { rotation: [1] },
+    { layout: "seven" },
+    { window: null },
+    { window: { level: 1, width: 0 } },
+    { camera: { ...whole.seen.camera, up: [0, 1] } },
+    { cross: [1, 2] },
+    { normal: ["a", 0, 0] },
+    { along: "me" },
+    { like: "" },
+    { sections: null },
+    { sections: [{ ...whole.seen.sections[0], across_mm: -1 }] },
+    { rotation: [1] },
   ];
-  for (const seen of wrong) assert.ok(!isBookmark({ ...whole, seen: { ...whole.seen, ...seen } }), JSON.stringify(seen));
+  for (const seen of wrong)
+    assert.ok(!isBookmark({ ...whole, seen: { ...whole.seen, ...seen } }), JSON.stringify(seen));
   for (const none of [null, 3, {}, { name: "x" }, { name: 3, seen: whole.seen }]) assert.ok(!isBookmark(none));
 });

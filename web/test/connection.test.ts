@@ -1,12 +1,17 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Connection, type Link } from "../src/connection.js";
-import type { Yield } from "../src/yields.js";
-import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/trouble.js";
+import { Connection, type Link } from "../src/protocol/connection.js";
+import type { Yield } from "../src/protocol/yields.js";
+import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/words/trouble.js";
 
-/** A connection whose sockets and timers are the test's. */
+/** Connection with simulated sockets and timers. */
 function connection() {
-  const sockets: { readyState: number; onopen(): void; onclose(event: { code: number }): void; onmessage(event: { data: unknown }): void }[] = [];
+  const sockets: {
+    readyState: number;
+    onopen(): void;
+    onclose(event: { code: number }): void;
+    onmessage(event: { data: unknown }): void;
+  }[] = [];
   const timers: { f(): void; ms: number }[] = [];
   const sent: { type: string; id?: number; task?: boolean }[] = [];
   const isAnswered = { goodbye: true };
@@ -16,30 +21,55 @@ function connection() {
     static OPEN = 1;
     onmessage = (_: { data: unknown }) => {};
     readyState = 1;
-    constructor() { sockets.push(this); }
-    // a goodbye that nobody answers comes to no end
+    constructor() {
+      sockets.push(this);
+    }
+    // a closing handshake without a response never completes
     close() {
       this.readyState = 2;
       if (isAnswered.goodbye) this.onclose({ code: 1005 });
     }
-    send(text: string) { if (this.readyState === 1) sent.push(JSON.parse(text)); }
+    send(text: string) {
+      if (this.readyState === 1) sent.push(JSON.parse(text));
+    }
   }
   Object.assign(globalThis, {
-    WebSocket: Socket, location: { protocol: "http:", host: "h" },
+    WebSocket: Socket,
+    location: { protocol: "http:", host: "h" },
     window: { setTimeout: (f: () => void, ms: number) => timers.push({ f, ms }) },
   });
   const links: Link[] = [];
   const yields: Yield[] = [];
-  const tasks: number[] = [], nears: number[] = [], tracks: number[] = [];
+  const tasks: number[] = [],
+    nears: number[] = [],
+    tracks: number[] = [];
   const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
-  const made = new Connection({
-    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onNear: (near) => nears.push(near[0]!.noGo), onPlan: (plan) => tasks.push(100 + plan.version), onTracked: (tracked) => tracks.push(tracked.fre_mm), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
-    onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
-  }, null);
+  const made = new Connection(
+    {
+      onLink: (link) => links.push(link),
+      onState() {},
+      onPose() {},
+      onToken() {},
+      onAsked() {},
+      onCut() {},
+      onYield: (one) => yields.push(one),
+      onNear: (near) => nears.push(near[0]!.noGo),
+      onPlan: (plan) => tasks.push(100 + plan.version),
+      onTracked: (tracked) => tracks.push(tracked.fre_mm),
+      onTask: (run) => tasks.push(run.run),
+      onDebriefing: (one) => tasks.push(-one.run),
+      onProblem: () => void told.problems++,
+      onOtherProtocol: () => void told.otherProtocol++,
+      onUnanswered: () => void told.unanswered++,
+    },
+    null,
+  );
   made.open();
   return { made, sockets, timers, sent, links, told, yields, tasks, nears, tracks, isAnswered };
 }
-const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", learner: null, may: ["look", "stop", "hand"], protocol: 3 }) };
+const WELCOME = {
+  data: JSON.stringify({ type: "welcome", role: "control", learner: null, may: ["look", "stop", "hand"], protocol: 3 }),
+};
 function pose(version: number): { data: ArrayBuffer } {
   const view = new DataView(new ArrayBuffer(392));
   "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
@@ -70,7 +100,7 @@ test("a stop without a connection is sent to the next one, if that comes soon", 
     now += after_ms;
     sockets[0]!.onmessage(WELCOME);
     const before = sent.length;
-    // and to no further one
+    // and on no later connection
     sockets[0]!.onmessage(WELCOME);
     assert.equal(sent.length, before);
     return sent.map((message) => message.type);
@@ -85,10 +115,13 @@ test("a stop without a connection is sent to the next one, if that comes soon", 
 test("a stop that nobody answered is sent to the next connection, if that comes soon", async (t) => {
   let now = 1000;
   t.mock.method(performance, "now", () => now);
-  for (const [pressedAfter_ms, comesAgain] of [[2000, false], [4500, true]] as const) {
+  for (const [pressedAfter_ms, comesAgain] of [
+    [2000, false],
+    [4500, true],
+  ] as const) {
     const { made, sockets, timers, sent, isAnswered } = connection();
     sockets[0]!.onmessage(WELCOME);
-    // the other end is gone without a word
+    // the other end vanishes without a closing handshake
     isAnswered.goodbye = false;
     now += pressedAfter_ms;
     const answer = made.ask({ type: "stop" });
@@ -99,7 +132,10 @@ test("a stop that nobody answered is sent to the next connection, if that comes 
     now += 1000;
     timers.at(-1)!.f();
     sockets[1]!.onmessage(WELCOME);
-    assert.deepEqual(sent.map(({ type }) => type), comesAgain ? ["stop", "stop"] : ["stop"]);
+    assert.deepEqual(
+      sent.map(({ type }) => type),
+      comesAgain ? ["stop", "stop"] : ["stop"],
+    );
   }
 });
 
@@ -116,8 +152,11 @@ test("a stop on a connection that is being closed is kept", async (t) => {
   now += 300;
   made.open();
   sockets[1]!.onmessage(WELCOME);
-  assert.deepEqual(sent.map(({ type }) => type), ["stop"]);
-  // and it is told of nothing that was answered
+  assert.deepEqual(
+    sent.map(({ type }) => type),
+    ["stop"],
+  );
+  // nothing that was acknowledged is sent again
   sockets[1]!.onmessage({ data: JSON.stringify({ type: "done", id: sent[0]!.id }) });
   sockets[1]!.onclose({ code: 1006 });
   made.open();
@@ -172,7 +211,11 @@ test("an answer of HTTP is trouble that lasts, or passes", () => {
   }
   for (const status of [408, 429, 500, 502, 503]) assert.ok(!(troubleOf("/api/scene", status) instanceof Lasting));
   assert.ok(troubleOf("/api/volume/scan/0f3a", 404) instanceof Gone);
-  assert.ok(isMemoryShort(new NoMemory()) && isMemoryShort(new RangeError("Array buffer allocation failed")) && !isMemoryShort(new TypeError("fetch")));
+  assert.ok(
+    isMemoryShort(new NoMemory()) &&
+      isMemoryShort(new RangeError("Array buffer allocation failed")) &&
+      !isMemoryShort(new TypeError("fetch")),
+  );
 });
 
 test("tissue that yields is told, and what is no such message ends the connection as a pose does that is none", () => {
@@ -183,7 +226,10 @@ test("tissue that yields is told, and what is no such message ends the connectio
   view.setUint16(4, 3, true);
   view.setUint32(8, 96, true);
   sockets[0]!.onmessage({ data: view.buffer });
-  assert.deepEqual(yields.map(({ device, nodes }) => [device, nodes]), [[0, null]]);
+  assert.deepEqual(
+    yields.map(({ device, nodes }) => [device, nodes]),
+    [[0, null]],
+  );
   view.setUint32(8, 97, true);
   sockets[0]!.onmessage({ data: view.buffer });
   assert.equal(told.problems, 1);
@@ -196,7 +242,12 @@ test("runs of tasks are asked for, and told in their order", () => {
   sockets[0]!.onopen();
   assert.equal(sent[0]!.task, true);
   sockets[0]!.onmessage(WELCOME);
-  for (const message of [{ type: "task", run: 3 }, { type: "debriefing", run: 3 }, { type: "task", run: 4 }]) sockets[0]!.onmessage({ data: JSON.stringify(message) });
+  for (const message of [
+    { type: "task", run: 3 },
+    { type: "debriefing", run: 3 },
+    { type: "task", run: 4 },
+  ])
+    sockets[0]!.onmessage({ data: JSON.stringify(message) });
   assert.deepEqual(tasks, [3, -3, 4]);
 });
 
@@ -223,6 +274,16 @@ test("how wrong a tracked tip's place may be is asked for and told", () => {
   sockets[0]!.onopen();
   assert.equal((sent[0] as { navigation?: boolean }).navigation, true);
   sockets[0]!.onmessage(WELCOME);
-  sockets[0]!.onmessage({ data: JSON.stringify({ type: "navigation", device: 0, seen: true, fre_mm: 0.3, tre_mm: 0.8, tre_95_mm: 1.4, far: false }) });
+  sockets[0]!.onmessage({
+    data: JSON.stringify({
+      type: "navigation",
+      device: 0,
+      seen: true,
+      fre_mm: 0.3,
+      tre_mm: 0.8,
+      tre_95_mm: 1.4,
+      far: false,
+    }),
+  });
   assert.deepEqual(tracks, [0.3]);
 });

@@ -1,24 +1,35 @@
+import type { Sweep } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Cuts, type Sweep, type VoxelBox } from "../src/cuts.js";
-import { apply, cross, dot, length, sub, type Affine, type Vec3 } from "../src/geometry.js";
-import { Volumes } from "../src/scene.js";
+import { Cuts, type VoxelBox } from "../src/state/cuts.js";
+import { apply, cross, dot, length, sub, type Affine, type Vec3 } from "../src/base/geometry.js";
+import { Volumes } from "../src/protocol/scene.js";
 
-// turned about z, voxels of 0.5 x 0.75 x 1 mm
+// rotated about z, voxels of 0.5 x 0.75 x 1 mm
 const [C, S] = [Math.cos(0.3), Math.sin(0.3)];
-const GRID: Affine = [[0.5 * C, -0.75 * S, 0, -8], [0.5 * S, 0.75 * C, 0, -9], [0, 0, 1, -6]];
+const GRID: Affine = [
+  [0.5 * C, -0.75 * S, 0, -8],
+  [0.5 * S, 0.75 * C, 0, -9],
+  [0, 0, 1, -6],
+];
 const DIMS: Vec3 = [40, 30, 12];
 
 function volumes(): Volumes {
-  // a felt structure, and one that is not felt
+  // one structure with contact forces, one without
   const structure = Uint8Array.from({ length: DIMS[0] * DIMS[1] * DIMS[2] }, (_, n) => (n % 40 < 30 ? 1 : 2));
   return new Volumes("hash", 1, DIMS, GRID, null, structure, 1, 0);
 }
 const IS_FELT = [false, true, false];
-const SWEEPS: Sweep[] = [[-4, -3, -1, -1, -2, 0.5, 2], [-1, -2, 0.5, -1, -2, 0.5, 2], [200, 0, 0, 201, 0, 0, 2], [-9, -9, -6, -8, -9, -6, 1.4],
-  [2, 1, -2, 2.2, 1.1, -2, 1, 3, -1, 2, 1], [-5, 4, -1, -5, 4, -1, 0.7, 1, 1, 4, 2.2]];
+const SWEEPS: Sweep[] = [
+  [-4, -3, -1, -1, -2, 0.5, 2],
+  [-1, -2, 0.5, -1, -2, 0.5, 2],
+  [200, 0, 0, 201, 0, 0, 2],
+  [-9, -9, -6, -8, -9, -6, 1.4],
+  [2, 1, -2, 2.2, 1.1, -2, 1, 3, -1, 2, 1],
+  [-5, 4, -1, -5, 4, -1, 0.7, 1, 1, 4, 2.2],
+];
 
-/** The greatest of a concave function from 0 to 1, by thirds. */
+/** Maximum of a concave function on [0, 1], by ternary search. */
 function greatest(concave: (part: number) => number): number {
   let [lo, hi] = [0, 1];
   for (let n = 0; n < 45; n++) {
@@ -29,19 +40,28 @@ function greatest(concave: (part: number) => number): number {
   return Math.max(concave(0), concave(lo), concave(1));
 }
 
-/** How deep a place lies in what a sweep took: of a cylinder or cone in any of the balls in its row, looked for. */
+/**
+ * Penetration depth of a position into a sweep; for cylinders and cones the maximum over the balls along their axis.
+ */
 function depth(sweep: Sweep, at: Vec3): number {
   const [ax, ay, az, bx, by, bz, radius, ex, ey, ez, last] = sweep;
   if (ex === undefined) return radius - aside(sweep, at);
-  // nearly all places lie far away
+  // early exit for distant positions
   const reach = Math.hypot(bx - ax, by - ay, bz - az) + Math.hypot(ex, ey!, ez!) + Math.max(radius, last!);
   if (length(sub(at, [ax, ay, az])) > reach) return -1;
-  return greatest((t) => radius + t * (last! - radius) - aside([ax + t * ex, ay + t * ey!, az + t * ez!, bx + t * ex, by + t * ey!, bz + t * ez!, 0], at));
+  return greatest(
+    (t) =>
+      radius +
+      t * (last! - radius) -
+      aside([ax + t * ex, ay + t * ey!, az + t * ez!, bx + t * ex, by + t * ey!, bz + t * ez!, 0], at),
+  );
 }
 
-/** From a sweep's way: by its ends, or by the area between it and the place. */
+/** Distance from a sweep's path: to its ends, or by the area of the triangle. */
 function aside([ax, ay, az, bx, by, bz]: Sweep, at: Vec3): number {
-  const from: Vec3 = [ax, ay, az], to: Vec3 = [bx, by, bz], way = sub(to, from);
+  const from: Vec3 = [ax, ay, az],
+    to: Vec3 = [bx, by, bz],
+    way = sub(to, from);
   if (dot(sub(at, from), way) <= 0) return length(sub(at, from));
   if (dot(sub(at, to), way) >= 0) return length(sub(at, to));
   return length(cross(sub(at, from), way)) / length(way);
@@ -49,13 +69,17 @@ function aside([ax, ay, az, bx, by, bz]: Sweep, at: Vec3): number {
 const voxelOf = (n: number): Vec3 => [n % 40, Math.floor(n / 40) % 30, Math.floor(n / 1200)];
 const PLACES = Array.from({ length: DIMS[0] * DIMS[1] * DIMS[2] }, (_, n) => apply(GRID, voxelOf(n)));
 const isSwept = (n: number, sweeps: Sweep[]): boolean => sweeps.some((sweep) => depth(sweep, PLACES[n]!) > 0);
-const isInside = (n: number, { lo, size }: VoxelBox): boolean => voxelOf(n).every((v, axis) => v >= lo[axis]! && v < lo[axis]! + size[axis]!);
+const isInside = (n: number, { lo, size }: VoxelBox): boolean =>
+  voxelOf(n).every((v, axis) => v >= lo[axis]! && v < lo[axis]! + size[axis]!);
 
-/** What is whole, one voxel after the other, without what is swept. */
-const expected = (sweeps: Sweep[], isCut = IS_FELT): Uint8Array => volumes().structure.map((structure, n) => (isCut[structure] && isSwept(n, sweeps) ? 0 : structure));
+/** Reference: removes swept voxels from an uncut volume, one by one. */
+const expected = (sweeps: Sweep[], isCut = IS_FELT): Uint8Array =>
+  volumes().structure.map((structure, n) => (isCut[structure] && isSwept(n, sweeps) ? 0 : structure));
 
 test("a felt structure is gone where its voxels' centres were swept", () => {
-  const cuts = new Cuts(), its = volumes(), before = its.structure.slice();
+  const cuts = new Cuts(),
+    its = volumes(),
+    before = its.structure.slice();
   cuts.tell(0, SWEEPS.slice(0, 1));
   assert.ok(cuts.takeFrom(its, IS_FELT));
   assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
@@ -63,7 +87,7 @@ test("a felt structure is gone where its voxels' centres were swept", () => {
   const box = cuts.takeFrom(its, IS_FELT)!;
   assert.deepEqual(its.structure, expected(SWEEPS));
   assert.ok(its.structure.filter((place) => place === 0).length > 100);
-  // all that has changed lies in the box that it tells of
+  // all changes lie in the reported box
   const first = expected(SWEEPS.slice(0, 1));
   for (let n = 0; n < before.length; n++) {
     if (its.structure[n] !== first[n]) assert.ok(isInside(n, box));
@@ -72,7 +96,9 @@ test("a felt structure is gone where its voxels' centres were swept", () => {
 });
 
 test("another session's cuts begin with what is whole", () => {
-  const cuts = new Cuts(), its = volumes(), whole = its.structure.slice();
+  const cuts = new Cuts(),
+    its = volumes(),
+    whole = its.structure.slice();
   cuts.tell(0, SWEEPS);
   cuts.takeFrom(its, IS_FELT);
   cuts.beginAnew();
@@ -97,20 +123,35 @@ test("what sweeps took that are not any more comes back, and nothing else change
   const began = seed;
   const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
   const place = (): Vec3 => apply(GRID, DIMS.map((n) => n * (1.2 * random() - 0.1)) as Vec3);
-  // many reach where others have been, some reach nothing
+  // many sweeps overlap earlier ones, some reach nothing
   const sweep = (): Sweep => {
     const at = place();
-    const way: Sweep = [...at, ...(random() < 0.2 ? at : (at.map((x) => x + 6 * random() - 3) as Vec3)), 0.4 + 2.5 * random()];
-    // cylinders, and cones that may be so short that one end holds the other
-    const radius = way[6], some = (): number => 4 * random() - 2;
-    return random() < 0.6 ? way : [...(way as [number, number, number, number, number, number, number]), some(), some(), some(), random() < 0.4 ? radius : 0.4 + 2.5 * random()];
+    const way: Sweep = [
+      ...at,
+      ...(random() < 0.2 ? at : (at.map((x) => x + 6 * random() - 3) as Vec3)),
+      0.4 + 2.5 * random(),
+    ];
+    // cylinders, and cones short enough for one end to contain the other
+    const radius = way[6],
+      some = (): number => 4 * random() - 2;
+    return random() < 0.6
+      ? way
+      : [
+          ...(way as [number, number, number, number, number, number, number]),
+          some(),
+          some(),
+          some(),
+          random() < 0.4 ? radius : 0.4 + 2.5 * random(),
+        ];
   };
   const done = { back: 0, gone: 0, kept: 0 };
   for (const isCut of [IS_FELT, [false, false, true], [false, true, true], [false, false, false]]) {
     const cuts = new Cuts();
-    let its = volumes(), sweeps: Sweep[] = [], seen: Uint8Array = its.structure.slice();
+    let its = volumes(),
+      sweeps: Sweep[] = [],
+      seen: Uint8Array = its.structure.slice();
     for (let step = 0; step < 12; step++) {
-      // several messages may come before the volumes are brought up to them
+      // several messages may arrive between updates
       for (let message = Math.floor(3 * random()); message >= 0; message--) {
         const first = random() < 0.4 ? sweeps.length : Math.floor((sweeps.length + 1) * Math.sqrt(random()));
         const more = Array.from({ length: Math.floor(4 * random()) }, sweep);
@@ -122,7 +163,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
         seen = its.structure.slice();
       }
       const box = cuts.takeFrom(its, isCut);
-      // all sweeps that are left, taken from what is whole
+      // reference: all remaining sweeps applied to uncut volumes
       const plain = expected(sweeps, isCut);
       assert.deepEqual(its.structure, plain, `seed ${began}, step ${step}`);
       for (let n = 0; n < plain.length; n++) {
@@ -138,7 +179,8 @@ test("what sweeps took that are not any more comes back, and nothing else change
 });
 
 test("what comes after sweeps that are not known is left alone", () => {
-  const cuts = new Cuts(), its = volumes();
+  const cuts = new Cuts(),
+    its = volumes();
   cuts.tell(0, SWEEPS.slice(0, 1));
   cuts.takeFrom(its, IS_FELT);
   cuts.tell(2, SWEEPS.slice(2));

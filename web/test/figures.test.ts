@@ -1,12 +1,14 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { decimalsFor, digits, limitText, measured, quantity, stepsText, valueText } from "../src/figures.js";
-import { positionText } from "../src/geometry.js";
-import { measureText } from "../src/measure.js";
+import { decimalsFor, digits, limitText, measured, quantity, stepsText, valueText } from "../src/words/figures.js";
+import { positionText } from "../src/base/geometry.js";
+import { measureText } from "../src/drawing/measure.js";
 
 test("a figure has three significant digits, however small it is, and none before the point is lost", () => {
-  assert.deepEqual([12345, 123.4, 99.96, 12.34, 9.996, 1.234, 0.99951, 0.1234, 0.01234, 0.00042, -0.00042, 0].map(digits),
-    ["12345", "123", "100", "12.3", "10.0", "1.23", "1.00", "0.123", "0.0123", "0.000420", "−0.000420", "0.00"]);
+  assert.deepEqual(
+    [12345, 123.4, 99.96, 12.34, 9.996, 1.234, 0.99951, 0.1234, 0.01234, 0.00042, -0.00042, 0].map(digits),
+    ["12345", "123", "100", "12.3", "10.0", "1.23", "1.00", "0.123", "0.0123", "0.000420", "−0.000420", "0.00"],
+  );
   assert.equal(digits(4.2e-9), "4.20·10⁻⁹");
   assert.equal(digits(-4.2e-12), "−4.20·10⁻¹²");
   assert.equal(digits(NaN), "–");
@@ -18,8 +20,10 @@ test("a figure has three significant digits, however small it is, and none befor
 });
 
 test("what is small has a unit in which it does not begin with zeros", () => {
-  assert.deepEqual([0.00042, 0.0099, 0.01, 1.4, 3.3, 0].map((force) => quantity(force, "N")),
-    ["0.420 mN", "9.90 mN", "0.0100 N", "1.40 N", "3.30 N", "0.00 N"]);
+  assert.deepEqual(
+    [0.00042, 0.0099, 0.01, 1.4, 3.3, 0].map((force) => quantity(force, "N")),
+    ["0.420 mN", "9.90 mN", "0.0100 N", "1.40 N", "3.30 N", "0.00 N"],
+  );
   assert.equal(quantity(-0.00042, "mm"), "−0.420 µm");
   assert.equal(quantity(0.0042, "N/mm"), "4.20 N/m");
   assert.deepEqual(measured(1e-12, "N"), ["0.00", "N"], "what is left of a sum is nothing");
@@ -47,8 +51,47 @@ test("a scan that was rounded on its way says how finely", () => {
 test("positions tell half a voxel, and a short ruler is no 0.0 mm", () => {
   assert.deepEqual([5, 0.9, 0.35, 0.1, 0.01].map(decimalsFor), [1, 1, 1, 2, 3]);
   assert.equal(positionText([0.1234, -2, 3], "LPS", 3), "LPS +0.123  −2.000  +3.000 mm");
-  assert.equal(measureText({ kind: "ruler", points: [[0, 0, 0], [0, 0.0042, 0]] }), "4.20 µm");
-  assert.equal(measureText({ kind: "ruler", points: [[0, 0, 0], [3, 4, 0]] }), "5.00 mm");
-  assert.equal(measureText({ kind: "angle", points: [[1, 0, 0], [0, 0, 0], [0, 0, 3]] }), "90.0°");
-  assert.equal(measureText({ kind: "angle", points: [[1, 0, 0], [0, 0, 0], [0, 0, 0]] }), "", "its third point is to come");
+  assert.equal(
+    measureText({
+      kind: "ruler",
+      points: [
+        [0, 0, 0],
+        [0, 0.0042, 0],
+      ],
+    }),
+    "4.20 µm",
+  );
+  assert.equal(
+    measureText({
+      kind: "ruler",
+      points: [
+        [0, 0, 0],
+        [3, 4, 0],
+      ],
+    }),
+    "5.00 mm",
+  );
+  assert.equal(
+    measureText({
+      kind: "angle",
+      points: [
+        [1, 0, 0],
+        [0, 0, 0],
+        [0, 0, 3],
+      ],
+    }),
+    "90.0°",
+  );
+  assert.equal(
+    measureText({
+      kind: "angle",
+      points: [
+        [1, 0, 0],
+        [0, 0, 0],
+        [0, 0, 0],
+      ],
+    }),
+    "",
+    "its third point is to come",
+  );
 });

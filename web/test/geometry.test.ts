@@ -1,10 +1,34 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import {
-  aboutAxis, anatomicalPlane, angleAt_deg, angleOf_deg, apply, compose, conjugate, cross, directionLetters, dot, hang, invert, length, multiply,
-  niceLength, normalContaining, normalize, normalOf, orientationLetters, positionText, rotate, spread, sub, turn, type Affine, type Quaternion,
+  aboutAxis,
+  anatomicalPlane,
+  angleAt_deg,
+  angleOf_deg,
+  apply,
+  compose,
+  conjugate,
+  cross,
+  directionLetters,
+  dot,
+  hang,
+  invert,
+  length,
+  multiply,
+  niceLength,
+  normalContaining,
+  normalize,
+  normalOf,
+  orientationLetters,
+  positionText,
+  rotate,
+  spread,
+  sub,
+  turn,
+  type Affine,
+  type Quaternion,
   type Vec3,
-} from "../src/geometry.js";
+} from "../src/base/geometry.js";
 
 let seed = Date.now() & 0x7fffffff;
 const began = seed;
@@ -15,7 +39,12 @@ const near = (a: readonly number[], b: readonly number[], most = 1e-9) =>
 
 test("an affine map and its inverse cancel, mirrored and sheared ones too", () => {
   for (let i = 0; i < 200; i++) {
-    const m: Affine = [[...vector(), 10], [...vector(), -20], [...vector(), 30], [0, 0, 0, 1]];
+    const m: Affine = [
+      [...vector(), 10],
+      [...vector(), -20],
+      [...vector(), 30],
+      [0, 0, 0, 1],
+    ];
     const columns = [0, 1, 2].map((c) => [m[0]![c]!, m[1]![c]!, m[2]![c]!] as Vec3);
     if (Math.abs(dot(columns[0]!, cross(columns[1]!, columns[2]!))) < 0.02) continue;
     const p = vector();
@@ -44,9 +73,22 @@ test("rotations turn by the right-hand rule, keep lengths and compose from right
 });
 
 test("letters name the nearest direction, and more where it is oblique by more than 20 degrees", () => {
-  assert.deepEqual([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]].map((v) => directionLetters(v as Vec3)),
-    ["L", "R", "P", "A", "S", "I"]);
-  const between = (degrees: number): Vec3 => [Math.cos((degrees * Math.PI) / 180), -Math.sin((degrees * Math.PI) / 180), 0];
+  assert.deepEqual(
+    [
+      [1, 0, 0],
+      [-1, 0, 0],
+      [0, 1, 0],
+      [0, -1, 0],
+      [0, 0, 1],
+      [0, 0, -1],
+    ].map((v) => directionLetters(v as Vec3)),
+    ["L", "R", "P", "A", "S", "I"],
+  );
+  const between = (degrees: number): Vec3 => [
+    Math.cos((degrees * Math.PI) / 180),
+    -Math.sin((degrees * Math.PI) / 180),
+    0,
+  ];
   assert.equal(directionLetters(between(19.9)), "L");
   assert.equal(directionLetters(between(20)), "L");
   assert.equal(directionLetters(between(20.1)), "LA");
@@ -99,7 +141,7 @@ test("the section contains what it follows and is as near as can be to what is w
     const direction = normalize(vector());
     const normal = normalContaining(direction, [1, 0, 0], [0, 1, 0]);
     near([dot(normal, direction), length(normal)], [0, 1], 1e-9);
-    // nothing in the plane of candidates is nearer
+    // no candidate in the plane is closer
     const other = rotate(aboutAxis(direction, 0.2), normal);
     if (length(cross(direction, [1, 0, 0])) > 0.2) assert.ok(dot(normal, [1, 0, 0]) >= dot(other, [1, 0, 0]) - 1e-12);
   }

@@ -1,32 +1,58 @@
+import type { Refusal, Request, State } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import type { Connection, Refusal, Request } from "../src/connection.js";
-import { History } from "../src/history.js";
-import { measuresTable, type Measure } from "../src/measure.js";
-import { Requests } from "../src/requests.js";
-import type { State } from "../src/scene.js";
+import type { Connection } from "../src/protocol/connection.js";
+import { History } from "../src/state/history.js";
+import { measuresTable, type Measure } from "../src/drawing/measure.js";
+import { Requests } from "../src/state/requests.js";
 
-/** A loop that grants what `refuses` does not name. */
+/** A loop that grants every request except those in `refuses`. */
 function loop() {
   const told: string[] = [];
-  Object.assign(globalThis, { document: { getElementById: () => ({ set textContent(text: string) { told.push(text); } }) }, window: globalThis });
-  const state = { method: "proxy", method_awaited: null, friction: true, paused: false, max_force_N: 1.4, tissues: [{ stiffness_N_per_mm: 1 }, { stiffness_N_per_mm: 2 }] } as unknown as State;
+  Object.assign(globalThis, {
+    document: {
+      getElementById: () => ({
+        set textContent(text: string) {
+          told.push(text);
+        },
+      }),
+    },
+    window: globalThis,
+  });
+  const state = {
+    method: "proxy",
+    method_awaited: null,
+    friction: true,
+    paused: false,
+    max_force_N: 1.4,
+    tissues: [{ stiffness_N_per_mm: 1 }, { stiffness_N_per_mm: 2 }],
+  } as unknown as State;
   const asked: Request[] = [];
   const made = { state, asked, told, refuses: "", history: new History() };
-  const connection = { ask: (request: Request): Promise<Refusal | null> => {
-    asked.push(request);
-    const { type, tissue, ...values } = request;
-    if (made.refuses && Object.keys(values).includes(made.refuses)) return Promise.resolve({ what: "no" });
-    if (type === "tissue") Object.assign(state.tissues[tissue as number]!, values);
-    if (type === "set") Object.assign(state, values);
-    return Promise.resolve(null);
-  } } as unknown as Connection;
-  return Object.assign(made, { requests: new Requests(connection, () => false, () => state, made.history) });
+  const connection = {
+    ask: (request: Request): Promise<Refusal | null> => {
+      asked.push(request);
+      const { type, tissue, ...values } = request;
+      if (made.refuses && Object.keys(values).includes(made.refuses)) return Promise.resolve({ what: "no" });
+      if (type === "tissue") Object.assign(state.tissues[tissue as number]!, values);
+      if (type === "set") Object.assign(state, values);
+      return Promise.resolve(null);
+    },
+  } as unknown as Connection;
+  return Object.assign(made, {
+    requests: new Requests(
+      connection,
+      () => false,
+      () => state,
+      made.history,
+    ),
+  });
 }
 
 test("a slider's movement is one step, and what it was is asked for again", async () => {
   const { requests, history, state, asked } = loop();
-  for (const value of [1.5, 1.6, 1.7]) await requests.latest("stiffness 0", { type: "tissue", tissue: 0, stiffness_N_per_mm: value });
+  for (const value of [1.5, 1.6, 1.7])
+    await requests.latest("stiffness 0", { type: "tissue", tissue: 0, stiffness_N_per_mm: value });
   await requests.once({ type: "set", friction: false });
   assert.equal(asked.length, 4);
   await history.undo();
@@ -39,7 +65,7 @@ test("a slider's movement is one step, and what it was is asked for again", asyn
   await history.redo();
   assert.equal(state.friction, false);
   assert.equal(history.canRedo, false);
-  // something new leaves nothing to be done again
+  // a new step discards the redo history
   await history.undo();
   await requests.once({ type: "set", max_force_N: 1 });
   assert.equal(history.canRedo, false);
@@ -58,9 +84,10 @@ test("a turn is asked for again, and one drag is one of them", async () => {
   const { requests, history, state, asked } = loop();
   state.rotation_wxyz = [1, 0, 0, 0];
   const turned = (angle: number): [number, number, number, number] => [Math.cos(angle), 0, Math.sin(angle), 0];
-  for (const angle of [0.1, 0.2, 0.3]) await requests.latest("rotation", { type: "set", rotation_wxyz: turned(angle) }, 7);
+  for (const angle of [0.1, 0.2, 0.3])
+    await requests.latest("rotation", { type: "set", rotation_wxyz: turned(angle) }, 7);
   await requests.latest("rotation", { type: "set", rotation_wxyz: turned(0.4) }, 8);
-  // as the loop tells it: rounded, with either sign
+  // rounded and with either sign, as the loop reports it
   state.rotation_wxyz = turned(0.4).map((x) => -Math.fround(x)) as typeof state.rotation_wxyz;
   await history.undo();
   assert.deepEqual(state.rotation_wxyz, turned(0.3));
@@ -68,7 +95,7 @@ test("a turn is asked for again, and one drag is one of them", async () => {
   assert.deepEqual(asked.at(-1), { type: "set", rotation_wxyz: [1, 0, 0, 0] });
   assert.equal(history.canUndo, false);
   await history.redo();
-  // by somebody else
+  // changed by another viewer
   state.rotation_wxyz = turned(0.31);
   await history.undo();
   assert.deepEqual(state.rotation_wxyz, turned(0.31));
@@ -76,8 +103,14 @@ test("a turn is asked for again, and one drag is one of them", async () => {
 
 test("a stop, a pause and a rearm are no steps", async () => {
   const { requests, history } = loop();
-  for (const request of [{ type: "stop" }, { type: "rearm", stop: 1 }, { type: "set", paused: true },
-    { type: "set", friction: false, paused: false }, { type: "pointer", take: true }] as Request[]) await requests.once(request);
+  for (const request of [
+    { type: "stop" },
+    { type: "rearm", stop: 1 },
+    { type: "set", paused: true },
+    { type: "set", friction: false, paused: false },
+    { type: "pointer", take: true },
+  ] as Request[])
+    await requests.once(request);
   assert.equal(history.canUndo, false);
 });
 
@@ -109,13 +142,31 @@ test("what is refused is told and stays to be undone; what somebody else has cha
 test("the table of measures has points in LPS and names as they were written", () => {
   const made = { plane: "axial", slice: 12, normal: [0, 0, 1] } as Pick<Measure, "plane" | "slice" | "normal">;
   const table = measuresTable([
-    { ...made, kind: "ruler", name: "neck, \"left\"", points: [[1, 2, 3], [1, 5, 7]] },
-    { ...made, kind: "angle", name: "tilt", points: [[1, 0, 0], [0, 0, 0], [0, 2, 0]] },
+    {
+      ...made,
+      kind: "ruler",
+      name: 'neck, "left"',
+      points: [
+        [1, 2, 3],
+        [1, 5, 7],
+      ],
+    },
+    {
+      ...made,
+      kind: "angle",
+      name: "tilt",
+      points: [
+        [1, 0, 0],
+        [0, 0, 0],
+        [0, 2, 0],
+      ],
+    },
   ]);
   assert.deepEqual(table.split("\r\n"), [
-    "name,kind,plane,slice,length_mm,angle_deg,x1_lps_mm,y1_lps_mm,z1_lps_mm,x2_lps_mm,y2_lps_mm,z2_lps_mm,x3_lps_mm,y3_lps_mm,z3_lps_mm",
-    "\"neck, \"\"left\"\"\",ruler,axial,12,5.000,,1.000,2.000,3.000,1.000,5.000,7.000,,,",
-    "\"tilt\",angle,axial,12,,90.00,1.000,0.000,0.000,0.000,0.000,0.000,0.000,2.000,0.000",
+    "name,kind,plane,slice,length_mm,angle_deg," +
+      "x1_lps_mm,y1_lps_mm,z1_lps_mm,x2_lps_mm,y2_lps_mm,z2_lps_mm,x3_lps_mm,y3_lps_mm,z3_lps_mm",
+    '"neck, ""left""",ruler,axial,12,5.000,,1.000,2.000,3.000,1.000,5.000,7.000,,,',
+    '"tilt",angle,axial,12,,90.00,1.000,0.000,0.000,0.000,0.000,0.000,0.000,2.000,0.000',
     "",
   ]);
 });
@@ -123,13 +174,26 @@ test("the table of measures has points in LPS and names as they were written", (
 test("what is seen otherwise goes back part by part, and what has changed by itself stays", async () => {
   const history = new History();
   const seen = { zoom: 1, pan: [0, 0], window: 5 };
-  history.part("section", () => ({ zoom: seen.zoom, pan: seen.pan }), (to) => Object.assign(seen, to));
-  history.part("window", () => seen.window, (to) => (seen.window = to));
+  history.part(
+    "section",
+    () => ({ zoom: seen.zoom, pan: seen.pan }),
+    (to) => Object.assign(seen, to),
+  );
+  history.part(
+    "window",
+    () => seen.window,
+    (to) => (seen.window = to),
+  );
   history.change("keys", () => (seen.zoom = 2));
-  // a run is a step, and another thing in it another
-  for (const pan of [[1, 0], [2, 0], [3, 1]]) history.change("drag", () => (seen.pan = pan), history.gesture);
+  // a run of changes is one step, a change of another kind is a further one
+  for (const pan of [
+    [1, 0],
+    [2, 0],
+    [3, 1],
+  ])
+    history.change("drag", () => (seen.pan = pan), history.gesture);
   history.change("drag", () => (seen.window = 7), history.gesture);
-  // nothing is no step
+  // no change, no step
   history.change("keys", () => (seen.zoom = 2));
   await history.undo();
   assert.deepEqual(seen, { zoom: 2, pan: [3, 1], window: 5 });

@@ -1,21 +1,42 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Camera } from "../src/camera.js";
-import { add, anatomicalPlane, apply, cross, dot, length, scale, sub, type Affine, type Vec3 } from "../src/geometry.js";
-import { boxSection, runs } from "../src/in_volume.js";
-import { Volumes } from "../src/scene.js";
-import { OPTICS_DEG, Scope, standOff } from "../src/scope.js";
-import { firstFelt, Ground, wayTo } from "../src/touch.js";
-import { Found, viewOf } from "../src/view.js";
+import { Camera } from "../src/volume/camera.js";
+import {
+  add,
+  anatomicalPlane,
+  apply,
+  cross,
+  dot,
+  length,
+  scale,
+  sub,
+  type Affine,
+  type Vec3,
+} from "../src/base/geometry.js";
+import { boxSection, runs } from "../src/drawing/in_volume.js";
+import { Volumes } from "../src/protocol/scene.js";
+import { OPTICS_DEG, Scope, standOff } from "../src/volume/scope.js";
+import { firstFelt, Ground, wayTo } from "../src/volume/touch.js";
+import { Found, viewOf } from "../src/volume/view.js";
 
-const near = (a: readonly number[], b: readonly number[], within = 1e-9) => a.forEach((x, i) => assert.ok(Math.abs(x - b[i]!) < within, `${a} is not ${b}`));
+const near = (a: readonly number[], b: readonly number[], within = 1e-9) =>
+  a.forEach((x, i) => assert.ok(Math.abs(x - b[i]!) < within, `${a} is not ${b}`));
 const degrees = (a: Vec3, b: Vec3) => (Math.acos(Math.min(1, dot(a, b))) * 180) / Math.PI;
-const worldFromPatient: Affine = [[1, 0, 0, 4], [0, 0, 1, 5], [0, -1, 0, 6], [0, 0, 0, 1]];
+const worldFromPatient: Affine = [
+  [1, 0, 0, 4],
+  [0, 0, 1, 5],
+  [0, -1, 0, 6],
+  [0, 0, 0, 1],
+];
 
 test("the scope looks along the shaft, or as far beside it as its optics say, and the post turns them about it", () => {
   const scope = new Scope();
   scope.back_mm = 0;
-  const axes: [Vec3, Vec3, Vec3] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]];
+  const axes: [Vec3, Vec3, Vec3] = [
+    [0, 1, 0],
+    [0, 0, 1],
+    [1, 0, 0],
+  ];
   for (const angle of OPTICS_DEG) {
     scope.optics_deg = angle;
     for (const post of [0, 45, 180, 300]) {
@@ -25,7 +46,11 @@ test("the scope looks along the shaft, or as far beside it as its optics say, an
       assert.ok(Math.abs(degrees(forward, [-1, 0, 0]) - angle) < 1e-6);
       near(cross(right, forward), up);
       if (angle === 0) near(up, axes[1]);
-      else near([dot(forward, axes[0]), dot(forward, axes[1])], [Math.sin, Math.cos].map((f) => f((post * Math.PI) / 180) * Math.sin((angle * Math.PI) / 180)));
+      else
+        near(
+          [dot(forward, axes[0]), dot(forward, axes[1])],
+          [Math.sin, Math.cos].map((f) => f((post * Math.PI) / 180) * Math.sin((angle * Math.PI) / 180)),
+        );
     }
   }
   scope.post_deg = 0;
@@ -37,7 +62,11 @@ test("a scope that is moved leaves the tip, and stays where it is until it goes 
   const scope = new Scope();
   scope.back_mm = 0;
   scope.optics_deg = 0;
-  const axes: [Vec3, Vec3, Vec3] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const axes: [Vec3, Vec3, Vec3] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ];
   scope.move(scope.frame([0, 0, 0], axes), Math.PI / 2, 0, 7);
   const { eye, forward, up } = scope.frame([50, 50, 50], axes);
   near(forward, [1, 0, 0]);
@@ -62,7 +91,10 @@ test("in perspective, what is nearer is larger, and pixels lead back to where th
   const camera = new Camera();
   camera.place(worldFromPatient);
   camera.orbit(40, -70);
-  const parallel = [[0, 0, 0], [20, 0, 5]].map((p) => camera.project(p as Vec3));
+  const parallel = [
+    [0, 0, 0],
+    [20, 0, 5],
+  ].map((p) => camera.project(p as Vec3));
   camera.isPerspective = true;
   const p: Vec3 = [12, -7, 31];
   near(camera.unproject(...camera.project(p), p), p);
@@ -74,7 +106,10 @@ test("in perspective, what is nearer is larger, and pixels lead back to where th
     const ends = [at, add(at, camera.directionToPatient(camera.right))].map((end) => camera.project(end));
     return ends[1]![0] - ends[0]![0];
   };
-  assert.ok(Math.abs(apart(camera.toPatient(camera.focus)) * camera.mmPerPixel - 1) < 1e-9, "as large as it was at the focus");
+  assert.ok(
+    Math.abs(apart(camera.toPatient(camera.focus)) * camera.mmPerPixel - 1) < 1e-9,
+    "as large as it was at the focus",
+  );
   assert.ok(apart(add(p, scale(towards, 40))) > 1.05 * apart(p));
   camera.isPerspective = false;
   near(camera.project([20, 0, 5]), parallel[1]!);
@@ -91,7 +126,7 @@ test("what a picture has found says of a point whether something solid is in fro
     const [least, extent] = [-100, 2000];
     const p = camera.unproject(10, -6, camera.toPatient(camera.focus));
     const away = camera.ray(10, -6).into;
-    // a structure at that one pixel, whose middle is half a pixel to the right and below
+    // one pixel with a structure, whose centre is half a pixel to the right and below
     const way = new Found(bytes, view, least, extent).place(p)!.way_mm;
     const at = 4 * (42 + 64 * (31 - 10));
     const steps = Math.round((65535 * (way - least)) / extent);
@@ -100,14 +135,17 @@ test("what a picture has found says of a point whether something solid is in fro
     const there = found.place(add(p, scale(away, 0.3)))!;
     near([there.x * 64, there.y * 32], [42, 10], 1e-6);
     const inPixel = (by: number) => camera.unproject(10.5, -5.5, add(p, scale(away, by)));
-    assert.deepEqual([found.hides(inPixel(9), 1), found.hides(inPixel(0.5), 1), found.hides(inPixel(-9), 1)], [true, false, false]);
+    assert.deepEqual(
+      [found.hides(inPixel(9), 1), found.hides(inPixel(0.5), 1), found.hides(inPixel(-9), 1)],
+      [true, false, false],
+    );
     assert.equal(found.at(42.5 / 64, 10.5 / 32)!.place, 4);
     assert.equal(found.hides(camera.unproject(12, -5.5, inPixel(9)), 1), false, "beside it nothing is in front");
     assert.equal(found.at(1.2, 0.5), null);
   }
 });
 
-/** 40^3 voxels of 1 mm, a ball of bone in the middle and a wall behind it, on a grid that is mirrored. */
+/** 40^3 voxels of 1 mm on a mirrored grid: a ball of bone at the centre and a plate behind it. */
 function room(): { volumes: Volumes; isFelt: (p: Vec3) => boolean } {
   const dims: Vec3 = [40, 40, 40];
   const structure = new Uint8Array(64000);
@@ -116,7 +154,21 @@ function room(): { volumes: Volumes; isFelt: (p: Vec3) => boolean } {
     if (Math.hypot(v[0]! - 20, v[1]! - 20, v[2]! - 20) < 8) structure[n] = 1;
     else if (v[1]! > 35) structure[n] = 2;
   }
-  const volumes = new Volumes("h", 1, dims, [[-1, 0, 0, 20], [0, 1, 0, -20], [0, 0, 1, -20], [0, 0, 0, 1]], null, structure, 1, 0);
+  const volumes = new Volumes(
+    "h",
+    1,
+    dims,
+    [
+      [-1, 0, 0, 20],
+      [0, 1, 0, -20],
+      [0, 0, 1, -20],
+      [0, 0, 0, 1],
+    ],
+    null,
+    structure,
+    1,
+    0,
+  );
   return { volumes, isFelt: (p) => volumes.structureAt(p) !== null };
 }
 
@@ -134,17 +186,30 @@ test("the tip's way to a surface goes through nothing that is felt", () => {
   const { volumes, isFelt } = room();
   const into: Vec3 = [0, 1, 0];
   // from behind the ball, from beside it, from its front, and from within its surface
-  for (const tip of [[0, 11, 0], [14, 0, 0], [0, -12, 0], [0, -7, 0], [-2, 10, 9]] as Vec3[]) {
-    for (const [x, z] of [[0, 0], [3, -4], [-12, 2], [6, 0]] as const) {
+  for (const tip of [
+    [0, 11, 0],
+    [14, 0, 0],
+    [0, -12, 0],
+    [0, -7, 0],
+    [-2, 10, 9],
+  ] as Vec3[]) {
+    for (const [x, z] of [
+      [0, 0],
+      [3, -4],
+      [-12, 2],
+      [6, 0],
+    ] as const) {
       const surface = firstFelt(volumes, isFelt, [x, -100, z], into)!;
       const way = wayTo(isFelt, tip, surface, into, 0.5);
-      let from = tip, hasLeft = false, through_mm = 0;
+      let from = tip,
+        hasLeft = false,
+        through_mm = 0;
       for (const to of way.slice(0, -1)) {
         for (let n = 0; n <= 200; n++) {
           const felt = isFelt(add(from, scale(sub(to, from), n / 200)));
           hasLeft ||= !felt;
           through_mm = felt && (hasLeft || !isFelt(tip)) ? through_mm + length(sub(to, from)) / 200 : 0;
-          // but a voxel's corner
+          // except for the corner of a voxel
           assert.ok(through_mm < 0.6, `${tip} to ${surface}: through something on the way to ${to}`);
         }
         from = to;
@@ -158,7 +223,12 @@ test("the tip's way to a surface goes through nothing that is felt", () => {
 test("the height above what is felt is to the nearest of it", () => {
   const { volumes, isFelt } = room();
   const ground = new Ground(volumes, 20, 9000);
-  for (const p of [[0, -15, 0], [0.3, 12, 0.4], [-11, -5, 3], [9, 9, 9]] as Vec3[]) {
+  for (const p of [
+    [0, -15, 0],
+    [0.3, 12, 0.4],
+    [-11, -5, 3],
+    [9, 9, 9],
+  ] as Vec3[]) {
     let least = Infinity;
     for (let n = 0; n < 64000; n++) {
       if (volumes.structure[n] === 0) continue;
@@ -177,20 +247,32 @@ test("what is below a tool is looked for anew where it has moved, and after voxe
   const { volumes, isFelt } = room();
   const ground = new Ground(volumes, 20, 9000);
   let looked = 0;
-  const counted = (p: Vec3) => (looked += 1, isFelt(p));
+  const counted = (p: Vec3) => ((looked += 1), isFelt(p));
   const looks = (act: () => unknown) => {
     const before = looked;
     act();
     return looked > before;
   };
-  const [one, other]: Vec3[] = [[0, -15, 0], [0.3, 12, 0.4]];
+  const [one, other]: Vec3[] = [
+    [0, -15, 0],
+    [0.3, 12, 0.4],
+  ];
   assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isFelt))));
   assert.ok(!looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isFelt))));
-  assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isFelt))), "it has moved");
-  assert.ok(looks(() => ground.belowTool(1, other!, counted)), "another tool");
+  assert.ok(
+    looks(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isFelt))),
+    "it has moved",
+  );
+  assert.ok(
+    looks(() => ground.belowTool(1, other!, counted)),
+    "another tool",
+  );
   volumes.structure.fill(0);
   ground.forget();
-  assert.ok(looks(() => assert.equal(ground.belowTool(0, other!, counted), null)), "nothing is there any more");
+  assert.ok(
+    looks(() => assert.equal(ground.belowTool(0, other!, counted), null)),
+    "nothing is there any more",
+  );
 });
 
 test("a plane's outline is where it goes through the volume's box", () => {
@@ -202,12 +284,23 @@ test("a plane's outline is where it goes through the volume's box", () => {
     assert.ok(Math.abs(length(sub(p, square[(n + 1) % 4]!)) - 40) < 1e-9, "its corners in their order");
   }
   const right: Vec3 = [Math.SQRT1_2, -Math.SQRT1_2, 0];
-  const tilted = { centre: [0, 0, 0] as Vec3, right, down: cross([1, 1, 1].map((x) => x / Math.sqrt(3)) as Vec3, right) };
+  const tilted = {
+    centre: [0, 0, 0] as Vec3,
+    right,
+    down: cross([1, 1, 1].map((x) => x / Math.sqrt(3)) as Vec3, right),
+  };
   assert.equal(boxSection(tilted, volumes).length, 6);
   assert.equal(boxSection(anatomicalPlane("coronal", [0, 90, 0]), volumes).length, 0);
 });
 
 test("a line's parts are hidden where something is in front of them", () => {
   const parts = runs([0, 0, 0], [10, 0, 0], 10, ([x]) => x > 3 && x < 6);
-  assert.deepEqual(parts.map(({ from, to, isHidden }) => [from[0], to[0], isHidden]), [[0, 3, false], [3, 6, true], [6, 10, false]]);
+  assert.deepEqual(
+    parts.map(({ from, to, isHidden }) => [from[0], to[0], isHidden]),
+    [
+      [0, 3, false],
+      [3, 6, true],
+      [6, 10, false],
+    ],
+  );
 });

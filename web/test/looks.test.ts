@@ -1,16 +1,28 @@
+import type { Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { hasBone, keptLooks, looksOf, presetLooks, restored, type KeptLooks } from "../src/looks.js";
-import type { Scene } from "../src/scene.js";
+import { hasBone, keptLooks, looksOf, presetLooks, restored, type KeptLooks } from "../src/state/looks.js";
 
 const scene = {
-  tissues: [{ name: "cortical_bone", opacity: 1 }, { name: "fat", opacity: 0.4 }],
-  structures: [{ label: 3, name: "one", colour: [1, 2, 3], tissue: 0 }, { label: 9, name: "two", colour: [4, 5, 6], tissue: 1 }, { label: 12, name: "three", colour: [7, 8, 9], tissue: -1 }],
+  tissues: [
+    { name: "cortical_bone", opacity: 1 },
+    { name: "fat", opacity: 0.4 },
+  ],
+  structures: [
+    { label: 3, name: "one", colour: [1, 2, 3], tissue: 0 },
+    { label: 9, name: "two", colour: [4, 5, 6], tissue: 1 },
+    { label: 12, name: "three", colour: [7, 8, 9], tissue: -1 },
+  ],
 } as unknown as Scene;
 
 test("presets show what they say, and leave colours as they are", () => {
-  const now = looksOf(scene).map((look) => ({ ...look, colour: [9, 9, 9] as [number, number, number], visible: false }));
-  const seen = (name: "scene" | "solid" | "bone" | "translucent") => presetLooks(name, scene, now).map(({ visible, opacity }) => (visible ? opacity : 0));
+  const now = looksOf(scene).map((look) => ({
+    ...look,
+    colour: [9, 9, 9] as [number, number, number],
+    visible: false,
+  }));
+  const seen = (name: "scene" | "solid" | "bone" | "translucent") =>
+    presetLooks(name, scene, now).map(({ visible, opacity }) => (visible ? opacity : 0));
   assert.deepEqual(seen("scene"), [1, 0.4, 1]);
   assert.deepEqual(seen("solid"), [1, 1, 1]);
   assert.deepEqual(seen("bone"), [1, 0, 0]);
@@ -23,15 +35,59 @@ test("presets show what they say, and leave colours as they are", () => {
 
 test("a bone is known by its own name where its tissue has another", () => {
   const seen = (tissue: string, names: string[]) => {
-    const one = { tissues: [{ name: tissue, opacity: 1 }], structures: names.map((name, n) => ({ label: n + 1, name, colour: [0, 0, 0], tissue: 0 })) } as unknown as Scene;
-    assert.equal(hasBone(one), presetLooks("bone", one, looksOf(one)).some(({ visible }) => visible));
+    const one = {
+      tissues: [{ name: tissue, opacity: 1 }],
+      structures: names.map((name, n) => ({ label: n + 1, name, colour: [0, 0, 0], tissue: 0 })),
+    } as unknown as Scene;
+    assert.equal(
+      hasBone(one),
+      presetLooks("bone", one, looksOf(one)).some(({ visible }) => visible),
+    );
     return names.filter((_, n) => presetLooks("bone", one, looksOf(one))[n]!.visible);
   };
-  // an atlas of the whole body, all of one tissue
-  const bones = ["femur_left", "hip_right", "vertebrae_L1", "rib_left_12", "Left rib 3", "sternum", "sacrum", "scapula_left", "skull", "tibia", "patella", "cheekbone", "clavicula_right",
-    "LeftFemur2", "carpal", "tarsals", "vertebral_body", "scapulae", "Ribs", "spine"];
-  const others = ["liver", "tibialis_anterior", "tibial_cartilage", "femur cartilage", "gluteus_maximus_left", "costal_cartilages", "patellar_ligament", "biceps_femoris_muscle", "rib_muscle", "renal_artery", "spinal_cord", "tribe",
-    "renal_pelvis", "hip_joint_left", "carpalTunnel", "vertebral_canal", "radiology", "trapezius_left"];
+  // a whole-body atlas with a single tissue
+  const bones = [
+    "femur_left",
+    "hip_right",
+    "vertebrae_L1",
+    "rib_left_12",
+    "Left rib 3",
+    "sternum",
+    "sacrum",
+    "scapula_left",
+    "skull",
+    "tibia",
+    "patella",
+    "cheekbone",
+    "clavicula_right",
+    "LeftFemur2",
+    "carpal",
+    "tarsals",
+    "vertebral_body",
+    "scapulae",
+    "Ribs",
+    "spine",
+  ];
+  const others = [
+    "liver",
+    "tibialis_anterior",
+    "tibial_cartilage",
+    "femur cartilage",
+    "gluteus_maximus_left",
+    "costal_cartilages",
+    "patellar_ligament",
+    "biceps_femoris_muscle",
+    "rib_muscle",
+    "renal_artery",
+    "spinal_cord",
+    "tribe",
+    "renal_pelvis",
+    "hip_joint_left",
+    "carpalTunnel",
+    "vertebral_canal",
+    "radiology",
+    "trapezius_left",
+  ];
   assert.deepEqual(seen("tissue", [...bones, ...others]), bones);
   assert.deepEqual(seen("bone", ["piece 1", "piece 2"]), ["piece 1", "piece 2"]);
   assert.deepEqual(seen("bone marrow", ["femur"]), []);
@@ -45,6 +101,10 @@ test("kept looks are given back by label, and what is none is left out", () => {
   const kept = JSON.parse(JSON.stringify(keptLooks(scene, changed))) as KeptLooks;
   const other = { ...scene, structures: [...scene.structures].reverse() };
   assert.deepEqual(restored(other, [...own].reverse(), kept), [...changed].reverse());
-  const broken = { 3: null, 9: { colour: [1, 2], opacity: 1 }, 12: { colour: [1, 2, 300], opacity: 1, visible: true } } as unknown as KeptLooks;
+  const broken = {
+    3: null,
+    9: { colour: [1, 2], opacity: 1 },
+    12: { colour: [1, 2, 300], opacity: 1, visible: true },
+  } as unknown as KeptLooks;
   assert.deepEqual(restored(scene, own, broken), own);
 });

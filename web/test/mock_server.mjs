@@ -1,22 +1,30 @@
-// A stand-in for `palpate explore` that serves the built page, a made-up left knee and a tip that moves, by
-// docs/reference/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
+// Stand-in for `palpate explore`, by docs/reference/viewer-protocol.md: serves the built page, a synthetic left knee
+// and a moving tip. For work on the page, and for its tests without palpate.
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
-//                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1] [--hold no]
-//                                    [--shaft no] [--tool probe] [--burr ball] [--second no] [--yield no]
+//                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1]
+//                                    [--hold no] [--shaft no] [--tool probe] [--burr ball] [--second no] [--yield no]
+//                                    [--more 0] [--kept FOLDER]
 //
-// --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
-// "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
-// "sphere" is one of 20 mm, of voxels of 0.5 mm.
-// --shaft yes gives the tool one of 40 mm, as it has with the ramp. --tool burr gives it a motor: each time that is
-// switched on, a stroke cuts away 3 mm around a way of 2 mm, the first from the middle of the first structure, the next 7 mm above it;
-// with --burr cylinder or cone 1 mm there, and up from it 6 mm of that, or up to 2.5 mm.
-// --second yes gives a second device, which holds a ball of 4 mm radius on a shaft still, 20 mm to the left of where the first begins.
-// --more 108 adds so many structures to the list, which have no voxel.
-// --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
-// when each stop came, in ms since 1970. --yield yes: tissue yields under the tip. /mock/yield?at=0,0,0&mm=1,0,0&wide=5&device=0 moves what lies around a
-// place by so much, farther off less, as a bell of that width; /mock/yield alone lets all of it go back. --hold yes: volumes come when somebody has asked for /mock/release.
-// --kept FOLDER: voxels that one of these has made are there for the next, whose start takes a second less.
+//   --protocol N    version of the protocol that is announced
+//   --refuse STATUS HTTP status of all responses of /api/ and /ws
+//   --scan ramp     unsigned 16-bit scan, most of whose values lie in 1/256 of the range, on a grid whose axes are
+//                   permuted, mirrored and rotated
+//   --scan sphere   a sphere of 20 mm in voxels of 0.5 mm
+//   --shaft yes     a shaft of 40 mm, as with the ramp
+//   --tool burr     a motor: each start cuts a stroke of 3 mm radius along a path of 2 mm, the first one from the
+//                   centre of the first structure, each further one 7 mm above
+//   --burr FORM     cylinder: 1 mm radius over a length of 6 mm; cone: widening to 2.5 mm over that length
+//   --second yes    a second device, which holds a ball of 4 mm radius on a shaft still, 20 mm left of the first one's
+//                   start
+//   --more N        N further structures without voxels
+//   --repeat N      each voxel as N x N x N voxels; 2: 9.6 million in all, as many as a clinical scan of a knee
+//   --hold yes      volumes are withheld until /mock/release is requested
+//   --yield yes     deformable tissue under the tip
+//   --kept FOLDER   cache of voxels, which saves a second at the next start
+//
+// /mock/stops lists the times of stops, in ms since 1970. /mock/yield?at=0,0,0&mm=1,0,0&wide=5&device=0 displaces the
+// tissue around a position by a Gaussian of that width; /mock/yield alone ends that.
 
 import { createHash } from "node:crypto";
 import { existsSync, readFileSync, renameSync, writeFileSync } from "node:fs";
@@ -25,46 +33,110 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball", second: "no", kept: "", yield: "no" };
+const options = {
+  port: "8480",
+  input: "script",
+  "token-file": "",
+  page: new URL("../dist", import.meta.url).pathname,
+  scan: "knee",
+  protocol: "3",
+  refuse: "",
+  repeat: "1",
+  more: "0",
+  hold: "no",
+  shaft: "no",
+  tool: "probe",
+  burr: "ball",
+  second: "no",
+  kept: "",
+  yield: "no",
+};
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
-const tokens = new Map(options["token-file"]
-  ? readFileSync(options["token-file"], "utf8").split("\n").filter(Boolean).map((line) => line.split(" ").reverse()) : []);
+const tokens = new Map(
+  options["token-file"]
+    ? readFileSync(options["token-file"], "utf8")
+        .split("\n")
+        .filter(Boolean)
+        .map((line) => line.split(" ").reverse())
+    : [],
+);
 // as palpate says it; the mock has no tasks
-const rights = { view: ["look", "stop", "unseen"], control: ["look", "stop", "unseen", "hand", "feel", "plan", "play"] };
+const rights = {
+  view: ["look", "stop", "unseen"],
+  control: ["look", "stop", "unseen", "hand", "feel", "plan", "play"],
+};
 const whoIs = (role) => ({ role, learner: null, may: rights[role] });
-const roleOf = (token) => (tokens.size === 0 ? "control" : tokens.get(token) ?? null);
+const roleOf = (token) => (tokens.size === 0 ? "control" : (tokens.get(token) ?? null));
 
 // a knee of simple shapes, mm about the joint; what comes first wins
 const length = (x, y, z) => Math.sqrt(x * x + y * y + z * z);
 const ellipsoid = (c, r) => (p) => length((p[0] - c[0]) / r[0], (p[1] - c[1]) / r[1], (p[2] - c[2]) / r[2]) - 1;
 const cylinder = (c, r, from, to) => (p) =>
   Math.max(length(p[0] - c[0], p[1] - c[1], 0) / r - 1, (from - p[2]) / r, (p[2] - to) / r);
-const any = (...shapes) => (p) => shapes.reduce((least, shape) => Math.min(least, shape(p)), Infinity);
+const any =
+  (...shapes) =>
+  (p) =>
+    shapes.reduce((least, shape) => Math.min(least, shape(p)), Infinity);
 const ring = (c, r, thick) => (p) => length(length(p[0] - c[0], p[1] - c[1], 0) - r, p[2] - c[2], 0) / thick - 1;
-const femur = any(ellipsoid([17, 4, 16], [16, 22, 16]), ellipsoid([-17, 4, 16], [16, 22, 16]), cylinder([0, 0, 0], 14, 18, 70));
+const femur = any(
+  ellipsoid([17, 4, 16], [16, 22, 16]),
+  ellipsoid([-17, 4, 16], [16, 22, 16]),
+  cylinder([0, 0, 0], 14, 18, 70),
+);
 const tibia = any(ellipsoid([0, 2, -16], [32, 21, 11]), cylinder([0, 0, 0], 13, -70, -16));
 const structures = [
   { label: 1, name: "femur", colour: [240, 222, 190], tissue: 0, shape: femur },
   { label: 2, name: "tibia", colour: [226, 204, 160], tissue: 0, shape: tibia },
   { label: 3, name: "fibula", colour: [205, 176, 130], tissue: 0, shape: cylinder([36, 12, 0], 6, -70, -16) },
   { label: 4, name: "patella", colour: [250, 235, 205], tissue: 0, shape: ellipsoid([2, -30, 20], [14, 8, 15]) },
-  { label: 5, name: "femoral_cartilage", colour: [96, 178, 214], tissue: 1, shape: any(ellipsoid([17, 4, 16], [18.5, 24.5, 18.5]), ellipsoid([-17, 4, 16], [18.5, 24.5, 18.5])) },
+  {
+    label: 5,
+    name: "femoral_cartilage",
+    colour: [96, 178, 214],
+    tissue: 1,
+    shape: any(ellipsoid([17, 4, 16], [18.5, 24.5, 18.5]), ellipsoid([-17, 4, 16], [18.5, 24.5, 18.5])),
+  },
   { label: 6, name: "lateral_meniscus", colour: [214, 118, 96], tissue: 2, shape: ring([17, 2, -3.5], 12, 3.2) },
   { label: 7, name: "medial_meniscus", colour: [198, 92, 132], tissue: 2, shape: ring([-17, 2, -3.5], 12, 3.2) },
-  { label: 8, name: "tibial_cartilage", colour: [120, 200, 150], tissue: 1, shape: ellipsoid([0, 2, -15], [33, 22, 12.4]) },
+  {
+    label: 8,
+    name: "tibial_cartilage",
+    colour: [120, 200, 150],
+    tissue: 1,
+    shape: ellipsoid([0, 2, -15], [33, 22, 12.4]),
+  },
 ];
-const more = Array.from({ length: Number(options.more) }, (_, n) => ({ label: structures.length + n + 1, name: `structure_${n + 1}`, colour: [n, 128, 255 - n], tissue: n % 3 }));
+const more = Array.from({ length: Number(options.more) }, (_, n) => ({
+  label: structures.length + n + 1,
+  name: `structure_${n + 1}`,
+  colour: [n, 128, 255 - n],
+  tissue: n % 3,
+}));
 // of a burr that is no ball: from the middle of the ball at its tip to that at its far end, and that one's radius
-const HEAD = [0, 0, 6], END_RADIUS = options.burr === "cone" ? 2.5 : 1;
+const HEAD = [0, 0, 6],
+  END_RADIUS = options.burr === "cone" ? 2.5 : 1;
 const isRamp = options.scan === "ramp";
 const isSphere = options.scan === "sphere";
 const dims = isRamp ? [60, 48, 44] : isSphere ? [52, 53, 54] : [100, 100, 120];
 const spacing = isRamp ? 2.3 : isSphere ? 0.5 : 1.1;
-if (isSphere) structures.forEach((structure, n) => (structure.shape = n === 0 ? ellipsoid([0.1, -0.05, 0.15], [10, 10, 10]) : () => 1));
+if (isSphere)
+  structures.forEach(
+    (structure, n) => (structure.shape = n === 0 ? ellipsoid([0.1, -0.05, 0.15], [10, 10, 10]) : () => 1),
+  );
 // unit, of i, j and k: a rotation by 12 degrees of the swapped and mirrored axes
 const [cos, sin] = [Math.cos(0.21), Math.sin(0.21)];
-const axes = isRamp ? [[0, sin, cos], [-1, 0, 0], [0, cos, -sin]] : [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const axes = isRamp
+  ? [
+      [0, sin, cos],
+      [-1, 0, 0],
+      [0, cos, -sin],
+    ]
+  : [
+      [1, 0, 0],
+      [0, 1, 0],
+      [0, 0, 1],
+    ];
 const place = ([i, j, k]) => [0, 1, 2].map((r) => spacing * (axes[0][r] * i + axes[1][r] * j + axes[2][r] * k));
 const origin = isRamp || isSphere ? place(dims.map((n) => (1 - n) / 2)) : [-54, -54, -65];
 const X_PatientVoxel = [...[0, 1, 2].map((r) => [...axes.map((axis) => axis[r] * spacing), origin[r]]), [0, 0, 0, 1]];
@@ -102,18 +174,21 @@ if (kept && existsSync(kept)) {
 }
 const hash = createHash("sha256").update(labels).update(scan).update(options.repeat).digest("hex").slice(0, 16);
 
-// what is served: the knee, or each of its voxels several times each way
+// the served voxels: the knee, optionally with each voxel subdivided
 const repeat = Number(options.repeat);
 const servedDims = dims.map((n) => n * repeat);
-const X_PatientServed = X_PatientVoxel.map((row, r) => (r === 3 ? row : row.map((x, c) => (c === r ? x / repeat : c === 3 ? x - (row[r] / 2) * (1 - 1 / repeat) : x))));
+const X_PatientServed = X_PatientVoxel.map((row, r) =>
+  r === 3 ? row : row.map((x, c) => (c === r ? x / repeat : c === 3 ? x - (row[r] / 2) * (1 - 1 / repeat) : x)),
+);
 function repeated(voxels) {
   if (repeat === 1) return voxels;
   const out = new voxels.constructor(voxels.length * repeat ** 3);
   const [nx, ny, nz] = servedDims;
-  for (let k = 0, n = 0; k < nz; k++) for (let j = 0; j < ny; j++) {
-    const row = dims[0] * (Math.floor(j / repeat) + dims[1] * Math.floor(k / repeat));
-    for (let i = 0; i < nx; i++, n++) out[n] = voxels[row + Math.floor(i / repeat)];
-  }
+  for (let k = 0, n = 0; k < nz; k++)
+    for (let j = 0; j < ny; j++) {
+      const row = dims[0] * (Math.floor(j / repeat) + dims[1] * Math.floor(k / repeat));
+      for (let i = 0; i < nx; i++, n++) out[n] = voxels[row + Math.floor(i / repeat)];
+    }
   return out;
 }
 const served = { scan: repeated(scan), labels: repeated(labels) };
@@ -123,43 +198,127 @@ const means = (voxels, shrink, kind) => {
   const dims = servedDims;
   const [nx, ny, nz] = dims.map((n) => Math.ceil(n / shrink));
   const out = new voxels.constructor(nx * ny * nz);
-  for (let k = 0, n = 0; k < nz; k++) for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++, n++) {
-    const block = [];
-    for (let c = 0; c < shrink ** 3; c++) {
-      const v = [i * shrink + (c % shrink), j * shrink + (Math.floor(c / shrink) % shrink), k * shrink + Math.floor(c / shrink / shrink)];
-      if (v.every((x, axis) => x < dims[axis])) block.push(voxels[v[0] + dims[0] * (v[1] + dims[1] * v[2])]);
-    }
-    if (kind === "scan") out[n] = Math.round(block.reduce((a, b) => a + b) / block.length);
-    else {
-      const counts = new Map();
-      for (const label of block) counts.set(label, (counts.get(label) ?? 0) + 1);
-      out[n] = [...counts].sort((a, b) => b[1] - a[1] || (a[0] || 1e9) - (b[0] || 1e9))[0][0];
-    }
-  }
+  for (let k = 0, n = 0; k < nz; k++)
+    for (let j = 0; j < ny; j++)
+      for (let i = 0; i < nx; i++, n++) {
+        const block = [];
+        for (let c = 0; c < shrink ** 3; c++) {
+          const v = [
+            i * shrink + (c % shrink),
+            j * shrink + (Math.floor(c / shrink) % shrink),
+            k * shrink + Math.floor(c / shrink / shrink),
+          ];
+          if (v.every((x, axis) => x < dims[axis])) block.push(voxels[v[0] + dims[0] * (v[1] + dims[1] * v[2])]);
+        }
+        if (kind === "scan") out[n] = Math.round(block.reduce((a, b) => a + b) / block.length);
+        else {
+          const counts = new Map();
+          for (const label of block) counts.set(label, (counts.get(label) ?? 0) + 1);
+          out[n] = [...counts].sort((a, b) => b[1] - a[1] || (a[0] || 1e9) - (b[0] || 1e9))[0][0];
+        }
+      }
   return out;
 };
 
-const feel = (stiffness_N_per_mm) => ({ stiffness_N_per_mm, static_friction: 0.2, friction: 0.15, viscosity_N_s_per_mm: 0.001 });
+const feel = (stiffness_N_per_mm) => ({
+  stiffness_N_per_mm,
+  static_friction: 0.2,
+  friction: 0.15,
+  viscosity_N_s_per_mm: 0.001,
+});
 const tissues = [
-  { name: "bone", felt: true, protection: options.tool === "burr" ? "alarm" : "none", colour: [240, 222, 190], opacity: 1, ...feel(1.1), rests_on: [] },
-  { name: "cartilage", felt: true, protection: "none", colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
+  {
+    name: "bone",
+    felt: true,
+    protection: options.tool === "burr" ? "alarm" : "none",
+    colour: [240, 222, 190],
+    opacity: 1,
+    ...feel(1.1),
+    rests_on: [],
+  },
+  {
+    name: "cartilage",
+    felt: true,
+    protection: "none",
+    colour: [96, 178, 214],
+    opacity: 1,
+    ...feel(0.8),
+    rests_on: [0],
+  },
   { name: "meniscus", felt: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
 ];
-const tool = { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, shaver: false, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] };
-const second = options.second === "yes" ? [{ name: "ball", radius_mm: 4, cuts: false, burr: null, points_mm: [[0, 0, 0]], capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 30], radius_mm: 2, end_radius_mm: 2 }], tip: [20, -52, 20] }] : [];
+const tool = {
+  name: options.tool,
+  radius_mm: 1,
+  cuts: options.tool === "burr",
+  burr: options.tool === "burr" ? options.burr : null,
+  shaver: false,
+  points_mm: [[0, 0, 0]],
+  capsules:
+    isRamp || options.shaft === "yes"
+      ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }]
+      : options.tool === "burr" && options.burr !== "ball"
+        ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }]
+        : [],
+};
+const second =
+  options.second === "yes"
+    ? [
+        {
+          name: "ball",
+          radius_mm: 4,
+          cuts: false,
+          burr: null,
+          points_mm: [[0, 0, 0]],
+          capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 30], radius_mm: 2, end_radius_mm: 2 }],
+          tip: [20, -52, 20],
+        },
+      ]
+    : [];
 const scene = (role) => ({
-  protocol, palpate: "0.0.0-mock", ...whoIs(role), side: "left", oriented: true, modality: "mr",
-  volume: { hash, dims: servedDims, patient_from_voxel: X_PatientServed, scan: isRamp ? { scale: 1, offset: 32768, window: [1000, 1255], range: [0, 65535] } : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
+  protocol,
+  palpate: "0.0.0-mock",
+  ...whoIs(role),
+  side: "left",
+  oriented: true,
+  modality: "mr",
+  volume: {
+    hash,
+    dims: servedDims,
+    patient_from_voxel: X_PatientServed,
+    scan: isRamp
+      ? { scale: 1, offset: 32768, window: [1000, 1255], range: [0, 65535] }
+      : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] },
+    labels: { type: "uint8" },
+  },
   // supine, seen from the feet: right is the patient's left, forward superior, up anterior
-  world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
+  world_from_patient: [
+    [1, 0, 0, 0],
+    [0, 0, 1, 0],
+    [0, -1, 0, 0],
+    [0, 0, 0, 1],
+  ],
   structures: [...structures.map(({ shape, ...seen }) => seen), ...more].map((seen) => ({ within: [], ...seen })),
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
-  tool, tools: [tool, ...second.map(({ tip, ...held }) => held)],
+  tool,
+  tools: [tool, ...second.map(({ tip, ...held }) => held)],
   methods: ["proxy", "trilinear"],
   laws: ["elastic", "neo-hookean", "chainmail", "layers"],
-  device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
-            peak_force_N: 8.5, continuous_force_N: 1.4, max_stiffness_N_per_mm: 1.1 },
-  limits: { max_force_N: 1.4, min_max_force_N: 0.1, max_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
+  device: {
+    name: options.input === "pointer" ? "pointer" : "simulated premium-1.5",
+    simulated: options.input !== "device",
+    input: options.input,
+    peak_force_N: 8.5,
+    continuous_force_N: 1.4,
+    max_stiffness_N_per_mm: 1.1,
+  },
+  limits: {
+    max_force_N: 1.4,
+    min_max_force_N: 0.1,
+    max_max_force_N: 1.4,
+    stiffness_N_per_mm: [0.001, 10],
+    friction: [0, 2],
+  },
   rate_hz: 1000,
   recording: null,
   tasks: [],
@@ -168,35 +327,78 @@ const scene = (role) => ({
   no_go: [],
 });
 const state = {
-  method: "proxy", law: "elastic", law_awaited: null, law_failed: null, method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
-  rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, friction, viscosity_N_s_per_mm }) =>
-    ({ stiffness_N_per_mm, static_friction, friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
+  method: "proxy",
+  law: "elastic",
+  law_awaited: null,
+  law_failed: null,
+  method_awaited: null,
+  method_failed: null,
+  friction: true,
+  viscosity: true,
+  passivity: true,
+  paused: false,
+  motor: false,
+  motor_is_on: false,
+  strokes: { undo: 0, redo: 0 },
+  removed: [],
+  nearest: [],
+  emergency_stop: false,
+  stop: null,
+  max_force_N: 1.4,
+  rotation_wxyz: [1, 0, 0, 0],
+  model_version: 1,
+  tissues: tissues.map(({ stiffness_N_per_mm, static_friction, friction, viscosity_N_s_per_mm }) => ({
+    stiffness_N_per_mm,
+    static_friction,
+    friction,
+    viscosity_N_s_per_mm,
+  })),
+  armed: options.input === "device",
+  recording: false,
+  playback: null,
 };
 
 // HTTP
-const types = { ".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml" };
+const types = {
+  ".html": "text/html; charset=utf-8",
+  ".js": "text/javascript; charset=utf-8",
+  ".css": "text/css; charset=utf-8",
+  ".svg": "image/svg+xml",
+};
 let release = () => {};
 const released = options.hold === "yes" ? new Promise((done) => (release = done)) : Promise.resolve();
 const server = createServer((request, response) => {
   const { pathname, searchParams } = new URL(request.url, "http://localhost");
   const answer = (status, headers, body) => {
     response.writeHead(status, {
-      "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-      "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin", ...headers });
+      "Content-Security-Policy":
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; " +
+        "worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+      "X-Content-Type-Options": "nosniff",
+      "Referrer-Policy": "no-referrer",
+      "Cross-Origin-Resource-Policy": "same-origin",
+      ...headers,
+    });
     response.end(request.method === "HEAD" ? undefined : body);
   };
   if (pathname === "/" || /^\/assets\/[\w.]+$/.test(pathname)) {
     try {
       const file = pathname === "/" ? "index.html" : pathname.slice(1);
-      return answer(200, { "Content-Type": types[extname(file)], "Cache-Control": "no-cache" }, readFileSync(join(options.page, file)));
+      return answer(
+        200,
+        { "Content-Type": types[extname(file)], "Cache-Control": "no-cache" },
+        readFileSync(join(options.page, file)),
+      );
     } catch {
       return answer(404, {}, "");
     }
   }
-  if (pathname === "/mock/stops") return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(stopsAt_ms));
+  if (pathname === "/mock/stops")
+    return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(stopsAt_ms));
   if (pathname === "/mock/yield") {
     const numbers = (name) => searchParams.get(name).split(",").map(Number);
-    if (searchParams.has("at")) tellYield(numbers("device")[0], { at: numbers("at"), mm: numbers("mm"), wide: numbers("wide")[0] });
+    if (searchParams.has("at"))
+      tellYield(numbers("device")[0], { at: numbers("at"), mm: numbers("mm"), wide: numbers("wide")[0] });
     else [...yields.keys()].forEach((device) => tellYield(device, null));
     return answer(200, {}, "");
   }
@@ -207,21 +409,42 @@ const server = createServer((request, response) => {
   const role = roleOf((request.headers.authorization ?? "").replace(/^Bearer /, ""));
   if (options.refuse) return answer(Number(options.refuse), {}, "");
   if (!role) return answer(401, {}, "");
-  if (pathname === "/api/scene") return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(scene(role)));
+  if (pathname === "/api/scene")
+    return answer(
+      200,
+      { "Content-Type": "application/json", "Cache-Control": "no-store" },
+      JSON.stringify(scene(role)),
+    );
   const kind = { [`/api/volume/scan/${hash}`]: "scan", [`/api/volume/labels/${hash}`]: "labels" }[pathname];
   if (!kind) return answer(404, {}, "");
   const voxels = means(served[kind], Number(searchParams.get("shrink") ?? 1), kind);
   const bytes = Buffer.from(voxels.buffer);
-  const headers = { "Content-Type": "application/octet-stream", "Cache-Control": "private, max-age=31536000, immutable" };
-  return void released.then(() => (kind === "labels" ? answer(200, { ...headers, "Content-Encoding": "gzip" }, gzipSync(bytes)) : answer(200, headers, bytes)));
+  const headers = {
+    "Content-Type": "application/octet-stream",
+    "Cache-Control": "private, max-age=31536000, immutable",
+  };
+  return void released.then(() =>
+    kind === "labels"
+      ? answer(200, { ...headers, "Content-Encoding": "gzip" }, gzipSync(bytes))
+      : answer(200, headers, bytes),
+  );
 });
 
-// the tip: a hand that goes from structure to structure, or the pointer
-const places = [[2, -40, 20], [17, -24, 4], [-17, -22, 2], [30, 8, -8], [-30, 6, -3.5], [0, -14, -40], [42, 12, -40], [5, -16, 55]];
+// the tip: a simulated hand that moves from structure to structure, or the pointer
+const places = [
+  [2, -40, 20],
+  [17, -24, 4],
+  [-17, -22, 2],
+  [30, 8, -8],
+  [-30, 6, -3.5],
+  [0, -14, -40],
+  [42, 12, -40],
+  [5, -16, 55],
+];
 let tip = [0, -52, 20];
 let before = tip;
 let stops = 0;
-let stopper = null; // the viewer that asked for the latest of them
+let stopper = null; // viewer that requested the latest stop
 const stopsAt_ms = [];
 let pointer = null; // the viewer that moves the tip
 let asked_ms = -1e9;
@@ -230,15 +453,17 @@ let tick = 0;
 let sequence = 0;
 const begun = performance.now();
 const sub = (a, b) => a.map((x, i) => x - b[i]);
-// asked for a hundred thousand times a second: without an array
+// called a hundred thousand times a second: avoids arrays
 const labelOf = (x, y, z) => {
   const [a, b, c] = [x - origin[0], y - origin[1], z - origin[2]];
   const along = (axis) => Math.round((axis[0] * a + axis[1] * b + axis[2] * c) / spacing);
   const [i, j, k] = [along(axes[0]), along(axes[1]), along(axes[2])];
-  return i >= 0 && i < dims[0] && j >= 0 && j < dims[1] && k >= 0 && k < dims[2] ? labels[i + dims[0] * (j + dims[1] * k)] : 0;
+  return i >= 0 && i < dims[0] && j >= 0 && j < dims[1] && k >= 0 && k < dims[2]
+    ? labels[i + dims[0] * (j + dims[1] * k)]
+    : 0;
 };
 const labelAt = (p) => labelOf(p[0], p[1], p[2]);
-/** The way out that is the shortest of many directions. */
+/** Shortest exit among many directions. */
 function surface(p) {
   let best = null;
   for (let i = 0; i < 120; i++) {
@@ -276,11 +501,15 @@ function pose() {
   const limit = state.max_force_N;
   const off = state.paused || state.emergency_stop || stale;
   const force = off ? 0 : Math.min(asked, limit);
-  // forces in World: x, superior, anterior, and as the object is turned
+  // forces in World: x, superior, anterior, rotated with the object
   const [w, x, y, z] = felt;
   const world = out ? [out.u[0], out.u[2], -out.u[1]].map((c) => c * force) : [0, 0, 0];
   const t = [y * world[2] - z * world[1], z * world[0] - x * world[2], x * world[1] - y * world[0]].map((c) => 2 * c);
-  const turned = [world[0] + w * t[0] + y * t[2] - z * t[1], world[1] + w * t[1] + z * t[0] - x * t[2], world[2] + w * t[2] + x * t[1] - y * t[0]];
+  const turned = [
+    world[0] + w * t[0] + y * t[2] - z * t[1],
+    world[1] + w * t[1] + z * t[0] - x * t[2],
+    world[2] + w * t[2] + x * t[1] - y * t[0],
+  ];
   const speed = Math.hypot(...sub(tip, before)) * 60;
   before = tip;
 
@@ -294,13 +523,40 @@ function pose() {
   bytes.writeBigUInt64LE(process.hrtime.bigint(), 32);
   bytes.writeUInt32LE(state.model_version, 40);
   bytes[44] = state.method === "proxy" ? 5 : 0;
-  bytes[45] = (state.friction ? 1 : 0) | (state.viscosity ? 2 : 0) | (state.paused ? 4 : 0) | (state.emergency_stop ? 8 : 0) | (state.passivity ? 16 : 0);
+  bytes[45] =
+    (state.friction ? 1 : 0) |
+    (state.viscosity ? 2 : 0) |
+    (state.paused ? 4 : 0) |
+    (state.emergency_stop ? 8 : 0) |
+    (state.passivity ? 16 : 0);
   bytes[46] = 1 + second.length;
   const floats = (at, values) => values.forEach((value, i) => bytes.writeFloatLE(value, at + 4 * i));
   floats(48, felt);
   floats(64, [999.6 + Math.random(), 18 + 3 * Math.random(), 44 + 12 * Math.random(), 190, 0.8]);
-  floats(96, [...tip, ...(out?.q ?? tip), ...(out?.u ?? [0, 0, 0]), 1, 0, 0, 0, ...turned, asked, limit, 0.09, out ? out.way : NaN, speed, off ? 0 : stiffness]);
-  bytes.writeUInt32LE((asked > limit ? 1 : 0) | (state.paused ? 8 : 0) | (label ? 16 : 0) | (stale ? 512 : 0) | (state.emergency_stop ? 8192 : 0), 96 + 88);
+  floats(96, [
+    ...tip,
+    ...(out?.q ?? tip),
+    ...(out?.u ?? [0, 0, 0]),
+    1,
+    0,
+    0,
+    0,
+    ...turned,
+    asked,
+    limit,
+    0.09,
+    out ? out.way : NaN,
+    speed,
+    off ? 0 : stiffness,
+  ]);
+  bytes.writeUInt32LE(
+    (asked > limit ? 1 : 0) |
+      (state.paused ? 8 : 0) |
+      (label ? 16 : 0) |
+      (stale ? 512 : 0) |
+      (state.emergency_stop ? 8192 : 0),
+    96 + 88,
+  );
   bytes.writeUInt16LE(label, 96 + 96);
   if (label) {
     bytes.writeUInt16LE(label, 96 + 104);
@@ -308,33 +564,75 @@ function pose() {
     bytes.writeUInt16LE(label, 96 + 176);
     floats(96 + 180, [...(out?.q ?? tip), asked]);
   }
-  second.forEach((held, n) => floats(96 + 296 * (n + 1), [...held.tip, ...held.tip, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, limit, 0, NaN, 0, 0]));
+  second.forEach((held, n) =>
+    floats(96 + 296 * (n + 1), [...held.tip, ...held.tip, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, limit, 0, NaN, 0, 0]),
+  );
   return bytes;
 }
 
 // WebSocket
-const sockets = new WebSocketServer({ server, path: options.refuse ? "/none" : "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
+const sockets = new WebSocketServer({
+  server,
+  path: options.refuse ? "/none" : "/ws",
+  perMessageDeflate: false,
+  maxPayload: 4096,
+  handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false),
+});
 const viewers = new Map();
 const tellState = () => {
-  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket, pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer", lesson: { learner: null, of_another: false, task: null, names: false, veiled: false } }));
+  for (const socket of viewers.keys())
+    socket.send(
+      JSON.stringify({
+        type: "state",
+        ...state,
+        stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer",
+        viewers: viewers.size,
+        pointer: pointer === socket,
+        pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer",
+        lesson: { learner: null, of_another: false, task: null, names: false, veiled: false },
+      }),
+    );
 };
 function refusal(message, viewer) {
   if (message.type === "stop") return null;
   if (viewer.role !== "control") return { what: "This viewer may look, not change.", how: "Ask for a control token." };
-  if (message.max_force_N > 1.4) return { what: "The force limit is above what the scene allows.", where: "max_force_N", how: "Ask for at most 1.4 N." };
-  if (message.type === "tissue" && !(message.stiffness_N_per_mm === undefined || (message.stiffness_N_per_mm >= 0.001 && message.stiffness_N_per_mm <= 10))) {
+  if (message.max_force_N > 1.4)
+    return {
+      what: "The force limit is above what the scene allows.",
+      where: "max_force_N",
+      how: "Ask for at most 1.4 N.",
+    };
+  if (
+    message.type === "tissue" &&
+    !(
+      message.stiffness_N_per_mm === undefined ||
+      (message.stiffness_N_per_mm >= 0.001 && message.stiffness_N_per_mm <= 10)
+    )
+  ) {
     return { what: "That stiffness is out of range.", where: "stiffness_N_per_mm", how: "0.001 to 10 N/mm." };
   }
   if (message.type === "rearm") {
-    if (options.input === "device" && message.code !== "123456") return { what: "The code is not the one that is shown where palpate runs.", where: "code", how: "Enter the one that is shown now." };
-    if (message.stop !== state.stop) return { what: "There was another stop after the one that this answers.", where: "stop", how: "See why, and rearm again." };
-    if (labelAt(tip) !== 0 && options.input === "pointer") return { what: "The tip touches something.", where: "", how: "Lead it to where it is free, then rearm." };
+    if (options.input === "device" && message.code !== "123456")
+      return {
+        what: "The code is not the one that is shown where palpate runs.",
+        where: "code",
+        how: "Enter the one that is shown now.",
+      };
+    if (message.stop !== state.stop)
+      return {
+        what: "There was another stop after the one that this answers.",
+        where: "stop",
+        how: "See why, and rearm again.",
+      };
+    if (labelAt(tip) !== 0 && options.input === "pointer")
+      return { what: "The tip touches something.", where: "", how: "Lead it to where it is free, then rearm." };
   }
   if (message.type === "undo" || message.type === "redo") {
     if (state.motor) return { what: "The burr's motor is on.", how: "Switch it off first." };
     if (state.strokes[message.type] === 0) return { what: `There is no stroke to ${message.type}.` };
   }
-  if (message.type === "pointer" && options.input !== "pointer") return { what: "A simulated hand moves the tip.", where: "take", how: "Start palpate with --input pointer." };
+  if (message.type === "pointer" && options.input !== "pointer")
+    return { what: "A simulated hand moves the tip.", where: "take", how: "Start palpate with --input pointer." };
   return null;
 }
 sockets.on("connection", (socket) => {
@@ -364,7 +662,7 @@ sockets.on("connection", (socket) => {
     const { type, id, ...values } = message;
     const refused = refusal(message, viewer);
     if (refused) return socket.send(JSON.stringify({ type: "refused", id, ...refused }));
-    // somebody at the device agrees after a while
+    // somebody at the device confirms after a while
     if (state.armed && ["set", "tissue", "undo", "redo"].includes(type)) {
       socket.send(JSON.stringify({ type: "asked", id }));
       setTimeout(() => grant(socket, type, id, values), 1500);
@@ -377,7 +675,8 @@ sockets.on("connection", (socket) => {
       stopper = socket;
       Object.assign(state, { emergency_stop: true, stop: ++stops, armed: false });
     }
-    if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null, armed: options.input === "device" });
+    if (type === "rearm")
+      Object.assign(state, { emergency_stop: false, stop: null, armed: options.input === "device" });
     if (type === "pointer") pointer = values.take ? socket : null;
     if (type === "set" && values.motor && !state.motor) {
       undone.length = 0;
@@ -405,17 +704,19 @@ sockets.on("connection", (socket) => {
     tellState();
   });
 });
-/** The mean of a label's voxels, patient. */
+/** Mean position of a label's voxels, patient frame. */
 function middle(label) {
   const sum = [0, 0, 0, 0];
   for (let n = 0; n < labels.length; n++) {
     if (labels[n] !== label) continue;
-    [n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / (dims[0] * dims[1])), 1].forEach((x, axis) => (sum[axis] += x));
+    [n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / (dims[0] * dims[1])), 1].forEach(
+      (x, axis) => (sum[axis] += x),
+    );
   }
   const mean = [...sum.slice(0, 3).map((x) => x / sum[3]), 1];
   return X_PatientVoxel.slice(0, 3).map((row) => row.reduce((all, x, axis) => all + x * mean[axis], 0));
 }
-// a direct method is made ready when it is chosen first
+// a direct method is prepared when it is first chosen
 const ready = new Set(["proxy"]);
 function choose(method) {
   if (ready.has(method)) return Object.assign(state, { method, method_awaited: null });
@@ -427,7 +728,7 @@ function choose(method) {
     }, 500);
   state.method_awaited = method;
 }
-// a law by which tissue yields has other surfaces than one by which it does not
+// a constitutive law for deformable tissue has surfaces of its own
 const yieldsBy = (law) => law === "elastic" || law === "neo-hookean";
 function goBy(law) {
   if (yieldsBy(law) === yieldsBy(state.law)) return Object.assign(state, { law, law_awaited: null });
@@ -439,17 +740,20 @@ function goBy(law) {
     }, 500);
   state.law_awaited = law;
 }
-// of each stroke its sweeps
+// sweeps by stroke
 const strokes = [];
 const undone = [];
 function nextStroke() {
   const [x, y, z] = middle(structures[0].label);
   const up = z + 7 * strokes.length;
   const head = options.burr === "ball" ? [3] : [1, ...HEAD, END_RADIUS];
-  return [[x, y, up, x + 1, y, up, ...head], [x + 1, y, up, x + 2, y, up, ...head]];
+  return [
+    [x, y, up, x + 1, y, up, ...head],
+    [x + 1, y, up, x + 2, y, up, ...head],
+  ];
 }
 const cutFrom = (first) => JSON.stringify({ type: "cut", first, sweeps: strokes.flat().slice(first) });
-/** Tells of what is another from where it begins. */
+/** Reports sweeps from the first one that differs. */
 function changeStrokes(change) {
   const before = strokes.flat().length;
   change();
@@ -457,12 +761,20 @@ function changeStrokes(change) {
   for (const to of viewers.keys()) to.send(told);
   state.strokes = { undo: strokes.length, redo: undone.length };
   state.removed = strokes.length === 0 ? [] : [{ label: structures[0].label, mm3: 169.6 * strokes.length }];
-  state.nearest = strokes.length === 0 ? [] : [{ label: structures[0].label, mm: 0 }, { label: structures[1].label, mm: 0.5 }];
+  state.nearest =
+    strokes.length === 0
+      ? []
+      : [
+          { label: structures[0].label, mm: 0 },
+          { label: structures[1].label, mm: 0.5 },
+        ];
 }
-// how tissue has yielded: of each device the newest
+// latest deformation of each device
 const yields = new Map();
 function yieldMessage(device, told) {
-  const spacing = 2.5, dims = told ? [24, 17, 17] : [0, 0, 0], first = dims.map((n, axis) => (told ? told.at[axis] - (spacing * (n - 1)) / 2 : 0));
+  const spacing = 2.5,
+    dims = told ? [24, 17, 17] : [0, 0, 0],
+    first = dims.map((n, axis) => (told ? told.at[axis] - (spacing * (n - 1)) / 2 : 0));
   const bytes = Buffer.alloc(96 + 6 * dims[0] * dims[1] * dims[2]);
   bytes.write("PLPY", 0);
   bytes.writeUInt16LE(protocol, 4);
@@ -472,10 +784,14 @@ function yieldMessage(device, told) {
   [...dims, 0, 0, 0, ...dims].forEach((count, n) => bytes.writeUInt16LE(count, 16 + 2 * n));
   [...first, 1, 0, 0, 0, 1, 0, 0, 0, 1, spacing, 0.001].forEach((x, n) => bytes.writeFloatLE(x, 36 + 4 * n));
   let at = 96;
-  for (let k = 0; k < dims[2]; k++) for (let j = 0; j < dims[1]; j++) for (let i = 0; i < dims[0]; i++) {
-    const share = Math.exp(-((length(...[i, j, k].map((n, axis) => first[axis] + spacing * n - told.at[axis])) / told.wide) ** 2) / 2);
-    for (const mm of told.mm) at = bytes.writeInt16LE(Math.round(1000 * share * mm), at);
-  }
+  for (let k = 0; k < dims[2]; k++)
+    for (let j = 0; j < dims[1]; j++)
+      for (let i = 0; i < dims[0]; i++) {
+        const share = Math.exp(
+          -((length(...[i, j, k].map((n, axis) => first[axis] + spacing * n - told.at[axis])) / told.wide) ** 2) / 2,
+        );
+        for (const mm of told.mm) at = bytes.writeInt16LE(Math.round(1000 * share * mm), at);
+      }
   return bytes;
 }
 function tellYield(device, told) {
@@ -495,6 +811,6 @@ setInterval(() => {
   for (const socket of viewers.keys()) if (socket.bufferedAmount < 1e4) socket.send(bytes);
 }, 1000 / 60);
 
-// one that was begun by a test ends with it, however that ends
+// a server started by a test ends with it, however that ends
 process.on("disconnect", () => process.exit());
 server.listen(Number(options.port), "127.0.0.1", () => console.log(`http://127.0.0.1:${server.address().port}/`));

@@ -1,14 +1,14 @@
+import type { HeldTool, NoGo, Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { ApproachSound, HEARD_FROM_MM, toneAt } from "../src/approach_sound.js";
-import { length, sub, type Vec3 } from "../src/geometry.js";
-import { decodeNear, isNear, type Near } from "../src/near.js";
-import { nearestNoGo, toolParts, type ToolPart } from "../src/no_go.js";
-import type { HeldTool, NoGo, Scene } from "../src/scene.js";
-import { Session } from "../src/session.js";
-import { WireError, WireVersion, type Pose } from "../src/wire.js";
+import { ApproachSound, HEARD_FROM_MM, toneAt } from "../src/panels/approach_sound.js";
+import { length, sub, type Vec3 } from "../src/base/geometry.js";
+import { decodeNear, isNear, type Near } from "../src/protocol/near.js";
+import { nearestNoGo, toolParts, type ToolPart } from "../src/state/no_go.js";
+import { Session } from "../src/state/session.js";
+import { WireError, WireVersion, type Pose } from "../src/protocol/wire.js";
 
-/** Written by the table of docs/reference/viewer-protocol.md. */
+/** Encoder by the table of docs/reference/viewer-messages.md. */
 function written(devices: Near[]): DataView {
   const view = new DataView(new ArrayBuffer(24 + 76 * devices.length));
   "PLPN".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
@@ -32,7 +32,12 @@ const NOTHING: Near = { noGo: -1, depth: 0, force: 0, structures: [] };
 
 test("what is near is read by the table of the protocol", () => {
   const near: Near[] = [
-    { noGo: 4, depth: 1.25, force: 0.5, structures: Array.from({ length: 8 }, (_, n) => ({ label: 300 + n, mm: n - 1.5 })) },
+    {
+      noGo: 4,
+      depth: 1.25,
+      force: 0.5,
+      structures: Array.from({ length: 8 }, (_, n) => ({ label: 300 + n, mm: n - 1.5 })),
+    },
     NOTHING,
   ];
   assert.ok(isNear(written(near).buffer as ArrayBuffer));
@@ -40,7 +45,13 @@ test("what is near is read by the table of the protocol", () => {
   const other = written(near);
   other.setUint16(4, 4, true);
   assert.throws(() => decoded(other), WireVersion);
-  for (const [at, value] of [[0, 0], [6, 175], [16, 0], [16, 5], [16, 1]] as const) {
+  for (const [at, value] of [
+    [0, 0],
+    [6, 175],
+    [16, 0],
+    [16, 5],
+    [16, 1],
+  ] as const) {
     const broken = written(near);
     broken.setUint16(at, value, true);
     assert.throws(() => decoded(broken), WireError, `${at}`);
@@ -49,41 +60,82 @@ test("what is near is read by the table of the protocol", () => {
 });
 
 const PROBE = { radius_mm: 1.5, points_mm: [[0, 0, 0]], capsules: [] } as unknown as HeldTool;
-const SHAFT = { ...PROBE, capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 0.5, end_radius_mm: 3 }] } as unknown as HeldTool;
+const SHAFT = {
+  ...PROBE,
+  capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 0.5, end_radius_mm: 3 }],
+} as unknown as HeldTool;
 const same = (v: Vec3): Vec3 => v;
-const region = (of: Partial<NoGo>): NoGo => ({ name: "there", keep_away_mm: 0, label: null, plane: null, ball: null, ...of });
+const region = (of: Partial<NoGo>): NoGo => ({
+  name: "there",
+  keep_away_mm: 0,
+  label: null,
+  plane: null,
+  ball: null,
+  ...of,
+});
 
-/** The least of many places along a part, where it has balls of its own. */
+/** Reference: minimum over many positions along a part, each with its own ball. */
 const leastOf = (parts: ToolPart[], of: (p: Vec3) => number): number =>
-  Math.min(...parts.flatMap(({ from, to, radii_mm: [first, last] }) => Array.from({ length: 20001 }, (_, n) => {
-    const t = n / 20000;
-    return of(from.map((x, axis) => x + t * (to[axis]! - x)) as Vec3) - first - t * (last - first);
-  })));
+  Math.min(
+    ...parts.flatMap(({ from, to, radii_mm: [first, last] }) =>
+      Array.from({ length: 20001 }, (_, n) => {
+        const t = n / 20000;
+        return of(from.map((x, axis) => x + t * (to[axis]! - x)) as Vec3) - first - t * (last - first);
+      }),
+    ),
+  );
 
 test("planes and balls are as far from the tool's outline as its nearest ball is", () => {
   const plane = region({ plane: { point_mm: [0, 0, -10], outward: [0, 0, 1] }, keep_away_mm: 2 });
   assert.ok(Math.abs(nearestNoGo([plane], toolParts(PROBE, [3, 4, 0], same), NOTHING)!.mm - 6.5) < 1e-9);
   const ball = region({ ball: { centre_mm: [0, 0, 12], radius_mm: 5 }, keep_away_mm: 1 });
   assert.ok(Math.abs(nearestNoGo([ball], toolParts(PROBE, [0, 0, 0], same), NOTHING)!.mm - 4.5) < 1e-9);
-  // a shaft that widens, beside the ball
-  for (const tip of [[20, 0, -30], [15, -9, 0], [0, 25, 5]] as Vec3[]) {
+  // a shaft that widens, next to the ball
+  for (const tip of [
+    [20, 0, -30],
+    [15, -9, 0],
+    [0, 25, 5],
+  ] as Vec3[]) {
     const parts = toolParts(SHAFT, tip, ([x, y, z]) => [z, x, y]);
     const found = nearestNoGo([ball], parts, NOTHING)!.mm;
-    assert.ok(Math.abs(found - Math.max(0, leastOf(parts, (p) => length(sub(p, [0, 0, 12]))) - 6)) < 1e-3, `${tip} ${found}`);
+    assert.ok(
+      Math.abs(found - Math.max(0, leastOf(parts, (p) => length(sub(p, [0, 0, 12]))) - 6)) < 1e-3,
+      `${tip} ${found}`,
+    );
     const away = nearestNoGo([plane], parts, NOTHING)!.mm;
     assert.ok(Math.abs(away - Math.max(0, leastOf(parts, ([, , z]) => z + 10) - 2)) < 1e-3, `${tip} ${away}`);
   }
 });
 
 test("what pushes is as palpate tells it; else the nearest of what is told or follows", () => {
-  const regions = [region({ label: 7, keep_away_mm: 2 }), region({ label: 9 }), region({ ball: { centre_mm: [0, 0, 30], radius_mm: 1 } })];
+  const regions = [
+    region({ label: 7, keep_away_mm: 2 }),
+    region({ label: 9 }),
+    region({ ball: { centre_mm: [0, 0, 30], radius_mm: 1 } }),
+  ];
   const parts = toolParts(PROBE, [0, 0, 0], same);
   const near = (...structures: Near["structures"]) => ({ ...NOTHING, structures });
-  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 7, mm: 5 }, { label: 9, mm: 6 })), { region: 0, mm: 3, pushes: false });
-  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 9, mm: 2 }, { label: 7, mm: 5 })), { region: 1, mm: 2, pushes: false });
+  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 7, mm: 5 }, { label: 9, mm: 6 })), {
+    region: 0,
+    mm: 3,
+    pushes: false,
+  });
+  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 9, mm: 2 }, { label: 7, mm: 5 })), {
+    region: 1,
+    mm: 2,
+    pushes: false,
+  });
   assert.deepEqual(nearestNoGo(regions, parts, near({ label: 8, mm: 1 })), { region: 2, mm: 27.5, pushes: false });
-  assert.deepEqual(nearestNoGo([null, regions[1]!], parts, near({ label: 7, mm: 5 }, { label: 9, mm: 6 })), { region: 1, mm: 6, pushes: false }, "not to be told");
-  assert.deepEqual(nearestNoGo(regions, parts, { ...near({ label: 7, mm: 1 }), noGo: 0, depth: 1 }), { region: 0, mm: -1, pushes: true });
+  assert.deepEqual(
+    nearestNoGo([null, regions[1]!], parts, near({ label: 7, mm: 5 }, { label: 9, mm: 6 })),
+    { region: 1, mm: 6, pushes: false },
+    "not to be told",
+  );
+  assert.deepEqual(nearestNoGo(regions, parts, { ...near({ label: 7, mm: 1 }), noGo: 0, depth: 1 }), {
+    region: 0,
+    mm: -1,
+    pushes: true,
+  });
   assert.equal(nearestNoGo(regions, parts, { ...NOTHING, noGo: 3 }), null, "a region that the scene does not have");
   assert.equal(nearestNoGo([regions[0]!], parts, NOTHING), null);
 });
@@ -106,23 +158,45 @@ test("it sounds faster and higher the nearer it is, and without a break where it
   assert.deepEqual(toneAt(-30), toneAt(-3));
 });
 
-/** What an audio context was told: `loud` is its gain at a time, as scheduled. */
+/** Recorder of an audio context; `loud` is its scheduled gain at a time. */
 function audio() {
-  const told = { state: "suspended", now: 0, started: 0, stopped: 0, events: [] as { to: number; at: number }[], frequency: 0 };
+  const told = {
+    state: "suspended",
+    now: 0,
+    started: 0,
+    stopped: 0,
+    events: [] as { to: number; at: number }[],
+    frequency: 0,
+  };
   class Context {
-    get state() { return told.state; }
-    get currentTime() { return told.now; }
+    get state() {
+      return told.state;
+    }
+    get currentTime() {
+      return told.now;
+    }
     destination = {};
-    resume() { told.state = "running"; }
+    resume() {
+      told.state = "running";
+    }
     createOscillator() {
-      return { type: "", frequency: { setTargetAtTime: (to: number) => (told.frequency = to) }, connect: (to: unknown) => to, start: () => told.started++, stop: () => told.stopped++ };
+      return {
+        type: "",
+        frequency: { setTargetAtTime: (to: number) => (told.frequency = to) },
+        connect: (to: unknown) => to,
+        start: () => told.started++,
+        stop: () => told.stopped++,
+      };
     }
     createGain() {
-      return { connect() {}, gain: {
-        value: 1,
-        cancelScheduledValues: (from: number) => (told.events = told.events.filter(({ at }) => at < from)),
-        setTargetAtTime: (to: number, at: number) => told.events.push({ to, at }),
-      } };
+      return {
+        connect() {},
+        gain: {
+          value: 1,
+          cancelScheduledValues: (from: number) => (told.events = told.events.filter(({ at }) => at < from)),
+          setTargetAtTime: (to: number, at: number) => told.events.push({ to, at }),
+        },
+      };
     }
   }
   Object.assign(globalThis, { AudioContext: Context });
@@ -170,7 +244,8 @@ test("so many beeps come in a second as the tone has", () => {
   const sound = new ApproachSound();
   sound.switch(true);
   sound.wake();
-  let beeps = 0, was = 0;
+  let beeps = 0,
+    was = 0;
   for (told.now = 0; told.now < 4; told.now += 1 / 60) {
     sound.tell(5);
     const is = loud(told.now);
@@ -179,7 +254,7 @@ test("so many beeps come in a second as the tone has", () => {
   }
   const wanted = 4 * toneAt(5)!.beeps_per_s;
   assert.ok(Math.abs(beeps - wanted) <= 0.1 * wanted + 1, `${beeps} of ${wanted}`);
-  // one that comes nearer at once does not wait for the end of a long pause
+  // an approach shortens a long pause
   told.now = 10;
   sound.tell(9.9);
   told.now += 1 / 60;
@@ -192,20 +267,43 @@ test("so many beeps come in a second as the tone has", () => {
 test("a quiz tells no names, and nothing of what is to be found before it pushes", () => {
   const made = new Session();
   made.scene = {
-    structures: [{ label: 7, name: "left_nodule", colour: [0, 0, 0], tissue: 0 }, { label: 8, name: "skin", colour: [0, 0, 0], tissue: 0 }],
-    tools: [PROBE], world_from_patient: [], no_go: [region({ name: "the_nodule", label: 7, keep_away_mm: 1 })],
+    structures: [
+      { label: 7, name: "left_nodule", colour: [0, 0, 0], tissue: 0 },
+      { label: 8, name: "skin", colour: [0, 0, 0], tissue: 0 },
+    ],
+    tools: [PROBE],
+    world_from_patient: [],
+    no_go: [region({ name: "the_nodule", label: 7, keep_away_mm: 1 })],
   } as unknown as Scene;
   made.looks = made.scene.structures.map(() => ({ colour: [1, 2, 3], opacity: 0.5, visible: false }));
-  const pose = { time: 1, rotation: [1, 0, 0, 0], devices: [{ number: 0, tip: [0, 0, 0], orientation: [1, 0, 0, 0], flags: 0 }] } as unknown as Pose;
+  const pose = {
+    time: 1,
+    rotation: [1, 0, 0, 0],
+    devices: [{ number: 0, tip: [0, 0, 0], orientation: [1, 0, 0, 0], flags: 0 }],
+  } as unknown as Pose;
   const labels = () => made.nearTo(pose.devices[0]!).map(({ label }) => label);
   const colour = () => [...made.palette().slice(4, 8)];
-  made.near = [{ ...NOTHING, structures: [{ label: 7, mm: 3 }, { label: 8, mm: 4 }] }];
+  made.near = [
+    {
+      ...NOTHING,
+      structures: [
+        { label: 7, mm: 3 },
+        { label: 8, mm: 4 },
+      ],
+    },
+  ];
   made.setPose(pose);
-  assert.deepEqual([made.approach, labels(), made.regionName(0)], [{ region: 0, mm: 2, pushes: false }, [7, 8], "the nodule"]);
+  assert.deepEqual(
+    [made.approach, labels(), made.regionName(0)],
+    [{ region: 0, mm: 2, pushes: false }, [7, 8], "the nodule"],
+  );
   made.quiz = [7];
   made.setPose(pose);
-  assert.deepEqual([made.approach, labels(), made.regionName(0), made.structureName(8)], [null, [8], "some region", "some structure"]);
-  // what pushes is felt, too; it is lit where it is no secret
+  assert.deepEqual(
+    [made.approach, labels(), made.regionName(0), made.structureName(8)],
+    [null, [8], "some region", "some structure"],
+  );
+  // a region that pushes is highlighted unless it is concealed
   made.near = [{ ...made.near[0]!, noGo: 0, depth: 0.5 }];
   const before = made.lookVersion;
   made.setPose(pose);

@@ -1,6 +1,6 @@
-// The whole page in Node: its DOM by jsdom, its server the mock, its pictures drawn by nobody. For what the page decides, writes and asks for;
-// what is seen, laid out, focused by a browser or pressed by a real pointer is tested in a browser (tests/browser/). The page's modules hold
-// what they know for as long as a process runs, so each test file opens one page.
+// The whole page in Node, with jsdom as its DOM, the mock as its server, and a canvas that discards drawing: for the
+// page's decisions, texts and requests. Appearance, layout, focus and real pointers are tested in a browser
+// (tests/browser/). The page's modules hold their state for the lifetime of a process: each test file opens one page.
 
 import assert from "node:assert/strict";
 import { fork, type ChildProcess } from "node:child_process";
@@ -11,9 +11,9 @@ import { after, describe } from "node:test";
 import { JSDOM, VirtualConsole } from "jsdom";
 // @ts-expect-error ws brings no types
 import { WebSocket as Socket } from "ws";
-import type { Vec3 } from "../src/geometry.js";
+import type { Vec3 } from "../src/base/geometry.js";
 
-/** Far above what a wait takes, on a machine that is busy with something else. */
+/** Timeout of waits, far above their duration on a busy machine. */
 const PATIENCE_MS = 120_000;
 
 export class MockServer {
@@ -24,10 +24,13 @@ export class MockServer {
   get url(): string {
     return `http://127.0.0.1:${this.port}/`;
   }
-  /** @param options  others than before */
+  /** @param options  replace the previous ones */
   async start(options = this.options): Promise<void> {
     this.options = options;
-    const child = fork("test/mock_server.mjs", ["--port", String(this.port), ...options], { execArgv: [], stdio: ["ignore", "pipe", "inherit", "ipc"] });
+    const child = fork("test/mock_server.mjs", ["--port", String(this.port), ...options], {
+      execArgv: [],
+      stdio: ["ignore", "pipe", "inherit", "ipc"],
+    });
     this.process = child;
     this.port = await new Promise<number>((done, failed) => {
       child.stdout!.on("data", (text: Buffer) => done(Number(/:(\d+)\//.exec(String(text))![1])));
@@ -48,17 +51,23 @@ export class MockServer {
   }
 }
 
-/** What a canvas of jsdom lacks: whatever is drawn is forgotten. */
+/** Canvas context for jsdom, which discards drawing. */
 function contextOf(canvas: HTMLCanvasElement): CanvasRenderingContext2D {
   const own: Record<string | symbol, unknown> = {
     canvas,
     measureText: (text: string) => ({ width: 6 * text.length }),
-    getImageData: (_x: number, _y: number, width: number, height: number) => ({ width, height, data: new Uint8ClampedArray(4 * width * height) }),
+    getImageData: (_x: number, _y: number, width: number, height: number) => ({
+      width,
+      height,
+      data: new Uint8ClampedArray(4 * width * height),
+    }),
   };
-  return new Proxy(own, { get: (its, name) => (name in its ? its[name] : () => undefined) }) as unknown as CanvasRenderingContext2D;
+  return new Proxy(own, {
+    get: (its, name) => (name in its ? its[name] : () => undefined),
+  }) as unknown as CanvasRenderingContext2D;
 }
 
-/** Takes the volume, and draws no picture of it. */
+/** Renderer that accepts the volume and returns no pictures. */
 class IdleWorker {
   onmessage: ((event: { data: unknown }) => void) | null = null;
   onerror: (() => void) | null = null;
@@ -75,12 +84,15 @@ class IdleWorker {
   terminate(): void {}
 }
 
-/** What the page shows to tests (src/test_hook.ts), as far as these look at it. */
+/** Interface of src/test_hook.ts, as far as these tests use it. */
 // eslint-disable-next-line @typescript-eslint/no-explicit-any
 type Hook = any;
 
 export class TestPage {
-  constructor(readonly server: MockServer, readonly close: () => Promise<void>) {}
+  constructor(
+    readonly server: MockServer,
+    readonly close: () => Promise<void>,
+  ) {}
 
   get viewer(): Hook {
     return (window as unknown as { palpateViewer?: Hook }).palpateViewer;
@@ -94,23 +106,24 @@ export class TestPage {
   all<E extends HTMLElement = HTMLElement>(selector: string): E[] {
     return [...document.querySelectorAll<E>(selector)];
   }
-  /** Of elements, those that no ancestor hides. */
+  /** Elements without a hidden ancestor. */
   shown<E extends HTMLElement = HTMLElement>(selector: string): E[] {
     return this.all<E>(selector).filter((one) => one.closest("[hidden]") === null);
   }
   click(target: string | HTMLElement): void {
     (typeof target === "string" ? document.querySelector<HTMLElement>(target)! : target).click();
   }
-  /** Chooses or moves a control as a person does. */
+  /** Sets a control and dispatches the events of a user's input. */
   set(target: string | HTMLElement, value: string | number, type = "change"): void {
-    const control = typeof target === "string" ? document.querySelector<HTMLInputElement>(target)! : (target as HTMLInputElement);
+    const control =
+      typeof target === "string" ? document.querySelector<HTMLInputElement>(target)! : (target as HTMLInputElement);
     control.value = String(value);
     control.dispatchEvent(new Event(type, { bubbles: true }));
   }
   key(key: string, options: KeyboardEventInit = {}, target: Element = document.body): void {
     target.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true, ...options }));
   }
-  /** Until it is true. */
+  /** Resolves when the condition holds. */
   async wait(what: string, isTrue: () => unknown): Promise<void> {
     const until = Date.now() + PATIENCE_MS;
     while (!isTrue()) {
@@ -118,20 +131,27 @@ export class TestPage {
       await new Promise((later) => setTimeout(later, 10));
     }
   }
-  /** The mean of a structure's voxels, patient. @param structure  its place in the list */
+  /**
+   * Mean position of a structure's voxels, patient frame.
+   * @param structure  its index
+   */
   middleOf(structure: number): Vec3 {
-    const { volume: { dims, patient_from_voxel: m } } = this.viewer.scene as { volume: { dims: Vec3; patient_from_voxel: number[][] } };
+    const {
+      volume: { dims, patient_from_voxel: m },
+    } = this.viewer.scene as { volume: { dims: Vec3; patient_from_voxel: number[][] } };
     const sum: Vec3 = [0, 0, 0];
     let count = 0;
-    for (let k = 0; k < dims[2]; k++) for (let j = 0; j < dims[1]; j++) for (let i = 0; i < dims[0]; i++) {
-      const p = m.slice(0, 3).map((row) => row[0]! * i + row[1]! * j + row[2]! * k + row[3]!) as Vec3;
-      if (this.viewer.structureAt(p) !== structure) continue;
-      p.forEach((x, axis) => (sum[axis]! += x));
-      count += 1;
-    }
+    for (let k = 0; k < dims[2]; k++)
+      for (let j = 0; j < dims[1]; j++)
+        for (let i = 0; i < dims[0]; i++) {
+          const p = m.slice(0, 3).map((row) => row[0]! * i + row[1]! * j + row[2]! * k + row[3]!) as Vec3;
+          if (this.viewer.structureAt(p) !== structure) continue;
+          p.forEach((x, axis) => (sum[axis]! += x));
+          count += 1;
+        }
     return sum.map((x) => x / count) as Vec3;
   }
-  /** What was begun and needs no answer is done then. */
+  /** Resolves when pending tasks without external responses are complete. */
   settle(): Promise<void> {
     return new Promise((later) => setTimeout(later));
   }
@@ -143,42 +163,86 @@ export class TestPage {
   }
 }
 
-/** Opens the page. @param options  of the mock server. @param wanted  what is waited for */
-export async function openPage(options: string[], wanted: (page: TestPage) => boolean = (page) => page.isLoaded()): Promise<TestPage> {
+/**
+ * Opens the page.
+ * @param options  of the mock server
+ * @param wanted  condition to wait for
+ */
+export async function openPage(
+  options: string[],
+  wanted: (page: TestPage) => boolean = (page) => page.isLoaded(),
+): Promise<TestPage> {
   const server = new MockServer(["--scan", "ramp", ...options]);
   await server.start();
   const html = readFileSync("index.html", "utf8").replace(/<script.*?<\/script>|<link rel="stylesheet".*?>/g, "");
   const errors: string[] = [];
-  const virtualConsole = new VirtualConsole().on("jsdomError", (error) => errors.push(String((error as Error & { detail?: Error }).detail?.stack ?? error)));
+  const virtualConsole = new VirtualConsole().on("jsdomError", (error) =>
+    errors.push(String((error as Error & { detail?: Error }).detail?.stack ?? error)),
+  );
   const dom = new JSDOM(html, { url: server.url, pretendToBeVisual: true, virtualConsole });
   const { window: its } = dom;
-  const names = ["window", "document", "location", "navigator", "localStorage", "sessionStorage", "Option", "Event", "KeyboardEvent", "MouseEvent", "WheelEvent", "HTMLElement", "Node",
-    "DOMParser", "requestAnimationFrame", "addEventListener", "removeEventListener", "dispatchEvent"] as const;
+  const names = [
+    "window",
+    "document",
+    "location",
+    "navigator",
+    "localStorage",
+    "sessionStorage",
+    "Option",
+    "Event",
+    "KeyboardEvent",
+    "MouseEvent",
+    "WheelEvent",
+    "HTMLElement",
+    "Node",
+    "DOMParser",
+    "requestAnimationFrame",
+    "addEventListener",
+    "removeEventListener",
+    "dispatchEvent",
+  ] as const;
   for (const name of names) {
     const value = (its as unknown as Record<string, unknown>)[name];
     const isMethod = typeof value === "function" && /^[a-z]/.test(name);
-    Object.defineProperty(globalThis, name, { value: isMethod ? (value as () => void).bind(its) : value, configurable: true, writable: true });
+    Object.defineProperty(globalThis, name, {
+      value: isMethod ? (value as () => void).bind(its) : value,
+      configurable: true,
+      writable: true,
+    });
   }
   Object.defineProperty(its.navigator, "webdriver", { value: true });
   Object.defineProperty(its.navigator, "languages", { value: ["en"] });
   its.HTMLCanvasElement.prototype.getContext = function (this: HTMLCanvasElement, kind: string) {
     return kind === "2d" ? contextOf(this) : null;
   } as never;
-  // jsdom opens no dialog
-  its.HTMLDialogElement.prototype.showModal = function (this: HTMLDialogElement) { this.open = true; };
-  for (const [side, pixels] of [["clientWidth", 64], ["clientHeight", 48]] as const) Object.defineProperty(its.Element.prototype, side, { get: () => pixels });
+  // jsdom does not implement dialogs
+  its.HTMLDialogElement.prototype.showModal = function (this: HTMLDialogElement) {
+    this.open = true;
+  };
+  for (const [side, pixels] of [
+    ["clientWidth", 64],
+    ["clientHeight", 48],
+  ] as const)
+    Object.defineProperty(its.Element.prototype, side, { get: () => pixels });
   const fetchFromAnywhere = globalThis.fetch;
-  // the page keeps its own for as long as it is open, and one that is open keeps a process alive
+  // the page's timers and sockets would keep the process alive
   const channels: MessageChannel[] = [];
   const stubs = {
     Worker: IdleWorker,
     ResizeObserver: class {
       constructor(private readonly measured: () => void) {}
-      observe(): void { this.measured(); }
+      observe(): void {
+        this.measured();
+      }
     },
     ImageData: class {
       readonly data: Uint8ClampedArray;
-      constructor(readonly width: number, readonly height: number) { this.data = new Uint8ClampedArray(4 * width * height); }
+      constructor(
+        readonly width: number,
+        readonly height: number,
+      ) {
+        this.data = new Uint8ClampedArray(4 * width * height);
+      }
     },
     Path2D: class {},
     MessageChannel: class extends MessageChannel {
@@ -187,7 +251,7 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
         channels.push(this);
       }
     },
-    // one that cannot connect closes, which is what the page hears; an error that nobody hears would end the process
+    // a failed connection emits close, which the page handles; an unhandled error event would end the process
     WebSocket: class extends Socket {
       constructor(...all: ConstructorParameters<typeof Socket>) {
         super(...all);
@@ -199,11 +263,15 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
     fetch: (path: string, more?: RequestInit) => fetchFromAnywhere(new URL(path, server.url), more),
   };
   Object.assign(globalThis, stubs);
-  // one kind of timers: the page begins one by window.setTimeout and ends it by clearTimeout. As numbers, which Node's take as well
+  // a single kind of timer: the page calls window.setTimeout and clearTimeout. Handles are numbers, which Node accepts
+  // too.
   const timers: NodeJS.Timeout[] = [];
   const begun = (timer: NodeJS.Timeout): number => Number(timers[timers.push(timer) - 1]);
   Object.assign(its, {
-    matchMedia: stubs.matchMedia, devicePixelRatio: 1, clearTimeout, clearInterval,
+    matchMedia: stubs.matchMedia,
+    devicePixelRatio: 1,
+    clearTimeout,
+    clearInterval,
     setTimeout: (...all: Parameters<typeof setTimeout>) => begun(setTimeout(...all)),
     setInterval: (...all: Parameters<typeof setInterval>) => begun(setInterval(...all)),
   });
@@ -222,14 +290,14 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
     await import("../src/main.js");
     await page.wait("the page is loaded", () => page.viewer && wanted(page));
   } catch (error) {
-    console.error(error); // before whatever the page says to being closed
+    console.error(error); // before the page reacts to being closed
     await close();
     throw error;
   }
   return page;
 }
 
-/** The tests of a page, with which it ends: a process whose page is open, or whose server runs, would not end. */
+/** Runs the tests of a page and closes it, because an open page or a running server would keep the process alive. */
 export function testsOf(page: TestPage, name: string, tests: () => void): void {
   describe(name, () => {
     after(page.close);
@@ -237,7 +305,7 @@ export function testsOf(page: TestPage, name: string, tests: () => void): void {
   });
 }
 
-/** A file of tokens, one line each, which goes with the test. */
+/** A temporary file of tokens, one per line, deleted after the test. */
 export function tokenFile(lines: string): string {
   const folder = mkdtempSync(join(tmpdir(), "palpate-tokens-"));
   process.on("exit", () => rmSync(folder, { recursive: true }));

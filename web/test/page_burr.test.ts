@@ -1,27 +1,35 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import type { Vec3 } from "../src/geometry.js";
+import type { Vec3 } from "../src/base/geometry.js";
 import { openPage, testsOf } from "./page.js";
 
-// a stroke cuts away 3 mm around the middle of the femur when the motor is switched on, the next one 7 mm above
+// each start of the motor cuts a stroke of 3 mm around the centre of the femur, further ones 7 mm above the previous
 const page = await openPage(["--scan", "knee", "--input", "pointer", "--tool", "burr"]);
 const strokes = () => page.viewer.state.strokes as { undo: number; redo: number };
 const isSwitched = async (on: boolean) => {
   page.click("#motor");
-  await page.wait(`the motor is ${on ? "on" : "off"}`, () => page.viewer.state.motor === on && page.viewer.state.motor_is_on === on);
+  await page.wait(
+    `the motor is ${on ? "on" : "off"}`,
+    () => page.viewer.state.motor === on && page.viewer.state.motor_is_on === on,
+  );
 };
 const offered = () => ["undo-stroke", "redo-stroke"].map((id) => !page.byId(id).disabled);
-const areStrokes = (undo: number, redo: number) => page.wait(`${undo} strokes, ${redo} undone`, () => strokes().undo === undo && strokes().redo === redo);
+const areStrokes = (undo: number, redo: number) =>
+  page.wait(`${undo} strokes, ${redo} undone`, () => strokes().undo === undo && strokes().redo === redo);
 const [x, y, z] = page.middleOf(0);
 const isThere = (at: Vec3) => page.viewer.structureAt(at) !== null;
-const first: Vec3 = [x, y, z], second: Vec3 = [x, y, z + 7];
+const first: Vec3 = [x, y, z],
+  second: Vec3 = [x, y, z + 7];
 
 testsOf(page, "a knee that is milled by a ball", () => {
   test("what is felt until a method is made ready is told", async () => {
     const said: string[] = [];
     const line = page.byId("method-awaited");
     page.set("#method", "trilinear");
-    await page.wait("chosen", () => (line.hidden || said.push(line.textContent!), page.viewer.state.method === "trilinear"));
+    await page.wait(
+      "chosen",
+      () => (line.hidden || said.push(line.textContent!), page.viewer.state.method === "trilinear"),
+    );
     await page.wait("nothing is awaited", () => line.hidden);
     assert.ok(said.includes("trilinear is made ready; proxy is felt until then"), said.join());
   });
@@ -38,18 +46,25 @@ testsOf(page, "a knee that is milled by a ball", () => {
     await page.wait("told", () => page.text("removed").includes("170 mm³ of femur removed"));
     assert.equal(page.text("damage"), "170 mm³ of femur gone, which is protected");
     assert.equal(page.text("nearest"), "the tool came as near as 0.500 mm to tibia");
-    // while the motor is on no stroke is undone, as where another viewer has switched it on a moment ago
+    // no stroke is undone while the motor runs, also if another viewer has just started it
     assert.deepEqual(offered(), [false, false]);
     assert.equal(page.byId("undo-stroke").title, "Switch the motor off, or let go of its pedal, first");
     page.byId("undo-stroke").disabled = false;
     page.click("#undo-stroke");
-    await page.wait("told", () => page.text("toast") === "The burr's motor is on. Switch it off first." && !page.byId("toast").hidden);
+    await page.wait(
+      "told",
+      () => page.text("toast") === "The burr's motor is on. Switch it off first." && !page.byId("toast").hidden,
+    );
     assert.deepEqual(offered(), [false, false]);
     assert.ok(!isThere(first));
     await isSwitched(false);
-    // a later connection is told of all that is gone
-    for (const type of ["pagehide", "pageshow"]) window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
-    await page.wait("connected again", () => page.viewer.link === "connected" && page.isLoaded() && strokes().undo === 1);
+    // a later connection reports all cuts
+    for (const type of ["pagehide", "pageshow"])
+      window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
+    await page.wait(
+      "connected again",
+      () => page.viewer.link === "connected" && page.isLoaded() && strokes().undo === 1,
+    );
     assert.deepEqual(places.map(isThere), [false, false, true]);
   });
 
@@ -64,13 +79,13 @@ testsOf(page, "a knee that is milled by a ball", () => {
     await page.wait("one is back", () => !isThere(first) && isThere(second));
     assert.deepEqual(offered(), [true, true]);
     assert.equal(page.text("removed"), "170 mm³ of femur removed");
-    // keys can be switched off; those of the page's own history are other ones
+    // shortcuts can be disabled; those of the page's own history are different ones
     page.click("#letters");
     page.key("u");
     page.click("#letters");
     page.key("U", { shiftKey: true });
     await areStrokes(2, 0);
-    // a key that is held asks for one stroke only: what is asked for next is answered after it
+    // holding a key requests one stroke only: a later request is acknowledged after it
     page.key("u", { repeat: true });
     page.click("#pause");
     await page.wait("paused", () => page.viewer.state.paused);
@@ -85,7 +100,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     page.click("#redo-stroke");
     await areStrokes(1, 1);
     await page.wait("one is cut", () => !isThere(first) && isThere(second));
-    // another stroke is where the one that was undone had been
+    // another stroke replaces the undone one
     await isSwitched(true);
     await isSwitched(false);
     await areStrokes(2, 0);
@@ -94,15 +109,29 @@ testsOf(page, "a knee that is milled by a ball", () => {
   });
 
   test("soft tissue goes by another law and back, and one with other surfaces is awaited", async () => {
-    const law = page.byId<HTMLSelectElement>("law"), awaited = page.byId("law-awaited");
-    assert.deepEqual([...law.options].map(({ value }) => value), page.viewer.scene.laws);
+    const law = page.byId<HTMLSelectElement>("law"),
+      awaited = page.byId("law-awaited");
+    assert.deepEqual(
+      [...law.options].map(({ value }) => value),
+      page.viewer.scene.laws,
+    );
     assert.equal(law.value, "elastic");
     page.set(law, "neo-hookean");
-    await page.wait("another law", () => law.value === "neo-hookean" && page.viewer.state.law === "neo-hookean" && !page.byId("undo").disabled);
+    await page.wait(
+      "another law",
+      () => law.value === "neo-hookean" && page.viewer.state.law === "neo-hookean" && !page.byId("undo").disabled,
+    );
     page.click("#undo");
     await page.wait("back", () => law.value === "elastic" && page.viewer.state.law === "elastic");
     page.set(law, "layers");
-    await page.wait("awaited", () => !awaited.hidden && awaited.textContent!.includes("is made ready") && law.value === "layers" && page.viewer.state.law === "elastic");
+    await page.wait(
+      "awaited",
+      () =>
+        !awaited.hidden &&
+        awaited.textContent!.includes("is made ready") &&
+        law.value === "layers" &&
+        page.viewer.state.law === "elastic",
+    );
     await page.wait("chosen", () => awaited.hidden && page.viewer.state.law === "layers");
   });
 });

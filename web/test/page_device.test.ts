@@ -2,13 +2,13 @@ import assert from "node:assert/strict";
 import test, { beforeEach } from "node:test";
 import { openPage, testsOf } from "./page.js";
 
-// a physical device, of which somebody agrees to everything after a while
+// a physical device, where every request is confirmed after a while
 const page = await openPage(["--input", "device"]);
 const types = (code: string) => {
   const field = page.byId("arm-code");
   for (const digit of code) {
     page.key(digit, {}, field);
-    // a browser writes no character whose key was the stop's
+    // a browser enters no character for the key of the stop
     if (digit !== " ") page.set(field, field.value + digit, "input");
   }
 };
@@ -21,11 +21,17 @@ testsOf(page, "a physical device", () => {
     }
     await page.wait("armed", () => page.viewer.state.armed && page.byId("arm-line").hidden);
     page.key(" ");
-    await page.wait("stopped", () => page.viewer.state.emergency_stop && !page.viewer.state.armed && !page.byId("arm-line").hidden);
+    await page.wait(
+      "stopped",
+      () => page.viewer.state.emergency_stop && !page.viewer.state.armed && !page.byId("arm-line").hidden,
+    );
   });
 
   test("it is stopped from here and armed there", async () => {
-    await page.wait("said", () => (page.draw(), page.text("flags").includes("stopped by this page · armed again where palpate runs")));
+    await page.wait(
+      "said",
+      () => (page.draw(), page.text("flags").includes("stopped by this page · armed again where palpate runs")),
+    );
     assert.ok(page.byId("rearm").disabled);
     assert.equal(page.text("stop"), "Stopped");
   });
@@ -34,18 +40,21 @@ testsOf(page, "a physical device", () => {
     assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six digits");
     types("12345");
     assert.ok(page.byId("rearm").disabled, "five digits are no code");
-    // a wrong one is told of, and gone
+    // a wrong code is reported and cleared
     types("7");
     page.click("#rearm");
     await page.wait("told", () => page.text("toast").includes("not the one that is shown"));
     assert.equal(page.byId("arm-code").value, "");
     assert.ok(page.viewer.state.emergency_stop && page.byId("rearm").disabled);
-    // where a code is entered the space bar is still the stop
+    // the space bar is the emergency stop in the field of the code too
     const { stop } = page.viewer.state;
     types("12 3");
     await page.wait("stopped once more", () => page.viewer.state.stop > stop);
     types("456");
     page.key("Enter", {}, page.byId("arm-code"));
-    await page.wait("armed", () => page.viewer.state.armed && !page.viewer.state.emergency_stop && page.byId("arm-line").hidden);
+    await page.wait(
+      "armed",
+      () => page.viewer.state.armed && !page.viewer.state.emergency_stop && page.byId("arm-line").hidden,
+    );
   });
 });

@@ -5,7 +5,10 @@ import { openPage, testsOf, tokenFile } from "./page.js";
 const VIEW = "view-token-01234567890";
 
 const dialog = () => document.getElementById("token-dialog") as HTMLDialogElement;
-const page = await openPage(["--token-file", tokenFile(`control control-token-0123456789\nview ${VIEW}\n`)], () => dialog().open);
+const page = await openPage(
+  ["--token-file", tokenFile(`control control-token-0123456789\nview ${VIEW}\n`)],
+  () => dialog().open,
+);
 
 testsOf(page, "a page of tokens", () => {
   test("a viewer without control is asked for a token, looks and can stop", async () => {

@@ -5,17 +5,23 @@ import { openPage, testsOf } from "./page.js";
 const page = await openPage([]);
 const { server } = page;
 
-/** What does not heal by itself is told, and left alone: nothing is asked for until somebody says so. */
+/** Permanent errors are reported, and nothing is requested until the user retries. */
 async function toldAndLeftAlone(...told: string[]): Promise<void> {
   await page.wait("the page gives up", () => page.viewer.link === "ended" && !page.byId("mend").hidden);
   for (const words of told) assert.ok(page.text("cover").includes(words), `${words} in: ${page.text("cover")}`);
-  const fetched = globalThis.fetch, Socket = globalThis.WebSocket;
+  const fetched = globalThis.fetch,
+    Socket = globalThis.WebSocket;
   const attempts: string[] = [];
   Object.assign(globalThis, {
     fetch: (...all: Parameters<typeof fetch>) => (attempts.push(String(all[0])), fetched(...all)),
-    WebSocket: class extends Socket { constructor(...all: ConstructorParameters<typeof WebSocket>) { super(...all); attempts.push(String(all[0])); } },
+    WebSocket: class extends Socket {
+      constructor(...all: ConstructorParameters<typeof WebSocket>) {
+        super(...all);
+        attempts.push(String(all[0]));
+      }
+    },
   });
-  // longer than it ever waits between two attempts
+  // longer than the maximum interval between attempts
   await new Promise((later) => setTimeout(later, 6500));
   Object.assign(globalThis, { fetch: fetched, WebSocket: Socket });
   assert.deepEqual(attempts, []);
@@ -33,7 +39,14 @@ async function mended(): Promise<void> {
 testsOf(page, "a page in trouble", () => {
   test("old data is grey, and a server that comes back is found", async () => {
     server.signal("SIGSTOP");
-    await page.wait("stale", () => !page.viewer.isFresh && page.viewer.age_ms > 250 && document.body.classList.contains("stale") && page.text("link-text").includes("old"));
+    await page.wait(
+      "stale",
+      () =>
+        !page.viewer.isFresh &&
+        page.viewer.age_ms > 250 &&
+        document.body.classList.contains("stale") &&
+        page.text("link-text").includes("old"),
+    );
     server.signal("SIGCONT");
     await page.wait("fresh", () => page.viewer.isFresh && !document.body.classList.contains("stale"));
     await server.stop();
@@ -53,7 +66,7 @@ testsOf(page, "a page in trouble", () => {
   test("another version of the protocol is told of", async () => {
     await restart(["--protocol", "4"]);
     await toldAndLeftAlone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
-    page.click("#again"); // in vain
+    page.click("#again"); // fails again
     await page.wait("told again", () => !page.byId("mend").hidden);
     await mended();
   });

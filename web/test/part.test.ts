@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { JSDOM } from "jsdom";
-import { fetchPart, Part } from "../src/part.js";
+import { fetchPart, Part } from "../src/words/part.js";
 
-/** What the page says of parts that are missing; null: nothing. */
+/** Text about missing parts; null if none is shown. */
 function pageOfItsOwn(): () => string | null {
   const { window: its } = new JSDOM('<p id="missing-parts" hidden></p>');
   Object.assign(globalThis, { document: its.document });

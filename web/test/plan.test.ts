@@ -1,18 +1,31 @@
+import type { HeldTool, Plan, Trajectory } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { aboutAxis, add, dot, length, rotate, scale, sub, type Vec3 } from "../src/geometry.js";
-import { History } from "../src/history.js";
-import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory, type Plan, type Trajectory } from "../src/plan.js";
-import { PlanStore } from "../src/plan_store.js";
-import type { HeldTool } from "../src/scene.js";
+import { aboutAxis, add, dot, length, rotate, scale, sub, type Vec3 } from "../src/base/geometry.js";
+import { History } from "../src/state/history.js";
+import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory } from "../src/state/plan.js";
+import { PlanStore } from "../src/state/plan_store.js";
 
-const trajectory = (entry_mm: Vec3, target_mm: Vec3, name = "hole"): Trajectory =>
-  ({ name, entry_mm, target_mm, entry_within_mm: null, target_within_mm: 1.5, angle_within_deg: null, depth_within_mm: null });
-const plan = (of: Partial<Plan> = {}): Plan =>
-  ({ version: 3, saved: true, can_change: true, trajectories: [trajectory([0, 0, 0], [0, 0, 20])], keep_away: [], ...of });
+const trajectory = (entry_mm: Vec3, target_mm: Vec3, name = "hole"): Trajectory => ({
+  name,
+  entry_mm,
+  target_mm,
+  entry_within_mm: null,
+  target_within_mm: 1.5,
+  angle_within_deg: null,
+  depth_within_mm: null,
+});
+const plan = (of: Partial<Plan> = {}): Plan => ({
+  version: 3,
+  saved: true,
+  can_change: true,
+  trajectories: [trajectory([0, 0, 0], [0, 0, 20])],
+  keep_away: [],
+  ...of,
+});
 const near = (a: number, b: number, slack = 1e-9) => assert.ok(Math.abs(a - b) < slack, `${a} ${b}`);
 
-test("a tip beside a trajectory has its distance from the line, its depth and its shaft's angle, whatever way that lies", () => {
+test("distance, depth and shaft angle of a tip at a trajectory, whichever way that runs", () => {
   let seed = 5;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
   for (let n = 0; n < 200; n++) {
@@ -21,7 +34,7 @@ test("a tip beside a trajectory has its distance from the line, its depth and it
     const placed = (p: Vec3): Vec3 => add(at, rotate(q, p));
     const [x, y, z, tilt] = [20 * random(), 20 * random(), 60 * random(), Math.PI * (random() + 0.5)];
     const one = trajectory(placed([0, 0, 0]), placed([0, 0, 20]));
-    // from the handle to the tip it leans against the axis by so much
+    // angle between the shaft, from handle to tip, and the axis
     const beside = besideTrajectory(one, placed([x, y, z]), scale(rotate(q, [Math.sin(tilt), 0, Math.cos(tilt)]), -1));
     near(beside.lateral_mm, Math.hypot(x, y), 1e-6);
     near(beside.left_mm, 20 - z, 1e-6);
@@ -32,41 +45,90 @@ test("a tip beside a trajectory has its distance from the line, its depth and it
 });
 
 test("a tool's shaft goes from the tip to the handle along the longest part", () => {
-  const tool = (...capsules: [Vec3, Vec3][]) => ({ capsules: capsules.map(([from_mm, to_mm]) => ({ from_mm, to_mm, radius_mm: 1, end_radius_mm: 1 })) }) as unknown as HeldTool;
+  const tool = (...capsules: [Vec3, Vec3][]) =>
+    ({
+      capsules: capsules.map(([from_mm, to_mm]) => ({ from_mm, to_mm, radius_mm: 1, end_radius_mm: 1 })),
+    }) as unknown as HeldTool;
   assert.equal(shaftOf(tool()), null);
-  assert.deepEqual(shaftOf(tool([[0, 0, 0], [0, 0, 5]], [[0, 40, 0], [0, 0, 0]])), [0, 1, 0]);
+  assert.deepEqual(
+    shaftOf(
+      tool(
+        [
+          [0, 0, 0],
+          [0, 0, 5],
+        ],
+        [
+          [0, 40, 0],
+          [0, 0, 0],
+        ],
+      ),
+    ),
+    [0, 1, 0],
+  );
 });
 
 test("what is nearer than planned is told, the worst first", () => {
-  const of = plan({ keep_away: [{ label: 7, mm: 3 }, { label: 8, mm: 2 }, { label: 9, mm: 5 }] });
-  assert.deepEqual(breachesOf(of, [{ label: 8, mm: 1.5 }, { label: 7, mm: 1 }, { label: 9, mm: 5 }, { label: 1, mm: 0 }]),
-    [{ label: 7, mm: 1, asked_mm: 3 }, { label: 8, mm: 1.5, asked_mm: 2 }]);
+  const of = plan({
+    keep_away: [
+      { label: 7, mm: 3 },
+      { label: 8, mm: 2 },
+      { label: 9, mm: 5 },
+    ],
+  });
+  assert.deepEqual(
+    breachesOf(of, [
+      { label: 8, mm: 1.5 },
+      { label: 7, mm: 1 },
+      { label: 9, mm: 5 },
+      { label: 1, mm: 0 },
+    ]),
+    [
+      { label: 7, mm: 1, asked_mm: 3 },
+      { label: 8, mm: 1.5, asked_mm: 2 },
+    ],
+  );
 });
 
 test("a plan is written as its file has it", () => {
-  assert.equal(planText(plan({ trajectories: [trajectory([0.1, -0, 2], [1e-7, 3, 4.25])], keep_away: [{ label: 7, mm: 3 }] }), 'a "hole"'),
-    'title = "a \\"hole\\""\n\n[[trajectory]]\nname = "hole"\nentry = [0.1, 0, 2]\ntarget = [1e-7, 3, 4.25]\ntarget_within = 1.5\n\n[[keep_away]]\nstructures = [7]\ndistance = 3\n');
+  assert.equal(
+    planText(
+      plan({ trajectories: [trajectory([0.1, -0, 2], [1e-7, 3, 4.25])], keep_away: [{ label: 7, mm: 3 }] }),
+      'a "hole"',
+    ),
+    'title = "a \\"hole\\""\n\n' +
+      '[[trajectory]]\nname = "hole"\nentry = [0.1, 0, 2]\ntarget = [1e-7, 3, 4.25]\ntarget_within = 1.5\n\n' +
+      "[[keep_away]]\nstructures = [7]\ndistance = 3\n",
+  );
 });
 
-/** A palpate that has a plan, keeps its versions and takes what is asked for. */
+/** A server with a plan that keeps its versions and grants every request. */
 function shared() {
   const history = new History();
   const asked: Record<string, unknown>[] = [];
   const may = { ask: true, refuses: false };
   let now = plan();
   const versions = new Map([[now.version, now]]);
-  const store = new PlanStore(history, async (request) => {
-    asked.push(request);
-    if (may.refuses || request.version !== now.version) return false;
-    const list = now.trajectories.slice();
-    if (request.back_to !== undefined) list.splice(0, list.length, ...versions.get(request.back_to as number)!.trajectories);
-    else if (request.remove) list.splice(request.trajectory as number, 1);
-    else if (!request.save) list[request.trajectory as number] = { ...list[request.trajectory as number]!, ...(request as object) } as Trajectory;
-    now = { ...now, version: now.version + 1, trajectories: list, saved: request.save === true };
-    versions.set(now.version, now);
-    store.tell(now);
-    return true;
-  }, () => may.ask);
+  const store = new PlanStore(
+    history,
+    async (request) => {
+      asked.push(request);
+      if (may.refuses || request.version !== now.version) return false;
+      const list = now.trajectories.slice();
+      if (request.back_to !== undefined)
+        list.splice(0, list.length, ...versions.get(request.back_to as number)!.trajectories);
+      else if (request.remove) list.splice(request.trajectory as number, 1);
+      else if (!request.save)
+        list[request.trajectory as number] = {
+          ...list[request.trajectory as number]!,
+          ...(request as object),
+        } as Trajectory;
+      now = { ...now, version: now.version + 1, trajectories: list, saved: request.save === true };
+      versions.set(now.version, now);
+      store.tell(now);
+      return true;
+    },
+    () => may.ask,
+  );
   store.tell(now);
   return { history, asked, may, store, names: () => store.list.map(({ name }) => name) };
 }
@@ -76,7 +138,13 @@ test("where palpate has the plan it is asked for each change, and for the way ba
   const { history, asked, store, names } = shared();
   store.add([1, 2, 3], [4, 5, 6]);
   await later();
-  assert.deepEqual(asked.at(-1), { version: 3, trajectory: 1, name: "Trajectory 2", entry_mm: [1, 2, 3], target_mm: [4, 5, 6] });
+  assert.deepEqual(asked.at(-1), {
+    version: 3,
+    trajectory: 1,
+    name: "Trajectory 2",
+    entry_mm: [1, 2, 3],
+    target_mm: [4, 5, 6],
+  });
   assert.deepEqual([names(), store.chosen], [["hole", "Trajectory 2"], 1]);
   store.remove(0);
   await later();
@@ -111,20 +179,35 @@ test("a page that may not, or whose palpate has no plan, makes one of its own", 
   await history.redo();
   may.ask = true;
   assert.deepEqual(names(), ["hole"], "palpate's where it may again");
-  const alone = new PlanStore(new History(), async () => assert.fail(), () => true);
+  const alone = new PlanStore(
+    new History(),
+    async () => assert.fail(),
+    () => true,
+  );
   alone.add([0, 0, 0], [0, 0, 5]);
   alone.add([0, 0, 1], [0, 0, 6]);
   alone.remove(0);
   alone.add([0, 0, 2], [0, 0, 7]);
-  assert.deepEqual(alone.list.map(({ name }) => name), ["Trajectory 2", "Trajectory 3"], "each name is its own");
+  assert.deepEqual(
+    alone.list.map(({ name }) => name),
+    ["Trajectory 2", "Trajectory 3"],
+    "each name is its own",
+  );
   alone.forget();
   assert.equal(alone.plan, null);
 });
 
 test("two presses make a trajectory, a drag makes one, and an end is taken hold of and moved", () => {
-  const store = new PlanStore(new History(), async () => assert.fail(), () => false);
-  // pixels are millimetres here
-  const from = (at: Vec3) => (p: Vec3): number => length(sub(p, at));
+  const store = new PlanStore(
+    new History(),
+    async () => assert.fail(),
+    () => false,
+  );
+  // one pixel per millimetre
+  const from =
+    (at: Vec3) =>
+    (p: Vec3): number =>
+      length(sub(p, at));
   const press = (at: Vec3) => store.press(at, from(at));
   const release = (at: Vec3) => store.release(at, from(at));
   press([0, 0, 0]);
@@ -132,17 +215,29 @@ test("two presses make a trajectory, a drag makes one, and an end is taken hold 
   assert.deepEqual([store.list.length, store.drawn.length], [0, 1], "begun");
   press([0, 0, 50]);
   release([0, 0, 50]);
-  assert.deepEqual([store.list[0]!.entry_mm, store.list[0]!.target_mm], [[0, 0, 0], [0, 0, 50]]);
+  assert.deepEqual(
+    [store.list[0]!.entry_mm, store.list[0]!.target_mm],
+    [
+      [0, 0, 0],
+      [0, 0, 50],
+    ],
+  );
   press([100, 0, 0]);
   release([100, 30, 0]);
-  assert.deepEqual([store.list[1]!.entry_mm, store.list[1]!.target_mm], [[100, 0, 0], [100, 30, 0]]);
-  // the first one's target
+  assert.deepEqual(
+    [store.list[1]!.entry_mm, store.list[1]!.target_mm],
+    [
+      [100, 0, 0],
+      [100, 30, 0],
+    ],
+  );
+  // target of the first one
   press([0, 3, 52]);
   store.move([0, 40, 60]);
   assert.deepEqual([store.drawn[0]!.target_mm, store.list[0]!.target_mm, store.chosen], [[0, 40, 60], [0, 0, 50], 0]);
   release([0, 40, 60]);
   assert.deepEqual(store.list[0]!.target_mm, [0, 40, 60]);
-  // a press that moves nothing chooses it
+  // a press without movement selects it
   press([100, 31, 0]);
   release([100, 31, 0]);
   assert.deepEqual([store.chosen, store.list[1]!.target_mm, store.list.length], [1, [100, 30, 0], 2]);

@@ -1,18 +1,29 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { PointerDevice } from "../src/pointer.js";
-import { shownAt } from "../src/measure.js";
+import { PointerDevice } from "../src/state/pointer.js";
+import { shownAt } from "../src/drawing/measure.js";
 
 type Device = ConstructorParameters<typeof PointerDevice>;
 
-/** A pointer whose clock is the test's: `at(ms)` goes there by steps of 8 ms, as its timer does. */
+/** Pointer with a simulated clock: `at(ms)` advances it in steps of 8 ms, the timer's interval. */
 function pointer() {
-  let now = 0, beat: (() => void) | null = null;
+  let now = 0,
+    beat: (() => void) | null = null;
   const sent: number[][] = [];
   performance.now = () => now;
-  Object.assign(globalThis, { window: { setInterval: (f: () => void) => { beat = f; return 1; } } });
+  Object.assign(globalThis, {
+    window: {
+      setInterval: (f: () => void) => {
+        beat = f;
+        return 1;
+      },
+    },
+  });
   const session = { pose: { devices: [{ tip: [0, 0, 0] }] }, state: { pointer: true }, holding: false, touch() {} };
-  const device = new PointerDevice(session as unknown as Device[0], { moveTip: (p: number[]) => sent.push(p) } as unknown as Device[1]);
+  const device = new PointerDevice(
+    session as unknown as Device[0],
+    { moveTip: (p: number[]) => sent.push(p) } as unknown as Device[1],
+  );
   const at = (ms: number) => {
     while (now < ms) {
       now += 8;

@@ -1,21 +1,35 @@
+import type { Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Camera } from "../src/camera.js";
-import { cross, dot, type Affine, type Vec3 } from "../src/geometry.js";
-import { conceal, revealed } from "../src/quiz.js";
-import { Volumes, type Scene } from "../src/scene.js";
+import { Camera } from "../src/volume/camera.js";
+import { cross, dot, type Affine, type Vec3 } from "../src/base/geometry.js";
+import { conceal, revealed } from "../src/training/quiz.js";
+import { Volumes } from "../src/protocol/scene.js";
 
-const UNIT: Affine = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
-const scene = { structures: [{ label: 4, name: "soft", tissue: 0 }, { label: 9, name: "nodule", tissue: 1 }, { label: 5, name: "plate", tissue: 2 }] } as unknown as Scene;
+const UNIT: Affine = [
+  [1, 0, 0, 0],
+  [0, 1, 0, 0],
+  [0, 0, 1, 0],
+  [0, 0, 0, 1],
+];
+const scene = {
+  structures: [
+    { label: 4, name: "soft", tissue: 0 },
+    { label: 9, name: "nodule", tissue: 1 },
+    { label: 5, name: "plate", tissue: 2 },
+  ],
+} as unknown as Scene;
 
-/** A nodule of 3 voxels each way in soft tissue, with a corner in a plate. */
+/** A nodule of 3 x 3 x 3 voxels in soft tissue, with a corner in a plate. */
 function block(): Volumes {
   const dims: Vec3 = [9, 8, 7];
   const structure = new Uint8Array(9 * 8 * 7);
-  for (let k = 0, n = 0; k < 7; k++) for (let j = 0; j < 8; j++) for (let i = 0; i < 9; i++, n++) {
-    const isNodule = [i - 4, j - 4, k - 3].every((d) => Math.abs(d) <= 1);
-    structure[n] = i === 0 ? 0 : isNodule ? 2 : i > 5 ? 3 : 1;
-  }
+  for (let k = 0, n = 0; k < 7; k++)
+    for (let j = 0; j < 8; j++)
+      for (let i = 0; i < 9; i++, n++) {
+        const isNodule = [i - 4, j - 4, k - 3].every((d) => Math.abs(d) <= 1);
+        structure[n] = i === 0 ? 0 : isNodule ? 2 : i > 5 ? 3 : 1;
+      }
   return new Volumes("0", 1, dims, UNIT, null, structure, 1, 0);
 }
 
@@ -23,21 +37,32 @@ test("what is to be found is drawn as what lies around it, and comes back", () =
   const volumes = block();
   const whole = volumes.structure.slice();
   const concealed = conceal(scene, volumes, [9])!;
-  assert.deepEqual([concealed.lo, concealed.size], [[3, 3, 2], [3, 3, 3]]);
+  assert.deepEqual(
+    [concealed.lo, concealed.size],
+    [
+      [3, 3, 2],
+      [3, 3, 3],
+    ],
+  );
   assert.deepEqual([concealed.values, concealed.as], [[2], 1], "also of its colour");
   volumes.write(concealed.lo, concealed.size, concealed.now);
   assert.ok(!volumes.structure.includes(2));
   assert.equal(volumes.structureAt([4, 4, 3]), 0, "soft tissue");
-  // what was cut away meanwhile does not come back
+  // voxels that were cut meanwhile are not restored
   volumes.write([4, 4, 3], [1, 1, 1], new Uint8Array([0]));
   volumes.write(concealed.lo, concealed.size, revealed(volumes, concealed));
   whole[4 + 9 * (4 + 8 * 3)] = 0;
   assert.deepEqual(volumes.structure, whole);
 });
 
-/** Voxels of a block by a rule, and what is shown of it when the nodule's are hidden. */
-function shownOf(dims: Vec3, value: (i: number, j: number, k: number) => number): { whole: Uint8Array; shown: Uint8Array } {
-  const whole = Uint8Array.from({ length: dims[0] * dims[1] * dims[2] }, (_, n) => value(n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / (dims[0] * dims[1]))));
+/** Voxels of a block by a rule, and their display while the nodule is hidden. */
+function shownOf(
+  dims: Vec3,
+  value: (i: number, j: number, k: number) => number,
+): { whole: Uint8Array; shown: Uint8Array } {
+  const whole = Uint8Array.from({ length: dims[0] * dims[1] * dims[2] }, (_, n) =>
+    value(n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / (dims[0] * dims[1]))),
+  );
   const volumes = new Volumes("0", 1, dims, UNIT, null, whole.slice(), 1, 0);
   const concealed = conceal(scene, volumes, [9])!;
   volumes.write(concealed.lo, concealed.size, concealed.now);
@@ -45,17 +70,29 @@ function shownOf(dims: Vec3, value: (i: number, j: number, k: number) => number)
 }
 
 test("what borders on air most is not drawn as air", () => {
-  const { whole, shown } = shownOf([15, 15, 15], (i, j, k) => (k < 7 ? 1 : (i - 7) ** 2 + (j - 7) ** 2 + (k - 7) ** 2 <= 9 ? 2 : 0));
-  assert.deepEqual(shown, whole.map((value) => (value === 2 ? 1 : value)));
+  const { whole, shown } = shownOf([15, 15, 15], (i, j, k) =>
+    k < 7 ? 1 : (i - 7) ** 2 + (j - 7) ** 2 + (k - 7) ** 2 <= 9 ? 2 : 0,
+  );
+  assert.deepEqual(
+    shown,
+    whole.map((value) => (value === 2 ? 1 : value)),
+  );
 });
 
 test("a thin layer goes on over the plate beneath", () => {
-  const { whole, shown } = shownOf([24, 24, 24], (i, j, k) => (k < 10 ? 3 : k >= 13 ? 0 : (i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 25 ? 2 : 1));
-  assert.deepEqual(shown, whole.map((value) => (value === 2 ? 1 : value)));
+  const { whole, shown } = shownOf([24, 24, 24], (i, j, k) =>
+    k < 10 ? 3 : k >= 13 ? 0 : (i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 25 ? 2 : 1,
+  );
+  assert.deepEqual(
+    shown,
+    whole.map((value) => (value === 2 ? 1 : value)),
+  );
 });
 
 test("a border goes on through what hid it", () => {
-  const { shown } = shownOf([24, 24, 24], (i, j, k) => ((i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 27 ? 2 : k < 12 ? 3 : 1));
+  const { shown } = shownOf([24, 24, 24], (i, j, k) =>
+    (i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 27 ? 2 : k < 12 ? 3 : 1,
+  );
   assert.ok(shown.every((value, n) => value === (Math.floor(n / 576) < 12 ? 3 : 1)));
 });
 
@@ -70,9 +107,19 @@ test("a quiz without an answer, or whose answer has no voxel, conceals none", ()
 });
 
 test("a place is looked at from outside, with superior up where that can be", () => {
-  for (const outward of [[0, -1, 0], [0.6, 0, 0.8], [0, 0, 1], [0, 0, -1]] as Vec3[]) {
+  for (const outward of [
+    [0, -1, 0],
+    [0.6, 0, 0.8],
+    [0, 0, 1],
+    [0, 0, -1],
+  ] as Vec3[]) {
     const camera = new Camera();
-    camera.place([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]);
+    camera.place([
+      [1, 0, 0, 0],
+      [0, 0, 1, 0],
+      [0, -1, 0, 0],
+      [0, 0, 0, 1],
+    ]);
     camera.lookAlong(outward);
     const { backward, up, right } = camera.inPatient();
     assert.ok(dot(backward, outward) > 1 - 1e-12);

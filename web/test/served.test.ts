@@ -1,16 +1,32 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { pictureQuery, readPicture } from "../src/served_pictures.js";
-import { Found, type View } from "../src/view.js";
+import { pictureQuery, readPicture } from "../src/volume/served_pictures.js";
+import { Found, type View } from "../src/volume/view.js";
 
-const view: View = { width: 64, height: 48, corner: [-10, -10.5, 0], across: [1, 0, 0], down: [0, 1, 0], into: [0, 0, 1], eye: null, cut: null, isFine: true };
+const view: View = {
+  width: 64,
+  height: 48,
+  corner: [-10, -10.5, 0],
+  across: [1, 0, 0],
+  down: [0, 1, 0],
+  into: [0, 0, 1],
+  eye: null,
+  cut: null,
+  isFine: true,
+};
 
 test("a picture is asked for as the protocol has it", () => {
   assert.equal(pictureQuery(view, Uint8Array.of(255, 0, 10, 255)), "view=64,48,-10,-10.5,0,1,0,0,0,1,0&looks=ff000aff");
   const eye = { at: [1, 2, -30] as [number, number, number], nearest_mm: 0, reach_mm: Infinity, isRound: false };
   const cut = { at: [1, 2, 3] as [number, number, number], radius_mm: 0, widening: Infinity, kept: 0 };
-  assert.equal(pictureQuery({ ...view, eye, cut }, new Uint8Array(0)), "view=64,48,-10,-10.5,0,1,0,0,0,1,0,1,2,-30&cut=1,2,3,0,0,-1");
-  assert.equal(pictureQuery({ ...view, cut: { ...cut, widening: 0.4 } }, new Uint8Array(0)), "view=64,48,-10,-10.5,0,1,0,0,0,1,0");
+  assert.equal(
+    pictureQuery({ ...view, eye, cut }, new Uint8Array(0)),
+    "view=64,48,-10,-10.5,0,1,0,0,0,1,0,1,2,-30&cut=1,2,3,0,0,-1",
+  );
+  assert.equal(
+    pictureQuery({ ...view, cut: { ...cut, widening: 0.4 } }, new Uint8Array(0)),
+    "view=64,48,-10,-10.5,0,1,0,0,0,1,0",
+  );
 });
 
 test("its bytes are colours, depths and structures", () => {
@@ -23,7 +39,7 @@ test("its bytes are colours, depths and structures", () => {
   head.setUint16(10, h, true);
   head.setFloat32(12, -5, true);
   head.setFloat32(16, 20, true);
-  const at = 2 + w * 1; // right below
+  const at = 2 + w; // right below
   bytes.set([10, 20, 30], 24 + 3 * at);
   head.setUint16(24 + 3 * w * h + 2 * at, 65535, true);
   bytes[24 + 5 * w * h + at] = 2;

@@ -1,22 +1,42 @@
+import type { Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import type { Vec3 } from "../src/geometry.js";
-import { showsTheSame, Volumes, type Scene } from "../src/scene.js";
-import { Session } from "../src/session.js";
-import { Flag, type DevicePose, type Pose } from "../src/wire.js";
+import type { Vec3 } from "../src/base/geometry.js";
+import { showsTheSame, Volumes } from "../src/protocol/scene.js";
+import { Session } from "../src/state/session.js";
+import { Flag, type DevicePose, type Pose } from "../src/protocol/wire.js";
 
 /** One structure, "femoral_cartilage" with label 7, in voxels 2 to 4 of a row. */
 function session(): Session {
   const made = new Session();
   const voxels = new Uint8Array([0, 0, 1, 1, 1, 0]);
-  made.volumes = new Volumes("h", 1, [6, 1, 1], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], null, voxels, 1, 0);
-  made.scene = { structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }], no_go: [] } as unknown as Scene;
+  made.volumes = new Volumes(
+    "h",
+    1,
+    [6, 1, 1],
+    [
+      [1, 0, 0, 0],
+      [0, 1, 0, 0],
+      [0, 0, 1, 0],
+      [0, 0, 0, 1],
+    ],
+    null,
+    voxels,
+    1,
+    0,
+  );
+  made.scene = {
+    structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }],
+    no_go: [],
+  } as unknown as Scene;
   return made;
 }
-const device = (x: number, label: number, flags: number, force: Vec3): DevicePose => ({ tip: [x, 0, 0], label, flags, force } as DevicePose);
+const device = (x: number, label: number, flags: number, force: Vec3): DevicePose =>
+  ({ tip: [x, 0, 0], label, flags, force }) as DevicePose;
 
 test("what is touched is felt as long as there is a force, or nothing withholds it", () => {
-  const contact = (x: number, label: number, flags: number, force: Vec3 = [0, 0, 0]) => session().contactOf(device(x, label, flags, force));
+  const contact = (x: number, label: number, flags: number, force: Vec3 = [0, 0, 0]) =>
+    session().contactOf(device(x, label, flags, force));
   const felt = { label: 7, words: "femoral cartilage" };
   const notFelt = { label: 0, words: "femoral cartilage, not felt" };
   assert.deepEqual(contact(3, 7, Flag.contact, [0, 0, 0.4]), felt);
@@ -33,8 +53,17 @@ test("what is touched is felt as long as there is a force, or nothing withholds 
 
 test("a nested structure is told with those around it, but not in a quiz", () => {
   const made = session();
-  const structure = (label: number, name: string, within: number[]) => ({ label, name, within, colour: [0, 0, 0], tissue: 0 });
-  made.scene = { ...made.scene!, structures: [structure(7, "gross_tumour", [8, 9]), structure(8, "target", [9]), structure(9, "liver", [])] } as unknown as Scene;
+  const structure = (label: number, name: string, within: number[]) => ({
+    label,
+    name,
+    within,
+    colour: [0, 0, 0],
+    tissue: 0,
+  });
+  made.scene = {
+    ...made.scene!,
+    structures: [structure(7, "gross_tumour", [8, 9]), structure(8, "target", [9]), structure(9, "liver", [])],
+  } as unknown as Scene;
   const touched = () => made.contactOf(device(3, 7, Flag.contact, [0, 0, 0.4])).words;
   assert.equal(touched(), "gross tumour (within target, liver)");
   assert.equal(made.contactOf(device(3, 9, Flag.contact, [0, 0, 0.4])).words, "liver");
@@ -44,24 +73,38 @@ test("a nested structure is told with those around it, but not in a quiz", () =>
 
 test("each device has its own tool, and the first is drawn over the others", () => {
   const made = session();
-  const [ball, burr] = [{ name: "ball", cuts: false }, { name: "drill", cuts: true }];
+  const [ball, burr] = [
+    { name: "ball", cuts: false },
+    { name: "drill", cuts: true },
+  ];
   made.scene = { ...made.scene!, tools: [ball, burr] } as Scene;
   const devices = [0, 1].map((number) => ({ ...device(number, 0, 0, [0, 0, 0]), number }));
   assert.deepEqual(made.drawn, [], "without a pose");
   made.setPose({ time: 1, devices } as unknown as Pose);
-  assert.deepEqual(made.drawn.map(({ number }) => number), [1, 0]);
-  assert.deepEqual(devices.map((one) => made.heldBy(one)), [ball, burr]);
+  assert.deepEqual(
+    made.drawn.map(({ number }) => number),
+    [1, 0],
+  );
+  assert.deepEqual(
+    devices.map((one) => made.heldBy(one)),
+    [ball, burr],
+  );
   assert.deepEqual(made.pose!.devices, devices, "which stay in their order");
 });
 
 test("a tool is drawn at the surface that it touches, in its dent where that yields", () => {
   const made = session();
-  const pressed = { ...device(3, 7, Flag.contact, [0, 0, 1]), proxy: [4, 0, 0], contacts: [{ place: [5, 0, 0] }] } as unknown as DevicePose;
+  const pressed = {
+    ...device(3, 7, Flag.contact, [0, 0, 1]),
+    proxy: [4, 0, 0],
+    contacts: [{ place: [5, 0, 0] }],
+  } as unknown as DevicePose;
   assert.deepEqual(made.toolAt(pressed), [4, 0, 0]);
   made.movedAt = ([x]) => [-0.1 * x, 0, 0];
   assert.deepEqual(made.toolAt(pressed), [3.5, 0, 0], "as far as the tissue went where it is touched");
   assert.deepEqual(made.toolAt({ ...pressed, contacts: [] }), [3.6, 0, 0]);
-  for (const flags of [0, Flag.contact | Flag.inside]) assert.deepEqual(made.toolAt({ ...pressed, flags }), [3, 0, 0], "where the hand is");
+  for (const flags of [0, Flag.contact | Flag.inside])
+    assert.deepEqual(made.toolAt({ ...pressed, flags }), [3, 0, 0], "where the hand is");
 });
 
 test("a recording that rests leaves no trail", () => {
@@ -75,7 +118,11 @@ test("a recording that rests leaves no trail", () => {
 
 test("the same voxels elsewhere, or under other structures, are another scene", () => {
   const scene = (affine: number, ...labels: number[]) =>
-    ({ volume: { hash: "h", patient_from_voxel: [affine] }, world_from_patient: [1], structures: labels.map((label) => ({ label, name: "n" })) } as unknown as Scene);
+    ({
+      volume: { hash: "h", patient_from_voxel: [affine] },
+      world_from_patient: [1],
+      structures: labels.map((label) => ({ label, name: "n" })),
+    }) as unknown as Scene;
   assert.ok(showsTheSame(scene(1, 7, 8), scene(1, 7, 8)));
   assert.ok(!showsTheSame(scene(1, 7, 8), null));
   for (const other of [scene(2, 7, 8), scene(1, 8, 7), scene(1, 7)]) assert.ok(!showsTheSame(other, scene(1, 7, 8)));

@@ -1,10 +1,16 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { trackedText } from "../src/tracked.js";
+import { trackedText } from "../src/panels/tracked.js";
 
 test("a tracked tip's error is told with its bound, and what makes it doubtful", () => {
   const told = { device: 0, seen: true, fre_mm: 0.31, tre_mm: 0.81, tre_95_mm: 1.42, far: false };
   assert.equal(trackedText(told), "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm");
-  assert.equal(trackedText({ ...told, far: true }), "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm · far outside the points that were touched");
-  assert.equal(trackedText({ ...told, seen: false, tre_mm: null, tre_95_mm: null }), "the tracker does not see the tool · TRE not known · FRE 0.3 mm");
+  assert.equal(
+    trackedText({ ...told, far: true }),
+    "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm · far outside the points that were touched",
+  );
+  assert.equal(
+    trackedText({ ...told, seen: false, tre_mm: null, tre_95_mm: null }),
+    "the tracker does not see the tool · TRE not known · FRE 0.3 mm",
+  );
 });

@@ -1,13 +1,28 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Flag, type DevicePose } from "../src/wire.js";
-import { whyText } from "../src/why.js";
+import { Flag, type DevicePose } from "../src/protocol/wire.js";
+import { whyText } from "../src/panels/why.js";
 
-/** Half a millimetre deep in a wall of 2 N/mm that faces up. */
+/** Half a millimetre deep in a half-space of 2 N/mm that faces up. */
 const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
-  number: 0, tip: [0, 0, -0.5], proxy: [0, 0, 0], normal: [0, 0, 1], orientation: [1, 0, 0, 0], force: [0, 0, 1], askedForce: 1, forceLimit: 3,
-  heat: 0, depth: 0.5, speed: 0, stiffness: 2, flags: Flag.contact, buttons: 0, label: 1,
-  felt: [{ label: 1, depth: 0.5, share: 1 }], contacts: [], ...other,
+  number: 0,
+  tip: [0, 0, -0.5],
+  proxy: [0, 0, 0],
+  normal: [0, 0, 1],
+  orientation: [1, 0, 0, 0],
+  force: [0, 0, 1],
+  askedForce: 1,
+  forceLimit: 3,
+  heat: 0,
+  depth: 0.5,
+  speed: 0,
+  stiffness: 2,
+  flags: Flag.contact,
+  buttons: 0,
+  label: 1,
+  felt: [{ label: 1, depth: 0.5, share: 1 }],
+  contacts: [],
+  ...other,
 });
 
 test("the spring says why, and in free space nothing does", () => {
@@ -16,12 +31,18 @@ test("the spring says why, and in free space nothing does", () => {
 });
 
 test("of several layers the list says what each gives", () => {
-  const felt = [{ label: 1, depth: 10, share: 0.05 }, { label: 2, depth: 5, share: 0.95 }];
+  const felt = [
+    { label: 1, depth: 10, share: 0.05 },
+    { label: 2, depth: 5, share: 0.95 },
+  ];
   assert.equal(whyText(pressed({ felt }), [0, 0, 1]), "");
 });
 
 test("what pulls along the surface is told where it is felt", () => {
-  assert.equal(whyText(pressed({ askedForce: Math.hypot(1, 0.2) }), [0.2, 0, 1]), "0.500 mm deep at 2.00 N/mm · 0.200 N along the surface");
+  assert.equal(
+    whyText(pressed({ askedForce: Math.hypot(1, 0.2) }), [0.2, 0, 1]),
+    "0.500 mm deep at 2.00 N/mm · 0.200 N along the surface",
+  );
   assert.equal(whyText(pressed(), [0.03, 0, 1]), "0.500 mm deep at 2.00 N/mm");
 });
 

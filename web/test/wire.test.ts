@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { decodePose, Flag, WireError } from "../src/wire.js";
+import { decodePose, Flag, WireError } from "../src/protocol/wire.js";
 
-/** Every field another value, written by the table of docs/reference/viewer-protocol.md. */
+/** Encoder by the table of docs/reference/viewer-messages.md, with a different value in every field. */
 function written(devices: number): DataView {
   const bytes = 96 + 296 * devices;
   const view = new DataView(new ArrayBuffer(bytes));
@@ -51,16 +51,41 @@ test("a pose is read by the table of the protocol", () => {
   assert.deepEqual(pose.lateness, { p50: 19, p99: 44, max: 190 });
   assert.equal(pose.compute, 0.75);
   assert.deepEqual([pose.skipped, pose.dropped, pose.stalls], [11, 12, 13]);
-  assert.deepEqual(pose.devices.map(({ number }) => number), [0, 1]);
-  const { tip, proxy, normal, orientation, force, askedForce, forceLimit, heat, depth, speed, stiffness, flags, buttons, label } = pose.devices[1]!;
+  assert.deepEqual(
+    pose.devices.map(({ number }) => number),
+    [0, 1],
+  );
+  const {
+    tip,
+    proxy,
+    normal,
+    orientation,
+    force,
+    askedForce,
+    forceLimit,
+    heat,
+    depth,
+    speed,
+    stiffness,
+    flags,
+    buttons,
+    label,
+  } = pose.devices[1]!;
   assert.deepEqual(
     [...tip, ...proxy, ...normal, ...orientation, ...force, askedForce, forceLimit, heat, depth, speed, stiffness],
-    Array.from({ length: 22 }, (_, i) => 100 + i));
+    Array.from({ length: 22 }, (_, i) => 100 + i),
+  );
   assert.equal(flags, Flag.contact | Flag.stale);
   assert.equal(buttons, 3);
   assert.equal(label, 60001);
-  assert.deepEqual(pose.devices[1]!.felt, [{ label: 60001, depth: 1.5, share: 0.25 }, { label: 60002, depth: 2.5, share: 0.75 }]);
-  assert.deepEqual(pose.devices[1]!.contacts, [{ label: 60001, part: 0, place: [50, 51, 52], force: 53 }, { label: 60002, part: 1, place: [60, 61, 62], force: 63 }]);
+  assert.deepEqual(pose.devices[1]!.felt, [
+    { label: 60001, depth: 1.5, share: 0.25 },
+    { label: 60002, depth: 2.5, share: 0.75 },
+  ]);
+  assert.deepEqual(pose.devices[1]!.contacts, [
+    { label: 60001, part: 0, place: [50, 51, 52], force: 53 },
+    { label: 60002, part: 1, place: [60, 61, 62], force: 63 },
+  ]);
 });
 
 test("whatever is no whole pose is refused", () => {
@@ -76,7 +101,8 @@ test("whatever is no whole pose is refused", () => {
   refused((view) => view.setUint8(46, 2));
   refused((view) => view.setUint8(46, 255));
   const whole = written(1).buffer as ArrayBuffer;
-  for (let bytes = 0; bytes < whole.byteLength; bytes++) assert.throws(() => decodePose(whole.slice(0, bytes)), WireError);
+  for (let bytes = 0; bytes < whole.byteLength; bytes++)
+    assert.throws(() => decodePose(whole.slice(0, bytes)), WireError);
 });
 
 test("random bytes never do anything else than to be refused", () => {

@@ -3,26 +3,32 @@ import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import test from "node:test";
 import ts from "typescript";
-import { preferred } from "../src/language.js";
-import { LANGUAGES } from "../src/words.js";
+import { preferred } from "../src/words/language.js";
+import { LANGUAGES } from "../src/words/words.js";
 import { en } from "../src/words/en.js";
 
-/** Messages by their path; a function is given marks for what it is told. */
+/** Messages by their path; functions are called with placeholders. */
 function messages(of: object, path = ""): [string, string][] {
   return Object.entries(of).flatMap(([key, value]): [string, string][] => {
     const here = `${path}${key}`;
     if (typeof value === "string") return [[here, value]];
-    if (typeof value === "function") return [[here, value(...Array.from({ length: value.length }, (_, n) => `‹${n}›`))]];
+    if (typeof value === "function")
+      return [[here, value(...Array.from({ length: value.length }, (_, n) => `‹${n}›`))]];
     return messages(value, `${here}.`);
   });
 }
-const marks = (text: string): string[] => [...text.matchAll(/‹\d›|`[^`]*`/g)].map(([mark]) => (mark.startsWith("`") ? "`" : mark)).sort();
+const marks = (text: string): string[] =>
+  [...text.matchAll(/‹\d›|`[^`]*`/g)].map(([mark]) => (mark.startsWith("`") ? "`" : mark)).sort();
 
 test("every language has every message, with the same gaps and as many keys", async () => {
   const english = messages(en);
   for (const [name, fetchWords] of Object.entries(LANGUAGES)) {
     const own = messages(await fetchWords());
-    assert.deepEqual(own.map(([key]) => key), english.map(([key]) => key), name);
+    assert.deepEqual(
+      own.map(([key]) => key),
+      english.map(([key]) => key),
+      name,
+    );
     for (const [n, [key, text]] of own.entries()) {
       assert.ok(text.trim().length > 0, `${name}: ${key}`);
       assert.deepEqual(marks(text), marks(english[n]![1]), `${name}: ${key}`);
@@ -39,51 +45,111 @@ test("the browser's first language that the page speaks is taken, and English wh
 
 test("the page's text comes from the words", () => {
   const html = readFileSync("index.html", "utf8");
-  // each language can be chosen, by its own name
+  // each language can be chosen by its own name
   const choices = [...html.matchAll(/<option value="(\w+)" lang="(\w+)" title="([^"]+)">(\w+)<\/option>/g)];
   const languages = Object.keys(LANGUAGES);
-  for (const place of [1, 2]) assert.deepEqual(choices.map((choice) => choice[place]), languages);
-  // names and symbols, which are the same in every language
-  const same = ["palpate", "–", "N", "?", "↶", "↷", "‹", "›", ...choices.map((choice) => choice[4]!), "LPS (DICOM)", "RAS (Slicer)"];
-  const text = [...html.matchAll(/>([^<]+)</g)].map(([, words]) => words!.trim()).filter((words) => words && !same.includes(words));
+  for (const place of [1, 2])
+    assert.deepEqual(
+      choices.map((choice) => choice[place]),
+      languages,
+    );
+  // names and symbols that are the same in every language
+  const same = [
+    "palpate",
+    "–",
+    "N",
+    "?",
+    "↶",
+    "↷",
+    "‹",
+    "›",
+    ...choices.map((choice) => choice[4]!),
+    "LPS (DICOM)",
+    "RAS (Slicer)",
+  ];
+  const text = [...html.matchAll(/>([^<]+)</g)]
+    .map(([, words]) => words!.trim())
+    .filter((words) => words && !same.includes(words));
   assert.deepEqual(text, []);
   const said = [...html.matchAll(/ (?:title|alt|aria-label|placeholder)="([^"]+)"/g)].map(([, words]) => words!);
-  assert.deepEqual(said, choices.map((choice) => choice[3]));
+  assert.deepEqual(
+    said,
+    choices.map((choice) => choice[3]),
+  );
   const named = [...html.matchAll(/ data-words(?:-title|-label|-placeholder)?="([^"]*)"/g)].map(([, key]) => key!);
   assert.ok(named.length > 80);
-  assert.deepEqual(named.filter((key) => typeof en[key as keyof typeof en] !== "string"), []);
+  assert.deepEqual(
+    named.filter((key) => typeof en[key as keyof typeof en] !== "string"),
+    [],
+  );
 });
 
-/** What a name says, which is the same in every language; of a file's format; of a mistake in the page, that nobody is to read. */
-const SAME = ["palpate", "patient (LPS), mm; forces in World, N", "a matrix that cannot be inverted", "no WebGL 2", "The graphics were lost."];
+/** Texts that are not translated: names, fields of file formats, and internal errors that no user should see. */
+const SAME = [
+  "palpate",
+  "patient (LPS), mm; forces in World, N",
+  "a matrix that cannot be inverted",
+  "no WebGL 2",
+  "The graphics were lost.",
+];
 const KEYS = ["Space", "Enter", "Escape", "Home"];
-/** Which argument of a call is written on the page. */
-const CALLS: Record<string, number> = { write: 1, text: 1, toast: 0, fillText: 0, Error: 0, Lasting: 0, Gone: 0, NoMemory: 0, WireError: 0, Option: 0 };
+/** Index of the argument of a call that is shown on the page. */
+const CALLS: Record<string, number> = {
+  write: 1,
+  text: 1,
+  toast: 0,
+  fillText: 0,
+  Error: 0,
+  Lasting: 0,
+  Gone: 0,
+  NoMemory: 0,
+  WireError: 0,
+  Option: 0,
+};
 const WRITTEN = ["textContent", "innerText", "title", "ariaLabel", "placeholder"];
 
-/** What a source says in words of its own: sentences, capitalised words, and whatever is handed to what writes on the page. */
+/** Texts in a source file: sentences, capitalised words, and arguments of functions that write to the page. */
 function ownWords(file: string, source: string): string[] {
   const found: string[] = [];
   const last = (node: ts.Node) => node.getText().split(".").at(-1)!;
   const isWritten = (node: ts.Node): boolean => {
     const { parent } = node;
-    if (ts.isCallExpression(parent) || ts.isNewExpression(parent)) return parent.arguments?.indexOf(node as ts.Expression) === CALLS[last(parent.expression)];
+    if (ts.isCallExpression(parent) || ts.isNewExpression(parent))
+      return parent.arguments?.indexOf(node as ts.Expression) === CALLS[last(parent.expression)];
     if (ts.isPropertyAssignment(parent)) return WRITTEN.includes(parent.name.getText());
-    if (ts.isBinaryExpression(parent) && parent.operatorToken.kind === ts.SyntaxKind.EqualsToken) return WRITTEN.includes(last(parent.left));
-    const isPart = ts.isTemplateSpan(parent) || ts.isTemplateExpression(parent) || ts.isConditionalExpression(parent) || ts.isParenthesizedExpression(parent);
+    if (ts.isBinaryExpression(parent) && parent.operatorToken.kind === ts.SyntaxKind.EqualsToken)
+      return WRITTEN.includes(last(parent.left));
+    const isPart =
+      ts.isTemplateSpan(parent) ||
+      ts.isTemplateExpression(parent) ||
+      ts.isConditionalExpression(parent) ||
+      ts.isParenthesizedExpression(parent);
     return isPart && isWritten(parent);
   };
-  const isStyle = (node: ts.Node): boolean => ts.findAncestor(node, (one) =>
-    (ts.isPropertyAssignment(one) && one.name.getText() === "className") || (ts.isBinaryExpression(one) && /\.(className|font)$/.test(one.left.getText()))) !== undefined;
+  const isStyle = (node: ts.Node): boolean =>
+    ts.findAncestor(
+      node,
+      (one) =>
+        (ts.isPropertyAssignment(one) && one.name.getText() === "className") ||
+        (ts.isBinaryExpression(one) && /\.(className|font)$/.test(one.left.getText())),
+    ) !== undefined;
   const visit = (node: ts.Node): void => {
     // names of messages are checked by their type
-    if (ts.isCallExpression(node) && last(node.expression) === "says") return void node.arguments.slice(0, 1).forEach(visit);
-    const isText = (ts.isStringLiteralLike(node) && !ts.isImportDeclaration(node.parent)) || ts.isTemplateHead(node) || ts.isTemplateMiddleOrTemplateTail(node);
+    if (ts.isCallExpression(node) && last(node.expression) === "says")
+      return void node.arguments.slice(0, 1).forEach(visit);
+    const isText =
+      (ts.isStringLiteralLike(node) && !ts.isImportDeclaration(node.parent)) ||
+      ts.isTemplateHead(node) ||
+      ts.isTemplateMiddleOrTemplateTail(node);
     const text = isText ? node.text : "";
-    const isSaid = /[A-Za-z]{2,} [a-z]{2,}/.test(text) || /^[A-Z][a-z]{2,}$/.test(text) || (/[A-Za-z]{3,}/.test(text) && isWritten(node));
-    // a shader has lines
+    const isSaid =
+      /[A-Za-z]{2,} [a-z]{2,}/.test(text) ||
+      /^[A-Z][a-z]{2,}$/.test(text) ||
+      (/[A-Za-z]{3,}/.test(text) && isWritten(node));
+    // shaders consist of several lines
     const isProgram = (ts.findAncestor(node, ts.isTemplateExpression) ?? node).getText().includes("\n");
-    if (isSaid && !isProgram && !isStyle(node) && ![...SAME, ...KEYS].includes(text.trim())) found.push(`${file}: ${text}`);
+    if (isSaid && !isProgram && !isStyle(node) && ![...SAME, ...KEYS].includes(text.trim()))
+      found.push(`${file}: ${text}`);
     ts.forEachChild(node, visit);
   };
   visit(ts.createSourceFile(file, source, ts.ScriptTarget.ES2022, true));
@@ -91,8 +157,20 @@ function ownWords(file: string, source: string): string[] {
 }
 
 test("the sources write no words of their own", () => {
-  assert.deepEqual(ownWords("example.ts", "write(byId(`a`), x ? `free` : `${n} mm`); box.textContent = 'Paused'; toast(words.free);").map((one) => one.split(": ")[1]), ["free", "Paused"]);
-  const files = readdirSync("src").filter((name) => name.endsWith(".ts"));
+  assert.deepEqual(
+    ownWords(
+      "example.ts",
+      "write(byId(`a`), x ? `free` : `${n} mm`); box.textContent = 'Paused'; toast(words.free);",
+    ).map((one) => one.split(": ")[1]),
+    ["free", "Paused"],
+  );
+  const dictionaries = Object.keys(LANGUAGES).map((language) => join("words", `${language}.ts`));
+  const files = readdirSync("src", { recursive: true, encoding: "utf8" }).filter(
+    (name) => name.endsWith(".ts") && !dictionaries.includes(name),
+  );
   assert.ok(files.length > 30);
-  assert.deepEqual(files.flatMap((name) => ownWords(name, readFileSync(join("src", name), "utf8"))), []);
+  assert.deepEqual(
+    files.flatMap((name) => ownWords(name, readFileSync(join("src", name), "utf8"))),
+    [],
+  );
 });

@@ -1,13 +1,33 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { aboutAxis, apply, invert, length, rotate, sub, type Vec3 } from "../src/geometry.js";
-import { WireError, WireVersion } from "../src/wire.js";
-import { decodeYield, isYield, Yields } from "../src/yields.js";
+import { aboutAxis, apply, invert, length, rotate, sub, type Vec3 } from "../src/base/geometry.js";
+import { WireError, WireVersion } from "../src/protocol/wire.js";
+import { decodeYield, isYield, Yields } from "../src/protocol/yields.js";
 
-const turned = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]] as Vec3[]).map((v) => rotate(aboutAxis([1, 2, 3], 0.7), v));
+const turned = (
+  [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ] as Vec3[]
+).map((v) => rotate(aboutAxis([1, 2, 3], 0.7), v));
 
-/** Written by the table of docs/reference/viewer-protocol.md. @param moved  of a node, mm */
-function written(moved: (i: number, j: number, k: number) => Vec3, { dims = [12, 10, 9] as Vec3, lo = [1, 2, 1] as Vec3, size = [4, 3, 5] as Vec3, first = [-10, 5, 7.5] as Vec3, device = 0, step = 0.001, axes = turned } = {}): DataView {
+/**
+ * Encoder by the table of docs/reference/viewer-messages.md.
+ * @param moved  displacement of a node, mm
+ */
+function written(
+  moved: (i: number, j: number, k: number) => Vec3,
+  {
+    dims = [12, 10, 9] as Vec3,
+    lo = [1, 2, 1] as Vec3,
+    size = [4, 3, 5] as Vec3,
+    first = [-10, 5, 7.5] as Vec3,
+    device = 0,
+    step = 0.001,
+    axes = turned,
+  } = {},
+): DataView {
   const bytes = 96 + 6 * size[0] * size[1] * size[2];
   const view = new DataView(new ArrayBuffer(bytes));
   "PLPY".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
@@ -18,12 +38,14 @@ function written(moved: (i: number, j: number, k: number) => Vec3, { dims = [12,
   [...dims, ...lo, ...size].forEach((count, n) => view.setUint16(16 + 2 * n, count, true));
   [...first, ...axes.flat(), 2.5, step].forEach((x, n) => view.setFloat32(36 + 4 * n, x, true));
   let at = 96;
-  for (let k = 0; k < size[2]; k++) for (let j = 0; j < size[1]; j++) for (let i = 0; i < size[0]; i++) {
-    for (const mm of moved(lo[0] + i, lo[1] + j, lo[2] + k)) {
-      view.setInt16(at, Math.round(mm / step), true);
-      at += 2;
-    }
-  }
+  for (let k = 0; k < size[2]; k++)
+    for (let j = 0; j < size[1]; j++)
+      for (let i = 0; i < size[0]; i++) {
+        for (const mm of moved(lo[0] + i, lo[1] + j, lo[2] + k)) {
+          view.setInt16(at, Math.round(mm / step), true);
+          at += 2;
+        }
+      }
   return view;
 }
 const rest = (device: number) => written(() => [0, 0, 0], { dims: [0, 0, 0], lo: [0, 0, 0], size: [0, 0, 0], device });
@@ -33,15 +55,22 @@ test("tissue that yields is read by the table of the protocol", () => {
   const moved = (i: number, j: number, k: number): Vec3 => [0.1 * i, -0.2 * j, k];
   const { device, frame, nodes, moved_mm } = decoded(written(moved, { device: 2 }));
   assert.deepEqual([device, frame, nodes!.dims], [2, 77, [12, 10, 9]]);
-  for (const node of [[0, 0, 0], [5, 1, 3]] as Vec3[]) {
-    const p = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * node[n]! * axis[c]!) as Vec3, [-10, 5, 7.5] as Vec3);
+  for (const node of [
+    [0, 0, 0],
+    [5, 1, 3],
+  ] as Vec3[]) {
+    const p = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * node[n]! * axis[c]!) as Vec3, [
+      -10, 5, 7.5,
+    ] as Vec3);
     assert.ok(length(sub(apply(nodes!.nodeFromPatient, p), node)) < 1e-5);
   }
-  for (let k = 0, n = 0; k < 9; k++) for (let j = 0; j < 10; j++) for (let i = 0; i < 12; i++, n += 3) {
-    const isIn = i >= 1 && i < 5 && j >= 2 && j < 5 && k >= 1 && k < 6;
-    const expected = isIn ? moved(i, j, k) : [0, 0, 0];
-    for (let c = 0; c < 3; c++) assert.ok(Math.abs(moved_mm[n + c]! - expected[c]!) < 6e-4);
-  }
+  for (let k = 0, n = 0; k < 9; k++)
+    for (let j = 0; j < 10; j++)
+      for (let i = 0; i < 12; i++, n += 3) {
+        const isIn = i >= 1 && i < 5 && j >= 2 && j < 5 && k >= 1 && k < 6;
+        const expected = isIn ? moved(i, j, k) : [0, 0, 0];
+        for (let c = 0; c < 3; c++) assert.ok(Math.abs(moved_mm[n + c]! - expected[c]!) < 6e-4);
+      }
   assert.equal(decoded(rest(1)).nodes, null);
   assert.ok(isYield(rest(1).buffer as ArrayBuffer) && !isYield(new ArrayBuffer(392)) && !isYield(new ArrayBuffer(2)));
 });
@@ -58,18 +87,20 @@ test("whatever is no whole message of tissue is refused", () => {
   refused((view) => view.setUint16(16, 65, true)); // nodes
   refused((view) => view.setUint16(16, 1, true));
   refused((view) => [0, 2, 4].forEach((at) => view.setUint16(16 + at, 64, true)));
-  refused((view) => view.setUint16(22, 9, true)); // a box that is not within
-  refused((view) => view.setUint16(28, 65535, true)); // nor as large as the message
+  refused((view) => view.setUint16(22, 9, true)); // a box outside of the grid
+  refused((view) => view.setUint16(28, 65535, true)); // larger than the message
   refused((view) => view.setUint16(28, 0, true));
-  for (const at of [36, 48, 64, 84, 88]) for (const x of [NaN, Infinity, -1e30]) refused((view) => view.setFloat32(at, x, true));
-  refused((view) => view.setFloat32(48, 0.5, true)); // axes that are not at right angles
+  for (const at of [36, 48, 64, 84, 88])
+    for (const x of [NaN, Infinity, -1e30]) refused((view) => view.setFloat32(at, x, true));
+  refused((view) => view.setFloat32(48, 0.5, true)); // axes that are not orthogonal
   refused((view) => view.setFloat32(84, 0, true));
   refused((view) => view.setFloat32(88, 0, true));
   const other = written(() => [1, 1, 1]);
   other.setUint16(4, 4, true);
   assert.throws(() => decoded(other), WireVersion);
   const whole = written(() => [1, 1, 1]).buffer as ArrayBuffer;
-  for (let bytes = 0; bytes < whole.byteLength; bytes++) assert.throws(() => decodeYield(whole.slice(0, bytes)), WireError);
+  for (let bytes = 0; bytes < whole.byteLength; bytes++)
+    assert.throws(() => decodeYield(whole.slice(0, bytes)), WireError);
   assert.throws(() => decodeYield(new ArrayBuffer(whole.byteLength + 1)), WireError);
 });
 
@@ -79,7 +110,8 @@ test("random bytes of tissue never do anything else than to be refused, or make 
   const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff) >> 8;
   for (let n = 0; n < 3000; n++) {
     const view = written(() => [0.5, 0, 0.25]);
-    for (let flips = 0; flips < 1 + (n % 4); flips++) view.setUint8(random() % (n % 2 === 0 ? 96 : view.byteLength), random() & 0xff);
+    for (let flips = 0; flips < 1 + (n % 4); flips++)
+      view.setUint8(random() % (n % 2 === 0 ? 96 : view.byteLength), random() & 0xff);
     let told;
     try {
       told = decoded(view);
@@ -94,8 +126,9 @@ test("random bytes of tissue never do anything else than to be refused, or make 
   }
 });
 
-/** A bump that comes to nothing within the grid. */
-const bump = (node: Vec3, middle: Vec3, mm: Vec3): Vec3 => mm.map((x) => x * Math.exp(-(length(sub(node, middle)) ** 2) / 4)) as Vec3;
+/** A bump that vanishes within the grid. */
+const bump = (node: Vec3, middle: Vec3, mm: Vec3): Vec3 =>
+  mm.map((x) => x * Math.exp(-(length(sub(node, middle)) ** 2) / 4)) as Vec3;
 
 test("pictures look up where tissue came from, and know nothing of what is not told any more", () => {
   const yields = new Yields();
@@ -105,68 +138,108 @@ test("pictures look up where tissue came from, and know nothing of what is not t
   assert.deepEqual(nodes.dims, [18, 16, 15], "as many more on each side as it takes to be at rest");
   const patientFromNode = invert(nodes.nodeFromPatient);
   const told = decoded(written(() => [0, 0, 0])).nodes!;
-  // forward by the same nodes, linear between them
+  // forward displacement by the same nodes, trilinear
   const forward = (p: Vec3): Vec3 => {
     const node = apply(told.nodeFromPatient, p);
     const low = node.map((x, axis) => Math.min(Math.max(Math.floor(x), 0), told.dims[axis]! - 2)) as Vec3;
-    return Array.from({ length: 8 }, (_, c) => [c & 1, (c >> 1) & 1, c >> 2] as Vec3).reduce((sum, corner) => {
-      const weight = corner.reduce((product, o, axis) => product * (o ? node[axis]! - low[axis]! : 1 - node[axis]! + low[axis]!), 1);
-      return sum.map((x, c) => x + weight * bump(low.map((l, axis) => l + corner[axis]!) as Vec3, [5, 5, 4], mm)[c]!) as Vec3;
-    }, [0, 0, 0] as Vec3);
+    return Array.from({ length: 8 }, (_, c) => [c & 1, (c >> 1) & 1, c >> 2] as Vec3).reduce(
+      (sum, corner) => {
+        const weight = corner.reduce(
+          (product, o, axis) => product * (o ? node[axis]! - low[axis]! : 1 - node[axis]! + low[axis]!),
+          1,
+        );
+        return sum.map(
+          (x, c) => x + weight * bump(low.map((l, axis) => l + corner[axis]!) as Vec3, [5, 5, 4], mm)[c]!,
+        ) as Vec3;
+      },
+      [0, 0, 0] as Vec3,
+    );
   };
-  for (let k = 4, most = 0; k < 11; k++) for (let j = 4; j < 12; j++) for (let i = 4; i < 14; i++) {
-    const seen = apply(patientFromNode, [i, j, k]);
-    const n = 4 * (i + 18 * (j + 16 * k));
-    const from = seen.map((x, c) => x + back[n + c]!) as Vec3;
-    assert.ok(length(sub(from.map((x, c) => x + forward(from)[c]!) as Vec3, seen)) < 0.01);
-    assert.ok(length(sub(yields.movedAt(from), forward(from))) < 1e-3, "a tool there is drawn with the tissue");
-    assert.equal(back[n + 3], 1);
-    most = Math.max(most, length([back[n]!, back[n + 1]!, back[n + 2]!]));
-    if (k === 10 && j === 11 && i === 13) assert.ok(most > 1.2);
-  }
+  for (let k = 4, most = 0; k < 11; k++)
+    for (let j = 4; j < 12; j++)
+      for (let i = 4; i < 14; i++) {
+        const seen = apply(patientFromNode, [i, j, k]);
+        const n = 4 * (i + 18 * (j + 16 * k));
+        const from = seen.map((x, c) => x + back[n + c]!) as Vec3;
+        assert.ok(length(sub(from.map((x, c) => x + forward(from)[c]!) as Vec3, seen)) < 0.01);
+        assert.ok(length(sub(yields.movedAt(from), forward(from))) < 1e-3, "a tool there is drawn with the tissue");
+        assert.equal(back[n + 3], 1);
+        most = Math.max(most, length([back[n]!, back[n + 1]!, back[n + 2]!]));
+        if (k === 10 && j === 11 && i === 13) assert.ok(most > 1.2);
+      }
   assert.equal(back[3], 0, "beyond what is told nothing is known of strain");
   assert.ok([...back.subarray(0, 3)].every((x) => Math.abs(x) < 1e-3));
-  // another place, the same size
-  yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 1, 2] })));
+  // another position, the same size
+  yields.tell(
+    decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 1, 2] })),
+  );
   assert.deepEqual(yields.displaced(() => false)!.nodes.dims, [18, 16, 15]);
-  // a tool goes with the tissue as it is drawn, not as it is told
-  const place = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * [5, 5, 4][n]! * axis[c]!) as Vec3, [0, 1, 2] as Vec3);
+  // a tool moves with the tissue as displayed, not as reported
+  const place = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * [5, 5, 4][n]! * axis[c]!) as Vec3, [
+    0, 1, 2,
+  ] as Vec3);
   const drawn = yields.movedAt(place);
   assert.ok(length(sub(drawn, mm)) < 1e-3, "at the top of the bump");
   yields.tell(decoded(rest(0)));
   assert.deepEqual(yields.movedAt(place), drawn);
-  assert.equal(yields.displaced(() => false), null);
+  assert.equal(
+    yields.displaced(() => false),
+    null,
+  );
   assert.deepEqual(yields.movedAt(place), [0, 0, 0]);
 });
 
 test("two devices' tissue is in one grid, and adds up", () => {
   const yields = new Yields();
   const told = (device: number, first: Vec3, mm: Vec3) =>
-    yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first, device })));
+    yields.tell(
+      decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first, device })),
+    );
   told(0, [0, 0, 0], [1, 0, 0]);
   told(1, turned[0]!.map((x) => 10 * x) as Vec3, [0, 0.5, 0]);
   const at = (node: Vec3): Vec3 => {
     const { nodes, mm } = yields.displaced(() => false)!;
-    const p = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * node[n]! * axis[c]!) as Vec3, [0, 0, 0] as Vec3);
+    const p = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * node[n]! * axis[c]!) as Vec3, [
+      0, 0, 0,
+    ] as Vec3);
     const [i, j, k] = apply(nodes.nodeFromPatient, p).map(Math.round) as Vec3;
     const n = 4 * (i + nodes.dims[0] * (j + nodes.dims[1] * k));
     return [mm[n]!, mm[n + 1]!, mm[n + 2]!];
   };
   const [one, other, between] = [at([5, 5, 4]), at([9, 5, 4]), at([7, 5, 4])];
-  assert.ok(one[0] < -0.8 && other[1] < -0.45 && between[0] < -0.2 && between[1] < -0.1, JSON.stringify([one, other, between]));
-  // so far apart that the grid has to be a coarser one
+  assert.ok(
+    one[0] < -0.8 && other[1] < -0.45 && between[0] < -0.2 && between[1] < -0.1,
+    JSON.stringify([one, other, between]),
+  );
+  // far enough apart for a coarser grid
   told(1, [600, 0, 0], [0, 0.5, 0]);
   const { nodes } = yields.displaced(() => false)!;
   assert.ok(nodes.dims.reduce((a, b) => a * b) <= 40_000);
   yields.forget();
-  assert.equal(yields.displaced(() => false), null);
+  assert.equal(
+    yields.displaced(() => false),
+    null,
+  );
 });
 
 test("where there is nothing, what lies beside tissue that moves goes along; where something is, it stays", () => {
   const yields = new Yields();
-  const straight: Vec3[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const straight: Vec3[] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ];
   // tissue below node 4 of k
-  yields.tell(decoded(written((_i, _j, k) => (k <= 3 ? [0, 0, -1.5] : [0, 0, 0]), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 0, 0], axes: straight })));
+  yields.tell(
+    decoded(
+      written((_i, _j, k) => (k <= 3 ? [0, 0, -1.5] : [0, 0, 0]), {
+        lo: [0, 0, 0],
+        size: [12, 10, 9],
+        first: [0, 0, 0],
+        axes: straight,
+      }),
+    ),
+  );
   const alongZ = (isEmptyAt: (p: Vec3) => boolean) => {
     const { nodes, mm } = yields.displaced(isEmptyAt)!;
     return Array.from({ length: 9 }, (_, k) => {

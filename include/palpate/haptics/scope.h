@@ -8,7 +8,7 @@
 #include "palpate/geometry/geometry.h"
 
 /// Camera of an arthroscope, from the pose of its shaft. Identical to the page's scope view
-/// (web/src/scope.ts), so that what a task counts as visible is visible there.
+/// (web/src/volume/scope.ts), so that what a task counts as visible is visible there.
 namespace palpate {
 
 /// Geometry of an arthroscope. The shaft extends from the tip along the tool's z axis; in the neutral

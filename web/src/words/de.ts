@@ -14,7 +14,12 @@ export const de: Words = {
   sideInTitle: { left: "links", right: "rechts", both: "beide Seiten", unknown: "Seite unbekannt" },
   modality: { ct: "CT", mr: "MRT", unknown: "Modalität unbekannt" },
   orientationUnknown: "Orientierung unbekannt",
-  mover: { script: "simulierte Hand", pointer: "vom Zeiger eines Betrachters geführt", device: "in einer Hand", recording: "eine Aufzeichnung" },
+  mover: {
+    script: "simulierte Hand",
+    pointer: "vom Zeiger eines Betrachters geführt",
+    device: "in einer Hand",
+    recording: "eine Aufzeichnung",
+  },
   toolNamed: (name) => `Instrument ${name}`,
   burr: { ball: "Kugelfräse", cylinder: "Zylinderfräse", cone: "Kegelfräse" },
   shaver: { ball: "Kugelshaver", cylinder: "Shaver", cone: "Kegelshaver" },
@@ -29,7 +34,13 @@ export const de: Words = {
   stopTitle: "Kraft sofort aus, sonst nichts (Leertaste)",
 
   // the connection
-  link: { connecting: "Verbindet", connected: "Verbunden", lost: "Verbindung verloren", refused: "Zugangscode nötig", ended: "Nicht verbunden" },
+  link: {
+    connecting: "Verbindet",
+    connected: "Verbunden",
+    lost: "Verbindung verloren",
+    refused: "Zugangscode nötig",
+    ended: "Nicht verbunden",
+  },
   oldPoses: "keine neuen Daten",
   viewOnly: "nur ansehen",
   dataAge: (age) => `Daten ${age} alt`,
@@ -45,8 +56,20 @@ export const de: Words = {
   noPose: "keine Pose: sie beginnt nicht mit PLPT",
   noNear: (bytes) => `keine ganze Nachricht darüber, was nah ist, mit ${bytes} Bytes`,
   noYield: (bytes) => `keine ganze Nachricht über nachgebendes Gewebe, mit ${bytes} Bytes`,
-  parts: { language: "die Sprache", training: "die Aufgaben", lesson: "die Lektion", recording: "die Zeitleiste", plan: "der Plan", near: "die Liste des Nahen", volume: "das Bild des Volumens", scope: "das Bild von innen", capture: "Bildschirmfotos und Aufnahmen" },
-  partsMissing: (names) => `Konnte nicht geladen werden: ${names}. Alles andere geht, auch der Not-Halt. Zum erneuten Versuch die Seite neu laden.`,
+  parts: {
+    language: "die Sprache",
+    training: "die Aufgaben",
+    lesson: "die Lektion",
+    recording: "die Zeitleiste",
+    plan: "der Plan",
+    near: "die Liste des Nahen",
+    volume: "das Bild des Volumens",
+    scope: "das Bild von innen",
+    capture: "Bildschirmfotos und Aufnahmen",
+  },
+  partsMissing: (names) =>
+    `Konnte nicht geladen werden: ${names}. Alles andere geht, ` +
+    "auch der Not-Halt. Zum erneuten Versuch die Seite neu laden.",
   poseOfDevices: (bytes, devices) => `eine Pose mit ${bytes} Bytes für ${devices} Geräte`,
 
   // tools and pictures
@@ -65,7 +88,9 @@ export const de: Words = {
   clear: "Löschen",
   clearTitle: "Alle Längen und Winkel entfernen",
   undo: "Rückgängig",
-  undoTitle: "Rückgängig (Strg+Z): Einstellungen, Drehungen, Aussehen, Ansichten des Volumens, Messungen, Lesezeichen; nie ein Halt oder eine Pause. Was eine Fräse oder ein Shaver abtrug, hat eigene Knöpfe",
+  undoTitle:
+    "Rückgängig (Strg+Z): Einstellungen, Drehungen, Aussehen, Ansichten des Volumens, Messungen, " +
+    "Lesezeichen; nie ein Halt oder eine Pause. Was eine Fräse oder ein Shaver abtrug, hat eigene Knöpfe",
   redo: "Wiederherstellen",
   redoTitle: "Wiederherstellen (Strg+Umschalt+Z)",
   follow: "Spitze folgen",
@@ -98,7 +123,9 @@ export const de: Words = {
   sagittalAbout: `Sagittal. ${IN_SECTION}`,
   coronal: "Koronar",
   coronalAbout: `Koronar. ${IN_SECTION}`,
-  scopeAbout: "Endoskop. Pfeiltasten: umsehen; Plus und Minus: vor und zurück; Komma und Punkt: die Optik um den Schaft drehen; Pos1: zurück zur Spitze.",
+  scopeAbout:
+    "Endoskop. Pfeiltasten: umsehen; Plus und Minus: vor und zurück; " +
+    "Komma und Punkt: die Optik um den Schaft drehen; Pos1: zurück zur Spitze.",
   lookFrom: "Blick von",
   lookFromAnterior: "Blick von anterior",
   lookFromPosterior: "Blick von posterior",
@@ -119,7 +146,11 @@ export const de: Words = {
   slice: "Schicht",
   sliceNumber: "Nummer der Schicht",
   sliceOf: (slice, count) => `${slice} von ${count}`,
-  overSlab: { mean: (mm) => `Mittel über ${mm}`, maximum: (mm) => `Maximum über ${mm}`, minimum: (mm) => `Minimum über ${mm}` },
+  overSlab: {
+    mean: (mm) => `Mittel über ${mm}`,
+    maximum: (mm) => `Maximum über ${mm}`,
+    minimum: (mm) => `Minimum über ${mm}`,
+  },
   restsMeanwhile: "ruht während der Messung (Esc bricht ab)",
   offThisPlane: (distance) => `${distance} neben dieser Ebene`,
   oldData: (age) => `Daten ${age} alt`,
@@ -154,7 +185,8 @@ export const de: Words = {
   motorOffFirst: "Erst den Motor ausschalten oder sein Pedal loslassen",
   rearm: "Freigeben",
   armCode: "Sechs Ziffern",
-  armCodeTitle: "Sie stehen auf dem Terminal, wo palpate läuft, solange das Gerät angehalten ist; gültig einmal, eine Minute lang",
+  armCodeTitle:
+    "Sie stehen auf dem Terminal, wo palpate läuft, solange das Gerät angehalten ist; gültig einmal, eine Minute lang",
   rearmTitle: "Kraft nach einem Not-Halt wieder an, wo die Spitze nichts berührt",
   free: "frei",
   outside: "außerhalb des Volumens",
@@ -165,16 +197,36 @@ export const de: Words = {
   alongSurface: (force) => `${force} entlang der Oberfläche`,
   lessBecause: (force, asked, reason) => `${force} von ${asked}: ${reason}`,
   because: {
-    thermal: "der Motor ist warm", clamped: "die Grenze", ramp: "sie kommt langsam", passivity: "gegen Schwingen gedämpft",
+    thermal: "der Motor ist warm",
+    clamped: "die Grenze",
+    ramp: "sie kommt langsam",
+    passivity: "gegen Schwingen gedämpft",
     slew: "die Ausgabe ändert sich nicht schneller",
   },
   flags: {
-    emergencyStop: "Not-Halt", paused: "Pause", stale: "keine Pose von der Hand", deviceFault: "Gerätefehler", halted: "angehalten", jump: "Sprung",
-    notFinite: "keine Zahl", clamped: "an der Grenze", thermal: "Motor warm", clutched: "ausgekuppelt", wedged: "verkeilt",
-    ruptured: "durch die Oberfläche", inside: "innen, seit der Kontakt begann", noGo: "ferngehalten", passivity: "gedämpft", turnHeld: "Drehung gehalten", release: "losgelassen", ramp: "klingt an oder ab",
+    emergencyStop: "Not-Halt",
+    paused: "Pause",
+    stale: "keine Pose von der Hand",
+    deviceFault: "Gerätefehler",
+    halted: "angehalten",
+    jump: "Sprung",
+    notFinite: "keine Zahl",
+    clamped: "an der Grenze",
+    thermal: "Motor warm",
+    clutched: "ausgekuppelt",
+    wedged: "verkeilt",
+    ruptured: "durch die Oberfläche",
+    inside: "innen, seit der Kontakt begann",
+    noGo: "ferngehalten",
+    passivity: "gedämpft",
+    turnHeld: "Drehung gehalten",
+    release: "losgelassen",
+    ramp: "klingt an oder ab",
   },
   stoppedBy: {
-    you: "angehalten von dieser Seite", viewer: "angehalten von einem anderen Betrachter", key: "angehalten durch eine Taste, wo palpate läuft",
+    you: "angehalten von dieser Seite",
+    viewer: "angehalten von einem anderen Betrachter",
+    key: "angehalten durch eine Taste, wo palpate läuft",
     palpate: "angehalten von palpate: niemand wachte darüber",
   },
   rearmThere: "wird freigegeben, wo palpate läuft: r, mit freier Spitze; oder mit den sechs Ziffern, die dort stehen",
@@ -199,11 +251,15 @@ export const de: Words = {
   keptAwayFrom: (name) => `ferngehalten von ${name}`,
   someRegion: "eine Sperrzone",
   sound: "Ton",
-  soundTitle: "Töne, schneller und höher, je näher eine Sperrzone ist, und ohne Pause, wo sie wegdrückt; was am nächsten ist, wird auch gesprochen (N)",
+  soundTitle:
+    "Töne, schneller und höher, je näher eine Sperrzone ist, und ohne Pause, " +
+    "wo sie wegdrückt; was am nächsten ist, wird auch gesprochen (N)",
   soundHeld: "Der Browser lässt ihn nach dem ersten Druck auf die Seite hören.",
 
   // a tracked tool
-  trackedAbout: "Wie falsch der Ort sein kann, an dem die Spitze gezeigt wird (TRE), und was an den Punkten der Registrierung übrig blieb (FRE)",
+  trackedAbout:
+    "Wie falsch der Ort sein kann, an dem die Spitze gezeigt wird (TRE), " +
+    "und was an den Punkten der Registrierung übrig blieb (FRE)",
   treIs: (rms, most) => `TRE ${rms}, 95 %: ${most}`,
   treNotKnown: "TRE nicht bekannt",
   freIs: (mm) => `FRE ${mm}`,
@@ -219,7 +275,8 @@ export const de: Words = {
   ratePlot: "Takt, Hz",
   ratePlotAbout: "Takte je Sekunde in den letzten 60 Sekunden",
   lateness: (median, most) => `p50 ${median}, p99 ${most}`,
-  loop: (rate, median, most, skipped, dropped) => `${rate} Hz · spät ${median}/${most} µs · übersprungen ${skipped} verloren ${dropped}`,
+  loop: (rate, median, most, skipped, dropped) =>
+    `${rate} Hz · spät ${median}/${most} µs · übersprungen ${skipped} verloren ${dropped}`,
   viewer: "1 Betrachter",
   viewers: (count) => `${count} Betrachter`,
   sessionRecorded: "Sitzung aufgezeichnet",
@@ -249,7 +306,12 @@ export const de: Words = {
   showNotFelt: "Nicht Gefühltes einblenden",
   partly: "Teils",
   looksPreset: "Aussehen …",
-  looks: { scene: "Wie die Szene kam", solid: "Alles deckend", bone: "Nur Knochen", translucent: "Weichteile durchscheinend" },
+  looks: {
+    scene: "Wie die Szene kam",
+    solid: "Alles deckend",
+    bone: "Nur Knochen",
+    translucent: "Weichteile durchscheinend",
+  },
   alone: (name) => `${name}: allein, noch einmal: wie zuvor`,
 
   // tasks
@@ -281,7 +343,8 @@ export const de: Words = {
   ruleTime: (time) => `Nach ${time} ist sie vorbei`,
   ruleEndsItself: "Sie endet von selbst, wenn alle Schritte erledigt sind",
   ruleEndsByYou: "Sie endet, wenn sie beendet wird",
-  ruleRow: (runs) => `Bestanden mit ${runs} Durchgängen nacheinander, in denen jeder gezählte Wert in seinem Bereich liegt`,
+  ruleRow: (runs) =>
+    `Bestanden mit ${runs} Durchgängen nacheinander, in denen jeder gezählte Wert in seinem Bereich liegt`,
   atLeast: (value) => `mindestens ${value}`,
   atMost: (value) => `höchstens ${value}`,
   fromTo: (least, most) => `${least} bis ${most}`,
@@ -292,7 +355,14 @@ export const de: Words = {
   timeLeft: (time) => `noch ${time}`,
   beingKept: "Vorbei. Wird gespeichert …",
   forceOn: (name) => `Kraft auf ${name}`,
-  inBand: { none: "nicht berührt", some: "berührt", under: "zu wenig", in: "im Bereich", over: "zu viel", limit: "über der Grenze" },
+  inBand: {
+    none: "nicht berührt",
+    some: "berührt",
+    under: "zu wenig",
+    in: "im Bereich",
+    over: "zu viel",
+    limit: "über der Grenze",
+  },
   isOver: (name, most) => `Zu viel Kraft auf ${name}: über ${most}.`,
   isProtected: (name) => `${name} ist geschützt: loslassen.`,
   isUnseen: "Was berührt wird, ist nicht im Bild der Optik.",
@@ -333,7 +403,12 @@ export const de: Words = {
   runOut: "Nicht jeder gezählte Wert in seinem Bereich",
   passed: "Bestanden",
   inARow: (runs, asked) => `${runs} von ${asked} nacheinander`,
-  endedBy: { task: "von selbst beendet", asked: "von Hand beendet", session: "mit der Sitzung beendet", trouble: "wegen Störung der Uhr oder des Speichers beendet" },
+  endedBy: {
+    task: "von selbst beendet",
+    asked: "von Hand beendet",
+    session: "mit der Sitzung beendet",
+    trouble: "wegen Störung der Uhr oder des Speichers beendet",
+  },
   tookAndEnded: (time, how) => `Dauerte ${time} und wurde ${how}.`,
   keptAs: (number) => `Ist Durchgang ${number} der Aufzeichnungen.`,
   notKept: (why) => `Nicht gespeichert: ${why}`,
@@ -352,11 +427,25 @@ export const de: Words = {
   noFigure: "keiner",
   ofStructures: (figure, names) => `${figure}: ${names}`,
   metrics: {
-    time: "Zeit", idle_time: "Leerlauf", path_length: "Weg der Spitze", economy: "Ökonomie der Bewegung", smoothness: "Glätte (log. dimensionsloser Ruck)",
-    mean_force: "Mittlere Kraft", peak_force: "Größte Kraft", force_in_band: "Kontaktzeit mit richtiger Kraft", longest_in_band: "Längste Zeit im Bereich",
-    excess_impulse: "Kraft über der Grenze mal Zeit", coverage: "Abgetastete Oberfläche", protected_time: "Zeit auf Geschütztem", steps_done: "Erledigte Schritte", answer_error: "Fehler der Antwort",
-    unseen_time: "Kontakt außerhalb des Bildes", removed_in_plan: "Im Plan abgetragen", removed_outside: "Außerhalb des Plans abgetragen",
-    protected_removed: "Von Geschütztem abgetragen", depth_past_plan: "Größte Tiefe über den Plan hinaus",
+    time: "Zeit",
+    idle_time: "Leerlauf",
+    path_length: "Weg der Spitze",
+    economy: "Ökonomie der Bewegung",
+    smoothness: "Glätte (log. dimensionsloser Ruck)",
+    mean_force: "Mittlere Kraft",
+    peak_force: "Größte Kraft",
+    force_in_band: "Kontaktzeit mit richtiger Kraft",
+    longest_in_band: "Längste Zeit im Bereich",
+    excess_impulse: "Kraft über der Grenze mal Zeit",
+    coverage: "Abgetastete Oberfläche",
+    protected_time: "Zeit auf Geschütztem",
+    steps_done: "Erledigte Schritte",
+    answer_error: "Fehler der Antwort",
+    unseen_time: "Kontakt außerhalb des Bildes",
+    removed_in_plan: "Im Plan abgetragen",
+    removed_outside: "Außerhalb des Plans abgetragen",
+    protected_removed: "Von Geschütztem abgetragen",
+    depth_past_plan: "Größte Tiefe über den Plan hinaus",
   },
   allTouched: "alles Berührte",
   runPlot: (name) => `Kraft auf ${name}, N`,
@@ -427,7 +516,12 @@ export const de: Words = {
   feeling: "Gefühl",
   method: "Verfahren",
   law: "Weichgewebe",
-  laws: { layers: "gibt nicht nach", chainmail: "Kettenhemd", elastic: "gibt nach, elastisch", "neo-hookean": "gibt nach, neo-Hooke" } as Record<string, string>,
+  laws: {
+    layers: "gibt nicht nach",
+    chainmail: "Kettenhemd",
+    elastic: "gibt nach, elastisch",
+    "neo-hookean": "gibt nach, neo-Hooke",
+  } as Record<string, string>,
   lawAwaited: (awaited: string, felt: string) => `„${awaited}“ wird bereitgestellt; bis dahin gilt „${felt}“`,
   methodAwaited: (awaited: string, felt: string) => `${awaited} wird bereitgestellt; bis dahin wirkt ${felt}`,
   forceLimit: "Kraftgrenze",
@@ -441,8 +535,14 @@ export const de: Words = {
   display: "Anzeige",
   preset: "Fensterwahl",
   presets: {
-    percentiles: "Perzentile dieser Aufnahme", all: "Alle Werte", softTissue: "Weichteil", bone: "Knochen", lung: "Lunge", brain: "Gehirn",
-    abdomen: "Abdomen", angio: "Angio",
+    percentiles: "Perzentile dieser Aufnahme",
+    all: "Alle Werte",
+    softTissue: "Weichteil",
+    bone: "Knochen",
+    lung: "Lunge",
+    brain: "Gehirn",
+    abdomen: "Abdomen",
+    angio: "Angio",
   },
   level: "Zentrum",
   width: "Breite",
@@ -450,10 +550,14 @@ export const de: Words = {
   scanInVolume: "Aufnahme im Vol.",
   outlines: "Umrisse",
   strain: "Verzerrung",
-  strainTitle: "Farben in den Schnitten: wie sehr weiches Gewebe, das unter dem Instrument nachgibt, verzerrt ist (Vergleichsdehnung, ohne die Änderung des Volumens)",
+  strainTitle:
+    "Farben in den Schnitten: wie sehr weiches Gewebe, das unter dem Instrument nachgibt, " +
+    "verzerrt ist (Vergleichsdehnung, ohne die Änderung des Volumens)",
   strainLegend: "Vergleichsdehnung",
   strainNone: "Vergleichsdehnung: nichts gibt nach",
-  steps: (step) => `Die Werte der Aufnahme kamen gerundet auf Stufen von ${step}, ein 65536stel ihres Umfangs: Was sich um weniger unterscheidet, sieht gleich aus.`,
+  steps: (step) =>
+    `Die Werte der Aufnahme kamen gerundet auf Stufen von ${step}, ` +
+    "ein 65536stel ihres Umfangs: Was sich um weniger unterscheidet, sieht gleich aus.",
   slab: "Schichtblock",
   slabThickness: "Dicke",
   slabs: { none: "Keiner: nur die Ebene", mean: "Mittelwert", maximum: "Maximum (MIP)", minimum: "Minimum (MinIP)" },
@@ -473,12 +577,19 @@ export const de: Words = {
   notThere: (path) => `${path} ist nicht da`,
   cameWith: (path, bytes) => `${path} kam mit ${bytes} Bytes`,
   refuses: (path, status) => `palpate verweigert, was diese Seite verlangt: ${path} antwortete ${status}.`,
-  mend403: "Öffnen Sie die Seite unter der Adresse, die palpate ausgegeben hat, nicht aus einer anderen Seite heraus und ohne Proxy, der Anfragen verändert.",
-  mend404: "Unter dieser Adresse antwortet etwas anderes als palpate, oder eine andere Version: Laden Sie die Seite neu.",
-  mend421: "Öffnen Sie die Seite unter der Adresse, die palpate ausgegeben hat, oder starten Sie palpate mit --host-name und dem Namen dieser Seite.",
+  mend403:
+    "Öffnen Sie die Seite unter der Adresse, die palpate ausgegeben hat, " +
+    "nicht aus einer anderen Seite heraus und ohne Proxy, der Anfragen verändert.",
+  mend404:
+    "Unter dieser Adresse antwortet etwas anderes als palpate, oder eine andere Version: Laden Sie die Seite neu.",
+  mend421:
+    "Öffnen Sie die Seite unter der Adresse, die palpate ausgegeben hat, " +
+    "oder starten Sie palpate mit --host-name und dem Namen dieser Seite.",
   mendOther: "Laden Sie die Seite neu; sie ist dann die des palpate, das läuft.",
-  otherVersion: (palpate, theirs, own) => `palpate ${palpate} spricht Version ${theirs} des Protokolls für Betrachter, diese Seite Version ${own}.`,
-  someOtherVersion: (own) => `palpate spricht eine andere Version des Protokolls für Betrachter als diese Seite, die Version ${own} spricht.`,
+  otherVersion: (palpate, theirs, own) =>
+    `palpate ${palpate} spricht Version ${theirs} des Protokolls für Betrachter, diese Seite Version ${own}.`,
+  someOtherVersion: (own) =>
+    `palpate spricht eine andere Version des Protokolls für Betrachter als diese Seite, die Version ${own} spricht.`,
   mendVersion: "Laden Sie die Seite neu: Das palpate, das jetzt läuft, bringt seine eigene mit.",
   lacksItsVolume: (what) => `Die Szene von palpate nennt ein Volumen, das es nicht hat: ${what}.`,
   startAgain: "Starten Sie palpate neu.",
@@ -486,7 +597,9 @@ export const de: Words = {
   mendMemory: "Schließen Sie andere Tabs und Programme, oder öffnen Sie die Seite auf einem anderen Gerät.",
   shrunk: (part) => `Der Speicher dieses Geräts ist knapp: Das Volumen wird mit ${part} seiner Auflösung gezeigt.`,
   noGraphicsMemory: "Der Grafikspeicher fasst das Volumen nicht.",
-  noWebGl: "Dieser Browser hat kein WebGL 2: Schnitte werden gröber gezeichnet, und palpate selbst zeichnet das Volumen, mit ruhendem Gewebe.",
+  noWebGl:
+    "Dieser Browser hat kein WebGL 2: Schnitte werden gröber gezeichnet, " +
+    "und palpate selbst zeichnet das Volumen, mit ruhendem Gewebe.",
   lostSections: "Der Browser hat die Grafik entzogen: Die Schnitte können nicht gezeichnet werden.",
   lostVolume: "Der Browser hat die Grafik entzogen: Das Volumen kann nicht gezeichnet werden.",
   lostBoth: "Der Browser hat die Grafik entzogen: Die Schnitte und das Volumen können nicht gezeichnet werden.",
@@ -494,12 +607,15 @@ export const de: Words = {
   lostHeals: "Sie kommen von selbst wieder, wenn er die Grafik zurückgibt.",
   failedVolume: "Was das Volumen zeichnet, ist ausgefallen: Das Volumen kann nicht gezeichnet werden.",
   failedHeals: "Es wird neu gestartet.",
-  mendFailed: "Ein Neustart hat nicht geholfen: Laden Sie diese Seite neu; wo das nicht hilft, starten Sie den Browser neu.",
+  mendFailed:
+    "Ein Neustart hat nicht geholfen: Laden Sie diese Seite neu; wo das nicht hilft, starten Sie den Browser neu.",
   lostHarmless: "Kraft und Not-Halt sind, wie sie waren.",
 
   // the token
   token: "Zugangscode",
-  tokenAbout: "Diese Sitzung verlangt von ihren Betrachtern einen Zugangscode (Token). Wer sie gestartet hat, hat einen. Er bleibt, bis dieser Tab geschlossen wird.",
+  tokenAbout:
+    "Diese Sitzung verlangt von ihren Betrachtern einen Zugangscode (Token). " +
+    "Wer sie gestartet hat, hat einen. Er bleibt, bis dieser Tab geschlossen wird.",
   tokenWrong: "Dieser Zugangscode wurde nicht angenommen.",
   open: "Öffnen",
 
@@ -508,7 +624,11 @@ export const de: Words = {
   gestures: [
     ["`Leertaste`", "Not-Halt, wo immer Sie sind, und sonst nichts"],
     ["`P`", "Pause: die Kraft klingt ab oder kommt zurück; bei einer Aufzeichnung: abspielen oder anhalten"],
-    ["im Schnitt ziehen", "was oben gewählt ist: `W` Fenster, `V` Schieben, `R` Länge, `A` Winkel (der Scheitel als Zweites), `T` Tasten mit dem Zeiger"],
+    [
+      "im Schnitt ziehen",
+      "was oben gewählt ist: `W` Fenster, `V` Schieben, `R` Länge, " +
+        "`A` Winkel (der Scheitel als Zweites), `T` Tasten mit dem Zeiger",
+    ],
     ["Rad, `↑` `↓`", "im Schnitt: durch die Schichten; `Bild ↑` `Bild ↓` je zehn"],
     ["Schieber, Zahl", "am rechten Rand eines Schnitts: eine bestimmte Schicht, die bleibt; `F` zurück zur Spitze"],
     ["rechte Taste, zwei Finger", "Zoom; auch Strg und Rad, `+` und `−`; `Pos1` wie am Anfang"],
@@ -516,15 +636,28 @@ export const de: Words = {
     ["Umschalt und bewegen", "der Punkt unter der Maus in allen Ebenen; `F` zurück zur Spitze"],
     ["im Volumen ziehen", "Blickrichtung; auch Pfeiltasten und die Buchstaben darüber"],
     ["Alt und ziehen", "im Volumen: das gefühlte Objekt drehen; auch Alt und Pfeiltasten"],
-    ["tasten, dann Rad oder `Bild ↑` `Bild ↓`", "die Spitze tiefer hinein und zurück, auch ein zweiter Finger am Schieber; Pfeiltasten führen sie, solange Tasten gewählt ist"],
+    [
+      "tasten, dann Rad oder `Bild ↑` `Bild ↓`",
+      "die Spitze tiefer hinein und zurück, auch ein zweiter Finger am Schieber; " +
+        "Pfeiltasten führen sie, solange Tasten gewählt ist",
+    ],
     ["`1` bis `6`", "andere Bilder"],
-    ["im Endoskop ziehen, Pfeiltasten", "umsehen; Rad, zwei Finger, `+` `−`: vor und zurück; `,` `.` drehen die Optik; `Pos1` zur Spitze"],
+    [
+      "im Endoskop ziehen, Pfeiltasten",
+      "umsehen; Rad, zwei Finger, `+` `−`: vor und zurück; `,` `.` drehen die Optik; `Pos1` zur Spitze",
+    ],
     ["`S`, `O`, `D`", "Foto, Aufzeichnen, Farben"],
-    ["`Strg Z`, `Strg Umschalt Z`", "was eingestellt, gedreht, gezeigt, von anderswo angesehen, gemessen oder gemerkt wurde: rückgängig, wieder her"],
+    [
+      "`Strg Z`, `Strg Umschalt Z`",
+      "was eingestellt, gedreht, gezeigt, von anderswo angesehen, gemessen oder gemerkt wurde: rückgängig, wieder her",
+    ],
     ["`B`", "eine Aufgabe: beginnen, beenden, noch einmal"],
     ["`E`, dann drücken", "ein Weg des Plans: Eintritt, Ziel; ein Ende wird gezogen"],
     ["`N`", "der Ton der Sperrzonen: an, aus"],
-    ["`U`, `Umschalt U`", "was eine Fräse oder ein Shaver zuletzt abtrug, von Motor an bis Motor aus: zurück, wieder weg"],
+    [
+      "`U`, `Umschalt U`",
+      "was eine Fräse oder ein Shaver zuletzt abtrug, von Motor an bis Motor aus: zurück, wieder weg",
+    ],
     ["Pfeiltasten in der Liste", "von Struktur zu Struktur, auch Pos1, Ende und Bild; Tabulator geht hinter die Liste"],
     ["`Esc`", "verwirft die begonnene Messung, schließt dies"],
   ],
@@ -576,8 +709,25 @@ export const de: Words = {
   viewerNumber: (number: string) => `Betrachter ${number}`,
   deviceNumber: (number: string) => `Gerät ${number}`,
   recorded: {
-    stop: "Not-Halt", rearm: "Kraft wieder frei", undo: "Abtrag zurück", redo: "Abtrag wieder", fields: "Felder neu berechnet", nothing: "was schon galt", method: "Kraftmethode", law: "Gesetz des Weichgewebes", friction: "Reibung",
-    viscosity: "Viskosität", passivity: "Passivität", paused: "Pause", max_force_N: "Kraftgrenze", motor: "Motor", rotation_wxyz: "Objekt gedreht", pointer: "Zeiger",
-    key: "eine Taste", script: "das Skript", session: "palpate", viewer: "ein Betrachter",
+    stop: "Not-Halt",
+    rearm: "Kraft wieder frei",
+    undo: "Abtrag zurück",
+    redo: "Abtrag wieder",
+    fields: "Felder neu berechnet",
+    nothing: "was schon galt",
+    method: "Kraftmethode",
+    law: "Gesetz des Weichgewebes",
+    friction: "Reibung",
+    viscosity: "Viskosität",
+    passivity: "Passivität",
+    paused: "Pause",
+    max_force_N: "Kraftgrenze",
+    motor: "Motor",
+    rotation_wxyz: "Objekt gedreht",
+    pointer: "Zeiger",
+    key: "eine Taste",
+    script: "das Skript",
+    session: "palpate",
+    viewer: "ein Betrachter",
   },
 };

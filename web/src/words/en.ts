@@ -1,5 +1,5 @@
-// Every word that the page says, in English. The other languages have the same shape, so that a message that is missing there does
-// not compile. What changes in a message is handed to it as text. `X` in a message of the help is a key.
+// Every word that the page says, in English. The other languages have the same shape, so that a message that is missing
+// there does not compile. What changes in a message is handed to it as text. `X` in a message of the help is a key.
 
 const IN_SECTION = "Arrow keys: slice, or the tip while touching; plus and minus: zoom; Home: as at the beginning.";
 
@@ -13,7 +13,12 @@ export const en = {
   sideInTitle: { left: "left", right: "right", both: "both", unknown: "side unknown" },
   modality: { ct: "CT", mr: "MR", unknown: "Modality unknown" },
   orientationUnknown: "orientation unknown",
-  mover: { script: "simulated hand", pointer: "moved by a viewer's pointer", device: "in a hand", recording: "a recording" },
+  mover: {
+    script: "simulated hand",
+    pointer: "moved by a viewer's pointer",
+    device: "in a hand",
+    recording: "a recording",
+  },
   toolNamed: (name: string) => `${name} tool`,
   burr: { ball: "ball burr", cylinder: "cylindrical burr", cone: "conical burr" },
   shaver: { ball: "ball shaver", cylinder: "cylindrical shaver", cone: "conical shaver" },
@@ -28,7 +33,13 @@ export const en = {
   stopTitle: "Force off at once, and nothing else (space bar)",
 
   // the connection
-  link: { connecting: "Connecting", connected: "Connected", lost: "Connection lost", refused: "Token needed", ended: "Not connected" },
+  link: {
+    connecting: "Connecting",
+    connected: "Connected",
+    lost: "Connection lost",
+    refused: "Token needed",
+    ended: "Not connected",
+  },
   oldPoses: "no new data",
   viewOnly: "view only",
   dataAge: (age: string) => `data ${age} old`,
@@ -44,8 +55,19 @@ export const en = {
   noPose: "no pose: it does not begin with PLPT",
   noNear: (bytes: string) => `no whole message of what is near, with ${bytes} bytes`,
   noYield: (bytes: string) => `no whole message of tissue that yields, with ${bytes} bytes`,
-  parts: { language: "the language", training: "the panel of tasks", lesson: "the panel of the lesson", recording: "the time line", plan: "the panel of the plan", near: "the list of what is near", volume: "the picture of the volume", scope: "the picture from within", capture: "screenshots and recordings" },
-  partsMissing: (names: string) => `Could not be loaded: ${names}. Everything else works, the emergency stop too. Reload the page to try again.`,
+  parts: {
+    language: "the language",
+    training: "the panel of tasks",
+    lesson: "the panel of the lesson",
+    recording: "the time line",
+    plan: "the panel of the plan",
+    near: "the list of what is near",
+    volume: "the picture of the volume",
+    scope: "the picture from within",
+    capture: "screenshots and recordings",
+  },
+  partsMissing: (names: string) =>
+    `Could not be loaded: ${names}. Everything else works, the emergency stop too. Reload the page to try again.`,
   poseOfDevices: (bytes: string, devices: string) => `a pose of ${bytes} bytes for ${devices} devices`,
 
   // tools and pictures
@@ -64,7 +86,9 @@ export const en = {
   clear: "Clear",
   clearTitle: "Remove every length and angle",
   undo: "Undo",
-  undoTitle: "Undo (Ctrl+Z): settings, turns, looks, views of the volume, measures, bookmarks; never a stop or a pause. Strokes of a burr or shaver have buttons of their own",
+  undoTitle:
+    "Undo (Ctrl+Z): settings, turns, looks, views of the volume, measures, bookmarks; " +
+    "never a stop or a pause. Strokes of a burr or shaver have buttons of their own",
   redo: "Redo",
   redoTitle: "Redo (Ctrl+Shift+Z)",
   follow: "Follow tip",
@@ -88,7 +112,8 @@ export const en = {
   videoEnded: "The browser has ended the video; what there is of it is saved.",
 
   volume: "Volume",
-  volumeAbout: "Volume. Arrow keys: look from elsewhere; with Alt: turn the object; plus and minus: zoom; Home: from anterior.",
+  volumeAbout:
+    "Volume. Arrow keys: look from elsewhere; with Alt: turn the object; plus and minus: zoom; Home: from anterior.",
   oblique: "Section",
   obliqueAbout: `Section. ${IN_SECTION}`,
   axial: "Axial",
@@ -97,7 +122,9 @@ export const en = {
   sagittalAbout: `Sagittal. ${IN_SECTION}`,
   coronal: "Coronal",
   coronalAbout: `Coronal. ${IN_SECTION}`,
-  scopeAbout: "Scope. Arrow keys: look around; plus and minus: ahead and back; comma and full stop: turn the optics about the shaft; Home: back to the tip.",
+  scopeAbout:
+    "Scope. Arrow keys: look around; plus and minus: ahead and back; " +
+    "comma and full stop: turn the optics about the shaft; Home: back to the tip.",
   lookFrom: "Look from",
   lookFromAnterior: "Look from anterior",
   lookFromPosterior: "Look from posterior",
@@ -118,7 +145,11 @@ export const en = {
   slice: "Slice",
   sliceNumber: "Number of the slice",
   sliceOf: (slice: string, count: string) => `${slice} of ${count}`,
-  overSlab: { mean: (mm: string) => `mean over ${mm}`, maximum: (mm: string) => `maximum over ${mm}`, minimum: (mm: string) => `minimum over ${mm}` },
+  overSlab: {
+    mean: (mm: string) => `mean over ${mm}`,
+    maximum: (mm: string) => `maximum over ${mm}`,
+    minimum: (mm: string) => `minimum over ${mm}`,
+  },
   restsMeanwhile: "rests while you measure (Esc ends it)",
   offThisPlane: (distance: string) => `${distance} off this plane`,
   oldData: (age: string) => `Data ${age} old`,
@@ -164,16 +195,36 @@ export const en = {
   alongSurface: (force: string) => `${force} along the surface`,
   lessBecause: (force: string, asked: string, reason: string) => `${force} of ${asked}: ${reason}`,
   because: {
-    thermal: "the motor is warm", clamped: "the limit", ramp: "it fades in", passivity: "damped against swinging",
+    thermal: "the motor is warm",
+    clamped: "the limit",
+    ramp: "it fades in",
+    passivity: "damped against swinging",
     slew: "the output changes no faster",
   },
   flags: {
-    emergencyStop: "emergency stop", paused: "paused", stale: "no pose from the hand", deviceFault: "device fault", halted: "halted", jump: "jump",
-    notFinite: "not finite", clamped: "at the limit", thermal: "motor warm", clutched: "clutched", wedged: "wedged", ruptured: "through the surface",
-    inside: "inside since contact began", noGo: "kept away", passivity: "damped", turnHeld: "turn held", release: "released", ramp: "fading",
+    emergencyStop: "emergency stop",
+    paused: "paused",
+    stale: "no pose from the hand",
+    deviceFault: "device fault",
+    halted: "halted",
+    jump: "jump",
+    notFinite: "not finite",
+    clamped: "at the limit",
+    thermal: "motor warm",
+    clutched: "clutched",
+    wedged: "wedged",
+    ruptured: "through the surface",
+    inside: "inside since contact began",
+    noGo: "kept away",
+    passivity: "damped",
+    turnHeld: "turn held",
+    release: "released",
+    ramp: "fading",
   },
   stoppedBy: {
-    you: "stopped by this page", viewer: "stopped by another viewer", key: "stopped by a key where palpate runs",
+    you: "stopped by this page",
+    viewer: "stopped by another viewer",
+    key: "stopped by a key where palpate runs",
     palpate: "stopped by palpate: nothing watched over it",
   },
   rearmThere: "armed again where palpate runs: r, with the tip free; or by the six digits that are shown there",
@@ -198,11 +249,15 @@ export const en = {
   keptAwayFrom: (name: string) => `kept away from ${name}`,
   someRegion: "some region",
   sound: "Sound",
-  soundTitle: "Beeps, faster and higher the nearer a no-go region is, and without a break where it pushes; what is nearest is spoken, too (N)",
+  soundTitle:
+    "Beeps, faster and higher the nearer a no-go region is, " +
+    "and without a break where it pushes; what is nearest is spoken, too (N)",
   soundHeld: "The browser lets it sound after the first press on the page.",
 
   // a tracked tool
-  trackedAbout: "How wrong the place may be at which the tip is shown (TRE), and what was left over at the points of the registration (FRE)",
+  trackedAbout:
+    "How wrong the place may be at which the tip is shown (TRE), " +
+    "and what was left over at the points of the registration (FRE)",
   treIs: (rms: string, most: string) => `TRE ${rms}, 95 %: ${most}`,
   treNotKnown: "TRE not known",
   freIs: (mm: string) => `FRE ${mm}`,
@@ -218,7 +273,8 @@ export const en = {
   ratePlot: "Rate, Hz",
   ratePlotAbout: "Ticks a second in the last 60 seconds",
   lateness: (median: string, most: string) => `p50 ${median}, p99 ${most}`,
-  loop: (rate: string, median: string, most: string, skipped: string, dropped: string) => `${rate} Hz · late ${median}/${most} µs · skip ${skipped} drop ${dropped}`,
+  loop: (rate: string, median: string, most: string, skipped: string, dropped: string) =>
+    `${rate} Hz · late ${median}/${most} µs · skip ${skipped} drop ${dropped}`,
   viewer: "1 viewer",
   viewers: (count: string) => `${count} viewers`,
   sessionRecorded: "session recorded",
@@ -291,7 +347,14 @@ export const en = {
   timeLeft: (time: string) => `${time} left`,
   beingKept: "Over. It is being kept …",
   forceOn: (name: string) => `Force on ${name}`,
-  inBand: { none: "not touched", some: "touched", under: "too little", in: "in the band", over: "too much", limit: "above the limit" },
+  inBand: {
+    none: "not touched",
+    some: "touched",
+    under: "too little",
+    in: "in the band",
+    over: "too much",
+    limit: "above the limit",
+  },
   isOver: (name: string, most: string) => `Too much force on ${name}: above ${most}.`,
   isProtected: (name: string) => `${name} is protected: let go of it.`,
   isUnseen: "What you touch is out of the scope's view.",
@@ -332,7 +395,12 @@ export const en = {
   runOut: "Not every counted figure in its band",
   passed: "Passed",
   inARow: (runs: string, asked: string) => `${runs} of ${asked} in a row`,
-  endedBy: { task: "ended by itself", asked: "ended by hand", session: "ended with the session", trouble: "ended by trouble with the clock or memory" },
+  endedBy: {
+    task: "ended by itself",
+    asked: "ended by hand",
+    session: "ended with the session",
+    trouble: "ended by trouble with the clock or memory",
+  },
   tookAndEnded: (time: string, how: string) => `It took ${time} and was ${how}.`,
   keptAs: (number: string) => `It is run ${number} of the records.`,
   notKept: (why: string) => `It is not in the records: ${why}`,
@@ -351,11 +419,25 @@ export const en = {
   noFigure: "none",
   ofStructures: (figure: string, names: string) => `${figure}: ${names}`,
   metrics: {
-    time: "Time", idle_time: "Idle time", path_length: "Way of the tip", economy: "Economy of motion", smoothness: "Smoothness (log dimensionless jerk)",
-    mean_force: "Mean force", peak_force: "Greatest force", force_in_band: "Time of contact with the right force", longest_in_band: "Longest time in the band",
-    excess_impulse: "Force above the limit, times time", coverage: "Surface covered", protected_time: "Time on what is protected", steps_done: "Steps done", answer_error: "Error of the answer",
-    unseen_time: "Contact out of the scope's view", removed_in_plan: "Taken off in the plan", removed_outside: "Taken off outside of the plan",
-    protected_removed: "Taken off of what is protected", depth_past_plan: "Greatest depth past the plan",
+    time: "Time",
+    idle_time: "Idle time",
+    path_length: "Way of the tip",
+    economy: "Economy of motion",
+    smoothness: "Smoothness (log dimensionless jerk)",
+    mean_force: "Mean force",
+    peak_force: "Greatest force",
+    force_in_band: "Time of contact with the right force",
+    longest_in_band: "Longest time in the band",
+    excess_impulse: "Force above the limit, times time",
+    coverage: "Surface covered",
+    protected_time: "Time on what is protected",
+    steps_done: "Steps done",
+    answer_error: "Error of the answer",
+    unseen_time: "Contact out of the scope's view",
+    removed_in_plan: "Taken off in the plan",
+    removed_outside: "Taken off outside of the plan",
+    protected_removed: "Taken off of what is protected",
+    depth_past_plan: "Greatest depth past the plan",
   },
   allTouched: "all that was touched",
   runPlot: (name: string) => `Force on ${name}, N`,
@@ -387,7 +469,8 @@ export const en = {
   showTarget: "The planes go through the target",
   threeNumbers: "A place is three numbers in millimetres.",
   newTrajectory: "New",
-  newTrajectoryTitle: "A trajectory from where the planes rest, or else from the tip, 20 mm towards the middle of the volume",
+  newTrajectoryTitle:
+    "A trajectory from where the planes rest, or else from the tip, 20 mm towards the middle of the volume",
   savePlan: "Save",
   savePlanTitle: "Into the plan's file, where palpate runs",
   planSaved: "The plan is saved.",
@@ -426,7 +509,12 @@ export const en = {
   feeling: "Feeling",
   method: "Method",
   law: "Soft tissue",
-  laws: { layers: "does not yield", chainmail: "chain mail", elastic: "yields, elastic", "neo-hookean": "yields, neo-Hookean" } as Record<string, string>,
+  laws: {
+    layers: "does not yield",
+    chainmail: "chain mail",
+    elastic: "yields, elastic",
+    "neo-hookean": "yields, neo-Hookean",
+  } as Record<string, string>,
   lawAwaited: (awaited: string, felt: string) => `“${awaited}” is made ready; “${felt}” holds until then`,
   methodAwaited: (awaited: string, felt: string) => `${awaited} is made ready; ${felt} is felt until then`,
   forceLimit: "Force limit",
@@ -440,7 +528,13 @@ export const en = {
   display: "Display",
   preset: "Preset",
   presets: {
-    percentiles: "Percentiles of this scan", all: "All values", softTissue: "Soft tissue", bone: "Bone", lung: "Lung", brain: "Brain", abdomen: "Abdomen",
+    percentiles: "Percentiles of this scan",
+    all: "All values",
+    softTissue: "Soft tissue",
+    bone: "Bone",
+    lung: "Lung",
+    brain: "Brain",
+    abdomen: "Abdomen",
     angio: "Angio",
   },
   level: "Level",
@@ -449,10 +543,14 @@ export const en = {
   scanInVolume: "Scan in volume",
   outlines: "Outlines",
   strain: "Strain",
-  strainTitle: "Colours in the sections: how much soft tissue that yields under the tool is strained (equivalent strain, without the change of volume)",
+  strainTitle:
+    "Colours in the sections: how much soft tissue that yields under the tool is strained (equivalent strain, " +
+    "without the change of volume)",
   strainLegend: "Equivalent strain",
   strainNone: "Equivalent strain: nothing yields",
-  steps: (step: string) => `The scan's values came rounded to steps of ${step}, a 65536th of all that it has: what differs by less looks the same.`,
+  steps: (step: string) =>
+    `The scan's values came rounded to steps of ${step}, ` +
+    "a 65536th of all that it has: what differs by less looks the same.",
   slab: "Slab",
   slabThickness: "Thickness",
   slabs: { none: "None: the plane alone", mean: "Mean", maximum: "Maximum (MIP)", minimum: "Minimum" },
@@ -472,13 +570,16 @@ export const en = {
   notThere: (path: string) => `${path} is not there`,
   cameWith: (path: string, bytes: string) => `${path} came with ${bytes} bytes`,
   refuses: (path: string, status: string) => `palpate refuses what this page asks for: ${path} answered ${status}.`,
-  mend403: "Open the page at the address that palpate printed, not from within another page, and without a proxy that changes requests.",
+  mend403:
+    "Open the page at the address that palpate printed, " +
+    "not from within another page, and without a proxy that changes requests.",
   mend404: "Something else than palpate answers at this address, or another version of it: reload the page.",
   mend421: "Open the page at the address that palpate printed, or start palpate with --host-name and this page's name.",
   mendOther: "Reload the page, which is then the one of the palpate that runs.",
   otherVersion: (palpate: string, theirs: string, own: string) =>
     `palpate ${palpate} speaks version ${theirs} of the viewers' protocol, and this page version ${own}.`,
-  someOtherVersion: (own: string) => `palpate speaks another version of the viewers' protocol than this page, which speaks version ${own}.`,
+  someOtherVersion: (own: string) =>
+    `palpate speaks another version of the viewers' protocol than this page, which speaks version ${own}.`,
   mendVersion: "Reload the page: the palpate that runs now brings its own.",
   lacksItsVolume: (what: string) => `palpate's scene names a volume that it does not have: ${what}.`,
   startAgain: "Start palpate again.",
@@ -486,7 +587,9 @@ export const en = {
   mendMemory: "Close other tabs and programs, or open the page on another device.",
   shrunk: (part: string) => `This device's memory is short: the volume is shown at ${part} of its resolution.`,
   noGraphicsMemory: "The graphics memory does not hold the volume.",
-  noWebGl: "This browser has no WebGL 2: sections are drawn coarser, and palpate itself draws the volume, with tissue at rest.",
+  noWebGl:
+    "This browser has no WebGL 2: sections are drawn coarser, " +
+    "and palpate itself draws the volume, with tissue at rest.",
   lostSections: "The browser has taken away the graphics: the sections cannot be drawn.",
   lostVolume: "The browser has taken away the graphics: the volume cannot be drawn.",
   lostBoth: "The browser has taken away the graphics: the sections and the volume cannot be drawn.",
@@ -499,7 +602,9 @@ export const en = {
 
   // the token
   token: "Token",
-  tokenAbout: "This session asks its viewers for a token. The person who started it has one. It is kept until this tab is closed.",
+  tokenAbout:
+    "This session asks its viewers for a token. " +
+    "The person who started it has one. It is kept until this tab is closed.",
   tokenWrong: "That token was not accepted.",
   open: "Open",
 
@@ -508,7 +613,10 @@ export const en = {
   gestures: [
     ["`Space`", "emergency stop, wherever you are, and nothing else"],
     ["`P`", "pause: the force fades out, or comes back; of a recording: play or rest"],
-    ["drag in a section", "what is chosen above: `W` window, `V` pan, `R` ruler, `A` angle (its corner second), `T` touch with the pointer"],
+    [
+      "drag in a section",
+      "what is chosen above: `W` window, `V` pan, `R` ruler, `A` angle (its corner second), `T` touch with the pointer",
+    ],
     ["wheel, `↑` `↓`", "in a section: through the slices; `Page ↑` `Page ↓` ten at a time"],
     ["slider, number", "at a section's right edge: a slice of its own, which stays; `F` back to the tip"],
     ["right button, two fingers", "zoom; Ctrl and wheel, `+` and `−` too; `Home` as at first"],
@@ -516,16 +624,31 @@ export const en = {
     ["Shift and move", "the point under the mouse in all planes; `F` back to the tip"],
     ["drag in the volume", "look from elsewhere; arrow keys and the letters above it too"],
     ["Alt and drag", "in the volume: turn the object that is felt; Alt and arrow keys too"],
-    ["touch, then wheel or `Page ↑` `Page ↓`", "the tip deeper in and back, or a second finger on the slider; arrow keys move it while Touch is chosen"],
+    [
+      "touch, then wheel or `Page ↑` `Page ↓`",
+      "the tip deeper in and back, or a second finger on the slider; arrow keys move it while Touch is chosen",
+    ],
     ["`1` to `6`", "other pictures"],
-    ["drag in the scope, arrow keys", "look around; wheel, two fingers, `+` `−`: ahead and back; `,` `.` turn the optics; `Home` to the tip"],
+    [
+      "drag in the scope, arrow keys",
+      "look around; wheel, two fingers, `+` `−`: ahead and back; `,` `.` turn the optics; `Home` to the tip",
+    ],
     ["`S`, `O`, `D`", "screenshot, record, theme"],
-    ["`Ctrl Z`, `Ctrl Shift Z`", "what was set, turned, shown, looked at from elsewhere, measured or marked: undone, done again"],
+    [
+      "`Ctrl Z`, `Ctrl Shift Z`",
+      "what was set, turned, shown, looked at from elsewhere, measured or marked: undone, done again",
+    ],
     ["`B`", "a task: begin, end, again"],
     ["`E`, then presses", "a trajectory of the plan: its entry, its target; an end is dragged"],
     ["`N`", "the sound of no-go regions: on, off"],
-    ["`U`, `Shift U`", "the last stroke of a burr or shaver, what it took away from motor on to motor off: undone, done again"],
-    ["arrow keys in the list", "from structure to structure, with Home, End and Page keys; the tab key goes on behind the list"],
+    [
+      "`U`, `Shift U`",
+      "the last stroke of a burr or shaver, what it took away from motor on to motor off: undone, done again",
+    ],
+    [
+      "arrow keys in the list",
+      "from structure to structure, with Home, End and Page keys; the tab key goes on behind the list",
+    ],
     ["`Esc`", "drops the measure that is begun, closes this"],
   ] as [string, string][],
   letters: "Letters, digits and ? are shortcuts",
@@ -576,9 +699,26 @@ export const en = {
   viewerNumber: (number: string) => `viewer ${number}`,
   deviceNumber: (number: string) => `device ${number}`,
   recorded: {
-    stop: "emergency stop", rearm: "rearmed", undo: "stroke undone", redo: "stroke done again", fields: "fields made anew", nothing: "what held already", method: "force method", law: "law of soft tissue", friction: "friction",
-    viscosity: "viscosity", passivity: "passivity", paused: "pause", max_force_N: "force limit", motor: "motor", rotation_wxyz: "object turned", pointer: "pointer",
-    key: "a key", script: "the script", session: "palpate", viewer: "a viewer",
+    stop: "emergency stop",
+    rearm: "rearmed",
+    undo: "stroke undone",
+    redo: "stroke done again",
+    fields: "fields made anew",
+    nothing: "what held already",
+    method: "force method",
+    law: "law of soft tissue",
+    friction: "friction",
+    viscosity: "viscosity",
+    passivity: "passivity",
+    paused: "pause",
+    max_force_N: "force limit",
+    motor: "motor",
+    rotation_wxyz: "object turned",
+    pointer: "pointer",
+    key: "a key",
+    script: "the script",
+    session: "palpate",
+    viewer: "a viewer",
   },
 };
 

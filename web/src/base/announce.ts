@@ -1,0 +1,48 @@
+// Announcements to screen readers, at most one per second: messages in between are joined. Toasts are announced too.
+
+import { byId } from "./dom.js";
+
+const LEAST_MS = 1000;
+let waiting: string[] = [];
+let spoken_ms = -Infinity;
+let timer = 0;
+
+export function announce(text: string): void {
+  if (text === "" || waiting.includes(text)) return;
+  waiting.push(text);
+  clearTimeout(timer);
+  timer = window.setTimeout(speak, Math.max(0, spoken_ms + LEAST_MS - performance.now()));
+}
+
+/** Discards announcements, after a change of the language. */
+export function hush(): void {
+  clearTimeout(timer);
+  waiting = [];
+  byId("spoken").textContent = "";
+}
+
+function speak(): void {
+  // timers may fire slightly early
+  const rest_ms = spoken_ms + LEAST_MS - performance.now();
+  if (rest_ms > 0) {
+    timer = window.setTimeout(speak, rest_ms);
+    return;
+  }
+  const box = byId("spoken");
+  const text = waiting.join(" · ");
+  // a repeated message has to differ for a screen reader to announce it
+  box.textContent = box.textContent === text ? `${text}\u00a0` : text;
+  waiting = [];
+  spoken_ms = performance.now();
+}
+
+let hiding = 0;
+/** Shows a message at the bottom of the page for some seconds. */
+export function toast(text: string): void {
+  announce(text);
+  const box = byId("toast");
+  box.textContent = text;
+  box.hidden = false;
+  clearTimeout(hiding);
+  hiding = window.setTimeout(() => (box.hidden = true), 6000);
+}

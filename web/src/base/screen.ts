@@ -1,0 +1,41 @@
+// Resources of the machine that shows the page: pixels and memory.
+
+/** Canvas pixels per CSS pixel, limited to two: a higher resolution costs time and is hardly visible. */
+export function pixelRatio(): number {
+  return Math.min(window.devicePixelRatio || 1, 2);
+}
+/** Memory as far as the browser reports it; 8 means at least 8, or unknown. */
+export function memory_GB(): number {
+  return (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
+}
+
+/**
+ * Size of an element's content box in canvas pixels, observed at its last layout, because reading it would force a
+ * layout. 0 while the element is hidden.
+ */
+export class ObservedSize {
+  private inside: [number, number] = [0, 0]; // CSS pixels
+
+  constructor(element: Element) {
+    new ResizeObserver(() => (this.inside = [element.clientWidth, element.clientHeight])).observe(element);
+  }
+  /** Canvas pixels per CSS pixel on the current screen. */
+  get ratio(): number {
+    return pixelRatio();
+  }
+  get width(): number {
+    return Math.round(this.inside[0] * this.ratio);
+  }
+  get height(): number {
+    return Math.round(this.inside[1] * this.ratio);
+  }
+  /**
+   * Resizes a canvas to this size.
+   * @returns whether its size has changed
+   */
+  fit(canvas: HTMLCanvasElement): boolean {
+    if (canvas.width === this.width && canvas.height === this.height) return false;
+    [canvas.width, canvas.height] = [this.width, this.height];
+    return true;
+  }
+}

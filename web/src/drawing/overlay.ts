@@ -1,0 +1,385 @@
+// Overlays shared by all pictures: orientation letters, scale bar, side, tool and force. Sizes are in CSS pixels;
+// `ratio` is the number of canvas pixels per CSS pixel.
+
+import type { Scene } from "../protocol/messages.js";
+import { quantity } from "../words/figures.js";
+import { add, length, niceLength, rotate, scale, type Letters, type Vec3 } from "../base/geometry.js";
+import type { Session } from "../state/session.js";
+import type { DevicePose } from "../protocol/wire.js";
+import { words } from "../words/words.js";
+
+export const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", "Liberation Sans", Arial, sans-serif';
+const TOOL = "#4fd8ee";
+const FORCE = "#ffd34d";
+const GREY = "#a4adb3";
+/** Forces below this are rounding errors, whose direction is meaningless. */
+const LEAST_FORCE_N = 1e-5;
+
+export interface Frame {
+  context: CanvasRenderingContext2D;
+  width: number;
+  height: number;
+  ratio: number;
+}
+
+/** Text with an outline, legible on any background. */
+export function text(
+  frame: Frame,
+  said: string,
+  x: number,
+  y: number,
+  size: number,
+  colour: string,
+  align: CanvasTextAlign = "left",
+  baseline: CanvasTextBaseline = "alphabetic",
+  weight = 600,
+): void {
+  const { context, ratio } = frame;
+  context.font = `${weight} ${size * ratio}px ${FONT}`;
+  context.textAlign = align;
+  context.textBaseline = baseline;
+  context.lineJoin = "round";
+  context.lineWidth = 3 * ratio;
+  context.strokeStyle = "rgba(6, 9, 11, 0.85)";
+  context.strokeText(said, x, y);
+  context.fillStyle = colour;
+  context.fillText(said, x, y);
+}
+
+/**
+ * @param hasControls  the picture's head has controls, which reach the middle of a narrow picture
+ * @param slider  width of the slider at the right edge; CSS pixels
+ */
+export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, hasControls: boolean, slider = 0): void {
+  const { width, height, ratio } = frame;
+  const shown = oriented ? letters : { left: "?", right: "?", top: "?", bottom: "?" };
+  const colour = oriented ? "#eef3f5" : "#f5c277";
+  text(frame, shown.left, 9 * ratio, height / 2, 15, colour, "left", "middle");
+  text(frame, shown.right, width - (9 + slider) * ratio, height / 2, 15, colour, "right", "middle");
+  text(frame, shown.top, width / 2, (hasControls && width < 640 * ratio ? 36 : 8) * ratio, 15, colour, "center", "top");
+  text(frame, shown.bottom, width / 2, height - 8 * ratio, 15, colour, "center", "bottom");
+}
+
+/**
+ * Side mark at the lower right, clear of the letters; above it the warning if placement or side is uncertain.
+ * @param slider  width of the slider at the right edge, which ends above the lowest line; CSS pixels
+ */
+export function drawSide(frame: Frame, scene: Scene, slider = 0): void {
+  const { width, height, ratio } = frame;
+  const side = words.side[scene.side];
+  const lines = [
+    scene.side === "unknown" ? side : words.sideInPicture(side),
+    ...doubts(scene).map((doubt) => words.doubt[doubt]),
+  ];
+  lines.forEach((line, n) => {
+    const isWarning = n > 0 || scene.side === "unknown";
+    text(
+      frame,
+      line,
+      width - (10 + (n > 0 ? slider : 0)) * ratio,
+      height - (10 + 16 * n) * ratio,
+      12,
+      isWarning ? "#f5c277" : "#eef3f5",
+      "right",
+      "bottom",
+    );
+  });
+}
+const doubts = (scene: Scene): ("side" | "placement")[] =>
+  (["side", "placement"] as const).filter((doubt) => scene.caveats.some(({ concerns }) => concerns === doubt));
+
+/** Scale bar at the lower left. */
+export function drawScale(frame: Frame, mmPerPixel: number): void {
+  const { context, width, height, ratio } = frame;
+  const mm = niceLength(mmPerPixel * Math.min(width / 3.2, 160 * ratio));
+  const long = mm / mmPerPixel;
+  const [x, y] = [12 * ratio, height - 12 * ratio];
+  for (const [thick, colour] of [
+    [4, "rgba(6, 9, 11, 0.85)"],
+    [1.5, "#eef3f5"],
+  ] as const) {
+    context.lineWidth = thick * ratio;
+    context.strokeStyle = colour;
+    context.beginPath();
+    context.moveTo(x, y - 5 * ratio);
+    context.lineTo(x, y);
+    context.lineTo(x + long, y);
+    context.lineTo(x + long, y - 5 * ratio);
+    context.stroke();
+  }
+  text(
+    frame,
+    mm >= 1 ? `${mm} mm` : `${Number((mm * 1000).toPrecision(2))} µm`,
+    x + long + 7 * ratio,
+    y + 2 * ratio,
+    12,
+    "#eef3f5",
+    "left",
+    "bottom",
+  );
+}
+
+export interface Projection {
+  pixel(p: Vec3): [number, number]; // canvas pixels
+  direction(v: Vec3): [number, number]; // projection of a unit vector of the patient, at most 1 long, y down
+  pixelsPerMm(p: Vec3): number;
+  /** Opacity of overlays at `p`, 0 to 1. */
+  clearness(p: Vec3): number;
+  /** Draws a capsule of the tool, where that is more than its outline on a plane. */
+  capsule?(from: Vec3, to: Vec3, radii_mm: readonly [number, number], colour: string): void;
+}
+
+export function line(
+  frame: Frame,
+  from: [number, number],
+  to: [number, number],
+  thick: number,
+  colour: string,
+  dash: number[] = [],
+): void {
+  const { context, ratio } = frame;
+  context.setLineDash(dash.map((d) => d * ratio));
+  context.lineWidth = thick * ratio;
+  context.strokeStyle = colour;
+  context.beginPath();
+  context.moveTo(...from);
+  context.lineTo(...to);
+  context.stroke();
+  context.setLineDash([]);
+}
+
+export function ring(
+  frame: Frame,
+  at: [number, number],
+  radius: number,
+  thick: number,
+  colour: string,
+  dash: number[] = [],
+): void {
+  const { context, ratio } = frame;
+  context.setLineDash(dash.map((d) => d * ratio));
+  context.lineWidth = thick * ratio;
+  context.strokeStyle = colour;
+  context.beginPath();
+  context.arc(at[0], at[1], radius, 0, 2 * Math.PI);
+  context.stroke();
+  context.setLineDash([]);
+}
+
+export function drawTrail(frame: Frame, session: Session, projection: Projection): void {
+  const now = session.pose?.time ?? 0;
+  for (let i = 1; i < session.trail.length; i++) {
+    const { p, time } = session.trail[i]!;
+    const strength = 0.75 * (1 - (now - time) / 2) * projection.clearness(p);
+    if (strength <= 0.02) continue;
+    const colour = session.isFresh ? `rgba(79, 216, 238, ${strength})` : `rgba(164, 173, 179, ${strength})`;
+    line(frame, projection.pixel(session.trail[i - 1]!.p), projection.pixel(p), 1.6, colour);
+  }
+}
+
+/** Outline of a stadium: all points within a distance of a line segment, which may vary along it. */
+function stadium(
+  frame: Frame,
+  a: [number, number],
+  b: [number, number],
+  [first, last]: readonly [number, number],
+  thick: number,
+  stroke: string,
+): void {
+  const { context, ratio } = frame;
+  const towards = Math.atan2(b[1] - a[1], b[0] - a[0]),
+    apart = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  // points of tangency; seen end-on, one circle contains the other
+  const quarter = Math.acos(Math.max(-1, Math.min(1, (first - last) / Math.max(apart, 1e-9))));
+  context.beginPath();
+  context.arc(...a, first, towards + quarter, towards - quarter);
+  context.arc(...b, last, towards - quarter, towards + quarter);
+  context.closePath();
+  context.lineWidth = thick * ratio;
+  context.strokeStyle = stroke;
+  context.stroke();
+}
+
+/** Draws the tool at its proxy, the device's own position, the line between them, and the force. */
+export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
+  const { context, ratio } = frame;
+  const pose = session.pose!;
+  const shown = session.toolAt(device);
+  const { radius_mm: tip_mm, capsules } = session.heldBy(device);
+  const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
+  const radius = Math.max(5 * ratio, tip_mm * projection.pixelsPerMm(shown));
+  const colour = session.isFresh ? TOOL : GREY;
+  context.save();
+  context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
+
+  // the device's own position, faint
+  if (Math.hypot(hand[0] - tool[0], hand[1] - tool[1]) > 2 * ratio) {
+    line(frame, tool, hand, 3, "rgba(6, 9, 11, 0.6)");
+    line(frame, tool, hand, 1.2, "rgba(238, 243, 245, 0.75)", [3, 3]);
+    ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
+    ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
+  }
+  for (const { from_mm, to_mm, radius_mm, end_radius_mm } of capsules) {
+    const place = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
+    if (projection.capsule) {
+      projection.capsule(place(from_mm), place(to_mm), [radius_mm, end_radius_mm], colour);
+      continue;
+    }
+    const at = (end: Vec3) => projection.pixel(place(end));
+    const wide = [radius_mm, end_radius_mm].map((mm) => Math.max(1.5 * ratio, mm * projection.pixelsPerMm(shown))) as [
+      number,
+      number,
+    ];
+    stadium(frame, at(from_mm), at(to_mm), wide, 3, "rgba(6, 9, 11, 0.6)");
+    stadium(frame, at(from_mm), at(to_mm), wide, 1.3, colour);
+  }
+  ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
+  ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
+
+  // force on the hand
+  const force_N = length(device.force);
+  if (force_N > LEAST_FORCE_N) {
+    const unit = session.toPatient(pose, scale(device.force, 1 / force_N));
+    const share = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
+    const [dx, dy] = projection.direction(unit);
+    const long = (16 + 74 * share) * ratio;
+    const tip: [number, number] = [tool[0] + dx * (long + radius), tool[1] + dy * (long + radius)];
+    const from: [number, number] = [tool[0] + dx * radius, tool[1] + dy * radius];
+    const shownLength = Math.hypot(tip[0] - from[0], tip[1] - from[1]);
+    const arrow = session.isFresh ? FORCE : GREY;
+    if (shownLength > 5 * ratio) {
+      const [ux, uy] = [(tip[0] - from[0]) / shownLength, (tip[1] - from[1]) / shownLength];
+      const head = Math.min(10 * ratio, 0.6 * shownLength);
+      for (const [thick, stroke] of [
+        [5.5, "rgba(6, 9, 11, 0.75)"],
+        [2.6, arrow],
+      ] as const) {
+        line(frame, from, [tip[0] - ux * head * 0.7, tip[1] - uy * head * 0.7], thick, stroke);
+      }
+      context.beginPath();
+      context.moveTo(...tip);
+      context.lineTo(tip[0] - ux * head - uy * head * 0.5, tip[1] - uy * head + ux * head * 0.5);
+      context.lineTo(tip[0] - ux * head + uy * head * 0.5, tip[1] - uy * head - ux * head * 0.5);
+      context.closePath();
+      context.lineWidth = 2 * ratio;
+      context.strokeStyle = "rgba(6, 9, 11, 0.75)";
+      context.stroke();
+      context.fillStyle = arrow;
+      context.fill();
+    } else {
+      // component towards or away from the viewer
+      context.beginPath();
+      context.arc(tool[0], tool[1], 2.6 * ratio, 0, 2 * Math.PI);
+      context.fillStyle = arrow;
+      context.fill();
+    }
+    // the figure is beyond the arrow's head, or beside the tool if the force is seen end-on, and always inside the
+    // picture
+    const isLong = shownLength > 5 * ratio;
+    const [wx, wy] = isLong
+      ? [tip[0] + dx * 26 * ratio, tip[1] + dy * 14 * ratio]
+      : [tool[0] + radius + 28 * ratio, tool[1]];
+    const within = (at: number, most: number, margin: number) =>
+      Math.min(most - margin * ratio, Math.max(margin * ratio, at));
+    text(
+      frame,
+      quantity(force_N, "N"),
+      within(wx, frame.width, 26),
+      within(wy, frame.height, 12),
+      12,
+      arrow,
+      "center",
+      "middle",
+    );
+  }
+  context.restore();
+}
+
+/** Bar of the force against its limit, at the upper right of pictures in which a pointer is the device. */
+export function drawForceBar(frame: Frame, session: Session, device: DevicePose): void {
+  const { context, width, ratio } = frame;
+  const [long, thick] = [96 * ratio, 9 * ratio];
+  const [x, y] = [width - long - 12 * ratio, 36 * ratio];
+  const share = Math.min(1, length(device.force) / Math.max(device.forceLimit, 0.1));
+  context.fillStyle = "rgba(6, 9, 11, 0.8)";
+  context.fillRect(x - 2 * ratio, y - 2 * ratio, long + 4 * ratio, thick + 4 * ratio);
+  context.fillStyle = !session.isFresh ? GREY : share > 0.95 ? "#ff6b5e" : share > 0.7 ? "#ffa94d" : FORCE;
+  context.fillRect(x, y, long * share, thick);
+  text(
+    frame,
+    words.figureOf(quantity(length(device.force), "N"), quantity(device.forceLimit, "N")),
+    width - 12 * ratio,
+    y + thick + 5 * ratio,
+    11,
+    "#eef3f5",
+    "right",
+    "top",
+  );
+}
+
+export function drawCross(frame: Frame, at: [number, number]): void {
+  const { width, height, ratio } = frame;
+  const gap = 9 * ratio;
+  const colour = "rgba(79, 216, 238, 0.8)";
+  line(frame, [0, at[1]], [at[0] - gap, at[1]], 1, colour);
+  line(frame, [at[0] + gap, at[1]], [width, at[1]], 1, colour);
+  line(frame, [at[0], 0], [at[0], at[1] - gap], 1, colour);
+  line(frame, [at[0], at[1] + gap], [at[0], height], 1, colour);
+}
+
+/** States in the middle of the picture that its data are stale. */
+export function drawAge(frame: Frame, session: Session): void {
+  if (session.isFresh || !session.pose) return;
+  const { width, height, ratio } = frame;
+  const age =
+    session.age_ms >= 10000 ? `${Math.round(session.age_ms / 1000)} s` : `${(session.age_ms / 1000).toFixed(1)} s`;
+  text(frame, words.oldData(age), width / 2, height / 2 - 26 * ratio, 15, "#f5c277", "center", "middle");
+}
+
+/** Orientation cube, at the lower right above the side mark. */
+export function drawCube(frame: Frame, directionOf: (v: Vec3) => Vec3): void {
+  const { context, width, height, ratio } = frame;
+  const half = 17 * ratio;
+  const [cx, cy] = [width - 38 * ratio, height - 62 * ratio];
+  const axes: [Vec3, string][] = [
+    [[1, 0, 0], "L"],
+    [[-1, 0, 0], "R"],
+    [[0, 1, 0], "P"],
+    [[0, -1, 0], "A"],
+    [[0, 0, 1], "S"],
+    [[0, 0, -1], "I"],
+  ];
+  for (const [axis, letter] of axes) {
+    const n = directionOf(axis); // right, up, towards the viewer
+    if (n[2] <= 0.02) continue;
+    const [u, v] = axes
+      .map(([a]) => a)
+      .filter((a) => a.every((x, i) => x * axis[i]! === 0) && a.some((x) => x > 0)) as [Vec3, Vec3];
+    const at = (su: number, sv: number): [number, number] => {
+      const p = directionOf(add(axis, add(scale(u, su), scale(v, sv))));
+      return [cx + p[0] * half, cy - p[1] * half];
+    };
+    context.beginPath();
+    context.moveTo(...at(-1, -1));
+    context.lineTo(...at(1, -1));
+    context.lineTo(...at(1, 1));
+    context.lineTo(...at(-1, 1));
+    context.closePath();
+    const light = Math.round(38 + 50 * n[2]);
+    context.fillStyle = `rgb(${light}, ${light + 8}, ${light + 14})`;
+    context.fill();
+    context.lineWidth = ratio;
+    context.strokeStyle = "rgba(190, 205, 214, 0.6)";
+    context.stroke();
+    if (n[2] > 0.35) {
+      context.font = `600 ${13 * ratio}px ${FONT}`;
+      context.textAlign = "center";
+      context.textBaseline = "middle";
+      context.fillStyle = "#eef3f5";
+      context.fillText(letter, cx + n[0] * half, cy - n[1] * half);
+    }
+  }
+}
+
+/** Text about the structure in contact, shown beside the tool. */
+export const touchedText = (session: Session, device: DevicePose): string => session.contactOf(device).words;

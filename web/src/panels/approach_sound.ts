@@ -1,0 +1,121 @@
+// Sound of an approaching no-go region, like a parking sensor: beeps that become faster and higher, and a continuous
+// tone while the region pushes. Every sound ends by itself after a moment and is renewed with each pose, so that it
+// stops if poses stop.
+
+/** Distance to the border at which beeps begin. */
+export const HEARD_FROM_MM = 10;
+/** Frequencies: far from the border, at it, and the maximum. */
+const FAR_HZ = 440,
+  BORDER_HZ = 660,
+  HIGHEST_HZ = 1320;
+/** Penetration depth at which the maximum frequency is reached. */
+const DEEPEST_MM = 3;
+/** Beeps per second: far from the border and at it. */
+const FAR_BEEPS = 1.5,
+  BORDER_BEEPS = 8;
+const BEEP_S = 0.06;
+/** Maximum duration of a continuous tone that is not renewed. */
+const LASTS_S = 0.3;
+/** Fade in and out, which avoids clicks. */
+const FADE_S = 0.006;
+const LOUDNESS = 0.15;
+
+/** `beeps_per_s` of 0 is a continuous tone. */
+export interface Tone {
+  frequency_Hz: number;
+  beeps_per_s: number;
+}
+
+/**
+ * @param border_mm  distance to where a region begins to push; negative: penetration depth
+ * @returns null for silence
+ */
+export function toneAt(border_mm: number): Tone | null {
+  if (!(border_mm < HEARD_FROM_MM)) return null;
+  if (border_mm < 0)
+    return {
+      frequency_Hz: BORDER_HZ * (HIGHEST_HZ / BORDER_HZ) ** Math.min(1, -border_mm / DEEPEST_MM),
+      beeps_per_s: 0,
+    };
+  const near = 1 - border_mm / HEARD_FROM_MM;
+  return {
+    frequency_Hz: FAR_HZ * (BORDER_HZ / FAR_HZ) ** near,
+    beeps_per_s: FAR_BEEPS * (BORDER_BEEPS / FAR_BEEPS) ** near,
+  };
+}
+
+export class ApproachSound {
+  /** Tone that sounds now; null for silence. */
+  tone: Tone | null = null;
+  isOn = false;
+  private context: AudioContext | null = null;
+  private voice: { oscillator: OscillatorNode; gain: GainNode } | null = null;
+  private nextBeep_s = 0;
+
+  /** Browsers permit sound only after a user gesture on the page. */
+  get isHeldBack(): boolean {
+    return this.isOn && this.context?.state !== "running";
+  }
+  switch(isOn: boolean): void {
+    this.isOn = isOn;
+    if (!isOn) this.silence();
+  }
+  /** To be called after a user gesture. */
+  wake(): void {
+    if (!this.isOn) return;
+    this.context ??= new AudioContext();
+    if (this.context.state !== "running") void this.context.resume();
+  }
+
+  /** @param border_mm  as in toneAt; null: no region is near */
+  tell(border_mm: number | null): void {
+    const { context } = this;
+    const tone = border_mm === null || !this.isOn || this.isHeldBack ? null : toneAt(border_mm);
+    if (!tone || !context) return this.silence();
+    const now = context.currentTime;
+    this.voice ??= this.begin(context);
+    const {
+      oscillator,
+      gain: { gain },
+    } = this.voice;
+    oscillator.frequency.setTargetAtTime(tone.frequency_Hz, now, FADE_S);
+    const sound = (long_s: number) => {
+      gain.cancelScheduledValues(now);
+      gain.setTargetAtTime(LOUDNESS, now, FADE_S);
+      gain.setTargetAtTime(0, now + long_s, FADE_S);
+    };
+    if (tone.beeps_per_s === 0) sound(LASTS_S);
+    else if (this.tone?.beeps_per_s === 0 || now >= this.nextBeep_s) {
+      sound(BEEP_S);
+      this.nextBeep_s = now + 1 / tone.beeps_per_s;
+    }
+    // shortens the pause when the tool has come closer meanwhile
+    this.nextBeep_s = Math.min(this.nextBeep_s, now + 1 / (tone.beeps_per_s || BORDER_BEEPS));
+    this.tone = tone;
+  }
+
+  silence(): void {
+    this.tone = null;
+    this.nextBeep_s = 0;
+    if (!this.voice || !this.context) return;
+    const {
+      oscillator,
+      gain: { gain },
+    } = this.voice;
+    const now = this.context.currentTime;
+    gain.cancelScheduledValues(now);
+    gain.setTargetAtTime(0, now, FADE_S);
+    oscillator.stop(now + 10 * FADE_S);
+    this.voice = null;
+  }
+
+  private begin(context: AudioContext): { oscillator: OscillatorNode; gain: GainNode } {
+    const oscillator = context.createOscillator(),
+      gain = context.createGain();
+    oscillator.type = "triangle";
+    gain.gain.value = 0;
+    oscillator.connect(gain).connect(context.destination);
+    oscillator.start();
+    return { oscillator, gain };
+  }
+}

@@ -1,0 +1,138 @@
+// Distances of tools to structures and to the borders of no-go regions, as figures, text and sound.
+
+import type { Rgb, Scene } from "../protocol/messages.js";
+import { ApproachSound } from "./approach_sound.js";
+import type { Connection } from "../protocol/connection.js";
+import { byId, element, press, write } from "../base/dom.js";
+import { quantity } from "../words/figures.js";
+import { keep, recall } from "../state/kept.js";
+import type { NearStructure } from "../protocol/near.js";
+import { PAGE_KEY, readable, type KeptPage, type Session } from "../state/session.js";
+import { words } from "../words/words.js";
+
+/** Minimum interval between changes of the text. */
+const LEAST_WORDS_MS = 1000;
+const css = ([r, g, b]: Rgb): string => `rgb(${r} ${g} ${b})`;
+
+export class NearPanel {
+  readonly heard = new ApproachSound();
+  private worded_ms = -Infinity;
+
+  constructor(
+    private readonly session: Session,
+    private readonly connection: Connection,
+  ) {
+    this.heard.switch(recall<KeptPage>(PAGE_KEY).sound === true);
+    byId("sound").addEventListener("click", () => this.toggleSound());
+    // browsers permit no sound before a user gesture
+    for (const event of ["pointerdown", "keydown"])
+      document.addEventListener(event, () => this.heard.wake(), { capture: true });
+  }
+
+  /** Whether the session reports distances at all. */
+  private get isTold(): boolean {
+    const { scene } = this.session;
+    return scene !== null && (scene.distances !== null || scene.no_go.length > 0);
+  }
+  show(scene: Scene): void {
+    byId("near-card").hidden = !this.isTold;
+    byId("sound").hidden = scene.no_go.length === 0;
+    byId("near-lists").hidden = scene.distances === null;
+  }
+
+  toggleSound(): void {
+    if (byId("sound").hidden || byId("near-card").hidden) return;
+    this.heard.switch(!this.heard.isOn);
+    this.heard.wake();
+    keep<KeptPage>(PAGE_KEY, { sound: this.heard.isOn });
+    this.sound();
+    this.draw(performance.now());
+  }
+  /**
+   * To be called with every pose and at every other event that may end the sound: it is silent while the force is
+   * stopped, in a paused recording, and without a connection.
+   */
+  sound(): void {
+    const { state, approach } = this.session;
+    const isSilent =
+      !state || state.stop !== null || state.playback?.playing === false || this.connection.link !== "connected";
+    this.heard.tell(isSilent ? null : (approach?.mm ?? null));
+  }
+  private nameOf(label: number): string {
+    return readable(this.session.structureName(label) ?? words.unnamed(String(label)));
+  }
+
+  /** Updates the figures; ten times a second. */
+  draw(now: number): void {
+    if (!this.isTold) return;
+    const { session } = this;
+    press(byId("sound"), this.heard.isOn);
+    const { approach } = session;
+    const line = byId("no-go");
+    line.classList.toggle("damage", approach?.pushes === true);
+    write(line, this.approachText());
+    byId("sound-held").hidden = !this.heard.isHeldBack;
+    const device = session.pose?.devices[0];
+    const near = device ? session.nearTo(device) : [];
+    this.drawRows(near);
+    byId("near-none").hidden = near.length > 0;
+    if (session.scene!.distances)
+      write(byId("near-none"), words.nothingNear(quantity(session.scene!.distances.reach_mm, "mm")));
+    if (now - this.worded_ms < LEAST_WORDS_MS) return;
+    this.worded_ms = now;
+    const spoken = byId("near-words");
+    // announced automatically if the sound is on, else only shown
+    spoken.ariaLive = this.heard.isOn ? "polite" : "off";
+    write(
+      spoken,
+      near
+        .slice(0, 1)
+        .map(({ label, mm }) =>
+          (mm < 0 ? words.insideInWords : words.nearInWords)(this.nameOf(label), Math.abs(mm).toFixed(0)),
+        )
+        .join(),
+    );
+  }
+
+  private approachText(): string {
+    const { approach } = this.session;
+    if (!approach) return "";
+    const name = this.session.regionName(approach.region);
+    if (!approach.pushes) return words.beforeRegion(name, quantity(approach.mm, "mm"));
+    const force_N = Math.max(...this.session.near.map(({ noGo, force }) => (noGo === approach.region ? force : 0)));
+    return `⚠ ${words.tooNear(name, quantity(-approach.mm, "mm"))} · ${words.pushesBy(quantity(force_N, "N"))}`;
+  }
+
+  private drawRows(near: NearStructure[]): void {
+    const { scene, pushing } = this.session;
+    const rows = byId<HTMLTableElement>("near").tBodies[0]!;
+    while (rows.rows.length < near.length)
+      rows.append(
+        element(
+          "tr",
+          {},
+          element("th", { scope: "row" }, element("span", { className: "swatch" }), element("span")),
+          element("td"),
+        ),
+      );
+    for (const [n, row] of [...rows.rows].entries()) {
+      const one = near[n];
+      row.hidden = one === undefined;
+      if (!one) continue;
+      const place = scene!.structures.findIndex(({ label }) => label === one.label);
+      const [swatch, name] = row.cells[0]!.children as unknown as [HTMLElement, HTMLElement];
+      swatch.style.background = css(this.session.looks[place]?.colour ?? [128, 128, 128]);
+      const regions = scene!.no_go.filter(({ label }) => label === one.label);
+      write(
+        name,
+        this.nameOf(one.label) +
+          regions
+            .slice(0, 1)
+            .map(({ keep_away_mm }) => ` · ${words.keepAway(quantity(keep_away_mm, "mm"))}`)
+            .join(""),
+      );
+      write(row.cells[1]!, quantity(one.mm, "mm"));
+      row.classList.toggle("pushes", pushing !== null && regions.includes(scene!.no_go[pushing.region]!));
+    }
+  }
+}

@@ -1,0 +1,241 @@
+// The plan: its trajectories, the deviation of the tool from the nearest one, distances to keep, and edits.
+
+import type { Trajectory } from "../protocol/messages.js";
+import { announce, toast } from "../base/announce.js";
+import { byId, element, write } from "../base/dom.js";
+import { download, fileStem } from "../base/download.js";
+import { digits, quantity } from "../words/figures.js";
+import { rotate, type Vec3 } from "../base/geometry.js";
+import { onLanguage } from "../words/language.js";
+import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory } from "../state/plan.js";
+import type { End, PlanStore } from "../state/plan_store.js";
+import { readable, type Session } from "../state/session.js";
+import type { DevicePose } from "../protocol/wire.js";
+import { says, words } from "../words/words.js";
+
+/** Maximum distance from a trajectory at which deviations are shown. */
+const NEAR_MM = 40;
+const ENDS: End[] = ["entry_mm", "target_mm"];
+
+export class PlanPanel {
+  private shown = ""; // key of the list's contents
+  private spoken = ""; // breach announced last
+  private wasThere = false; // whether a plan existed at the last update
+  private firstTurn = "";
+  private tellsTurn = false;
+
+  /** @param goTo  shows a position in all planes */
+  constructor(
+    private readonly session: Session,
+    private readonly goTo: (place: Vec3) => void,
+  ) {
+    const { plans } = session;
+    plans.onChange = () => this.show();
+    byId("plan-new").addEventListener(
+      "click",
+      () => session.volumes && plans.addTowards(session.anchor(), session.volumes.centre),
+    );
+    byId("plan-save").addEventListener(
+      "click",
+      () => void plans.save().then((isSaved) => isSaved && toast(words.planSaved)),
+    );
+    byId("plan-download").addEventListener(
+      "click",
+      () =>
+        plans.plan &&
+        download(
+          new Blob([planText(plans.plan, words.planTitle)], { type: "application/toml" }),
+          `${fileStem()}-plan.toml`,
+        ),
+    );
+    onLanguage(() => {
+      this.shown = "";
+      this.show();
+    });
+    this.show();
+  }
+  private get plans(): PlanStore {
+    return this.session.plans;
+  }
+
+  /** Resets the detection of orientation: another connection may have another device. */
+  beginAnew(): void {
+    this.firstTurn = "";
+    this.tellsTurn = false;
+  }
+  /** A device without orientation sensors reports a constant orientation. */
+  addPose(device: DevicePose): void {
+    const turn = device.orientation.join();
+    this.firstTurn ||= turn;
+    this.tellsTurn ||= turn !== this.firstTurn;
+  }
+
+  // ---- list
+
+  private show(): void {
+    const { plans } = this;
+    const { plan } = plans;
+    // the panel opens when a plan appears, unless the user folds it
+    if (plan && !this.wasThere) byId<HTMLDetailsElement>("plan-card").open = true;
+    this.wasThere = plan !== null;
+    byId("plan-none").hidden = plan !== null;
+    write(
+      byId("plan-note"),
+      plans.isShared ? (plan!.saved ? words.planIsSaved : words.planNotSaved) : plans.isOwn ? words.planOwn : "",
+    );
+    byId("plan-save").hidden = !plans.isShared;
+    byId<HTMLButtonElement>("plan-save").disabled = plan?.saved !== false;
+    byId("plan-download").hidden = !plan;
+    byId("plan-live").hidden = plans.list.length === 0;
+    this.showList();
+    this.session.touch();
+  }
+  private showList(): void {
+    const { plans } = this;
+    const made = JSON.stringify([plans.list, plans.chosen, this.session.convention]);
+    if (made === this.shown) return;
+    this.shown = made;
+    // keeps the focus at its place in the list
+    const focused = (document.activeElement as HTMLElement | null)?.dataset.plan;
+    byId("plan-list").replaceChildren(...plans.list.map((one, place) => this.lineOf(one, place)));
+    if (focused) (byId("plan-list").querySelector<HTMLElement>(`[data-plan="${focused}"]`) ?? byId("plan-new")).focus();
+  }
+  private lineOf(one: Trajectory, place: number): HTMLElement {
+    const { plans } = this;
+    const isChosen = place === plans.chosen;
+    const name = says(
+      element("input", { type: "text", value: one.name, maxLength: 60, autocomplete: "off", spellcheck: false }),
+      { label: "trajectoryName" },
+    );
+    name.addEventListener("change", () => plans.put(place, { ...one, name: name.value }));
+    const choose = says(
+      element("button", {
+        type: "button",
+        className: "figure",
+        textContent: quantity(lengthOf(one), "mm"),
+        ariaExpanded: String(isChosen),
+      }),
+      { title: "changeTrajectory", label: "changeTrajectory" },
+      one.name,
+    );
+    choose.addEventListener("click", () => {
+      plans.chosen = isChosen ? -1 : place;
+      this.show();
+    });
+    const remove = says(
+      element("button", { type: "button", textContent: "×" }),
+      { label: "deleteNamed", title: "deleteNamed" },
+      one.name,
+    );
+    remove.addEventListener("click", () => plans.remove(place));
+    for (const [control, of] of [
+      [name, "name"],
+      [choose, "choose"],
+      [remove, "remove"],
+    ] as const)
+      control.dataset.plan = `${of}-${place}`;
+    return element(
+      "li",
+      { className: isChosen ? "chosen" : "" },
+      name,
+      choose,
+      remove,
+      ...(isChosen ? ENDS.map((end) => this.endOf(one, place, end)) : []),
+    );
+  }
+  /** Editor of a position as text, in the displayed convention. */
+  private endOf(one: Trajectory, place: number, end: End): HTMLElement {
+    const { session, plans } = this;
+    const sign = session.convention === "RAS" ? -1 : 1;
+    const turned = ([x, y, z]: Vec3): Vec3 => [sign * x, sign * y, z];
+    const about = end === "entry_mm" ? "entryAt" : "targetAt";
+    const at = says(
+      element("input", {
+        type: "text",
+        value: turned(one[end])
+          .map((x) => Number(x.toFixed(2)))
+          .join(", "),
+        autocomplete: "off",
+        spellcheck: false,
+      }),
+      { label: about },
+    );
+    at.addEventListener("change", () => {
+      const numbers = at.value
+        .split(/[\s,;]+/)
+        .filter(Boolean)
+        .map((x) => Number(x.replace("−", "-")));
+      if (numbers.length === 3 && numbers.every(Number.isFinite))
+        return plans.put(place, { ...one, [end]: turned(numbers as Vec3) });
+      toast(words.threeNumbers);
+      this.shown = "";
+      this.showList();
+    });
+    const here = says(element("button", { type: "button" }), {
+      text: "here",
+      title: end === "entry_mm" ? "entryHere" : "targetHere",
+    });
+    here.addEventListener("click", () => plans.put(place, { ...one, [end]: session.anchor() }));
+    const show = says(element("button", { type: "button" }), {
+      text: "where",
+      title: end === "entry_mm" ? "showEntry" : "showTarget",
+    });
+    show.addEventListener("click", () => this.goTo(one[end]));
+    for (const [control, of] of [
+      [at, "at"],
+      [here, "here"],
+      [show, "show"],
+    ] as const)
+      control.dataset.plan = `${of}-${end}-${place}`;
+    return element(
+      "div",
+      { className: "end" },
+      says(element("span"), { text: end === "entry_mm" ? "entry" : "target" }),
+      at,
+      here,
+      show,
+    );
+  }
+
+  // ---- deviation of the tool
+
+  private shaft(device: DevicePose): Vec3 | null {
+    const { session } = this;
+    const shaft = this.tellsTurn ? shaftOf(session.heldBy(device)) : null;
+    return shaft && session.toPatient(session.pose!, rotate(device.orientation, shaft));
+  }
+  /** Updates the figures; ten times a second. */
+  draw(): void {
+    const { session, plans } = this;
+    const device = session.pose?.devices[0];
+    const { plan } = plans;
+    this.showList();
+    if (!device || !plan || !session.scene) return;
+    const [nearest] = plans.list
+      .map((one) => ({ one, far: toTrajectory(one, device.tip) }))
+      .sort((a, b) => a.far - b.far);
+    const isNear = nearest !== undefined && nearest.far <= NEAR_MM;
+    const beside = isNear ? besideTrajectory(nearest.one, device.tip, this.shaft(device)) : null;
+    write(byId("plan-nearest"), isNear ? nearest.one.name : words.noTrajectoryNear(quantity(NEAR_MM, "mm")));
+    write(byId("plan-lateral"), beside ? quantity(beside.lateral_mm, "mm") : "–");
+    write(byId("plan-left"), beside ? quantity(beside.left_mm, "mm") : "–");
+    write(byId("plan-angle"), beside?.angle_deg == null ? "–" : `${digits(beside.angle_deg)}°`);
+
+    // structures that are closer than planned
+    const breaches = breachesOf(plan, session.nearTo(device));
+    const [worst] = breaches;
+    const name = worst ? readable(session.structureName(worst.label) ?? words.unnamed(String(worst.label))) : "";
+    write(
+      byId("plan-breach"),
+      worst ? `⚠ ${words.planBreach(name, quantity(worst.mm, "mm"), quantity(worst.asked_mm, "mm"))}` : "",
+    );
+    byId("plan-breach").hidden = !worst;
+    if (name !== this.spoken && worst) announce(words.planBreachSpoken(name));
+    this.spoken = name;
+    // distances to keep are unknown if the scene reports no distances
+    byId("plan-untold").hidden = plan.keep_away.length === 0 || session.scene.distances !== null;
+  }
+}
+
+const lengthOf = ({ entry_mm, target_mm }: Trajectory): number =>
+  Math.hypot(...entry_mm.map((x, axis) => x - target_mm[axis]!));

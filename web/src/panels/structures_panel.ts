@@ -1,0 +1,365 @@
+// List of structures by tissue: appearance of each structure, haptic properties of each tissue.
+
+import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
+import { byId, element, press, write } from "../base/dom.js";
+import { digits, quantity } from "../words/figures.js";
+import type { History } from "../state/history.js";
+import { keepScene } from "../state/kept.js";
+import { hasBone, keptLooks, presetLooks, PRESETS, type LooksPreset, type Look } from "../state/looks.js";
+import type { Requests } from "../state/requests.js";
+import { readable, type KeptScene, type Session } from "../state/session.js";
+import { says, words, type MessageAbout } from "../words/words.js";
+
+const hex = (colour: Rgb): string => "#" + colour.map((x) => x.toString(16).padStart(2, "0")).join("");
+const fromHex = (text: string): Rgb => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16)) as Rgb;
+
+/** Maps stiffness to a slider position from 0 to 1, logarithmically, because it is perceived by ratios. */
+export const toSlider = (value: number, [low, high]: [number, number]): number =>
+  Math.log(Math.max(value, low) / low) / Math.log(high / low);
+export const fromSlider = (place: number, [low, high]: [number, number]): number =>
+  Number((low * (high / low) ** place).toPrecision(3));
+
+/** Whether a name contains every word of a search, in any order. */
+export const isFound = (name: string, wanted: string): boolean =>
+  wanted
+    .toLowerCase()
+    .split(/\s+/)
+    .every((word) => readable(name).toLowerCase().includes(word));
+
+interface TissueRow {
+  stiffness: HTMLInputElement;
+  stiffnessValue: HTMLElement;
+  friction: HTMLInputElement;
+  frictionValue: HTMLElement;
+}
+/** Group of structures of one tissue, or of those without contact: folded and switched together. */
+interface Group {
+  tissue: number;
+  places: number[];
+  box: HTMLElement;
+  fold: HTMLElement;
+  eye: HTMLElement;
+  rows: HTMLElement;
+}
+const FRICTION_OF_STATIC = 0.75; // default ratio of dynamic to static friction for a tissue that had none
+
+export class StructuresPanel {
+  private rows: TissueRow[] = [];
+  private readonly lines = new Map<number, HTMLElement>();
+  // of the structures in their order
+  private controls: { eye: HTMLButtonElement; colour: HTMLInputElement; opacity: HTMLInputElement }[] = [];
+  private groups: Group[] = [];
+  private readonly folded = new Set<number>(); // indices of tissues
+  private entered: HTMLElement | null = null; // row in the tab order
+  // the one that is shown alone, and what was shown before
+  private alone: { place: number; before: boolean[] } | null = null;
+
+  constructor(
+    private readonly session: Session,
+    private readonly requests: Requests,
+    private readonly history: History,
+  ) {
+    byId("find").addEventListener("input", () => this.find());
+    byId("find").addEventListener("keydown", (event) => {
+      if (event.key !== "Escape") return;
+      byId<HTMLInputElement>("find").value = "";
+      this.find();
+    });
+    byId("structures").addEventListener("keydown", (event) => this.goByKey(event));
+    byId("structures").addEventListener("focusin", (event) => {
+      const line = (event.target as HTMLElement).closest<HTMLElement>(".structure");
+      if (line && line !== this.entered) this.enter(line);
+    });
+    const choice = byId<HTMLSelectElement>("looks");
+    choice.addEventListener("change", () => {
+      if (choice.value) this.change("looks", presetLooks(choice.value as LooksPreset, session.scene!, session.looks));
+      choice.value = "";
+    });
+    byId("show-all").addEventListener("click", () => this.setShown(session.looks.map(() => true)));
+    byId("hide-all").addEventListener("click", () => this.setShown(session.looks.map(() => false)));
+  }
+
+  build(scene: Scene): void {
+    const { session } = this;
+    this.rows = [];
+    this.lines.clear();
+    this.controls = [];
+    this.alone = null;
+    this.groups = scene.tissues.flatMap((tissue, place) =>
+      this.groupOf(
+        scene,
+        place,
+        readable(tissue.name),
+        tissue.felt ? this.feelOf(scene, place) : says(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
+      ),
+    );
+    this.groups.push(...this.groupOf(scene, -1, null, null));
+    byId("caveats").replaceChildren(...scene.caveats.map(({ text }) => element("li", {}, text)));
+    byId("caveats").hidden = scene.caveats.length === 0;
+    byId("structures").replaceChildren(...this.groups.map(({ box }) => box));
+    session.looks.forEach((look, place) => this.showLook(look, place));
+    this.showGroups();
+    this.offerPresets();
+    this.find();
+  }
+
+  /** @param name  null: structures without contact */
+  private groupOf(scene: Scene, tissue: number, name: string | null, feel: HTMLElement | null): Group[] {
+    const places = scene.structures.flatMap((structure, place) =>
+      structure.tissue === tissue || (tissue < 0 && structure.tissue < 0) ? [place] : [],
+    );
+    if (places.length === 0) return [];
+    const title = element("span", { className: "title" });
+    const fold = element(
+      "button",
+      { type: "button", className: "fold" },
+      title,
+      element("span", { className: "quiet" }, String(places.length)),
+    );
+    if (name === null) says(title, { text: "feltNot" });
+    else write(title, name);
+    const eye = element("button", { type: "button", className: "eye" });
+    if (name === null) says(eye, { label: "showNotFelt" });
+    else says(eye, { label: "showGroup" }, name);
+    const rows = element(
+      "div",
+      { id: `tissue-${tissue}` },
+      ...(feel ? [feel] : []),
+      ...places.map((place) => this.lineOf(scene, scene.structures[place]!)),
+    );
+    fold.setAttribute("aria-controls", rows.id);
+    const box = element("div", { className: "tissue" }, element("div", { className: "head" }, fold, eye), rows);
+    fold.addEventListener("click", () => {
+      if (!this.folded.delete(tissue)) this.folded.add(tissue);
+      this.find();
+    });
+    eye.addEventListener("click", () => {
+      const { looks } = this.session;
+      const isShown = !places.every((place) => looks[place]!.visible);
+      this.setShown(looks.map((look, place) => (places.includes(place) ? isShown : look.visible)));
+    });
+    return [{ tissue, places, box, fold, eye, rows }];
+  }
+  private showGroups(): void {
+    const { looks } = this.session;
+    for (const { places, eye } of this.groups) {
+      const count = places.filter((place) => looks[place]!.visible).length;
+      const isAll = count === places.length;
+      eye.setAttribute("aria-pressed", isAll ? "true" : count === 0 ? "false" : "mixed");
+      says(eye, { text: isAll ? "shown" : count === 0 ? "hidden" : "partly" });
+    }
+  }
+
+  /** Hides rows that do not match the search or are folded; a search ignores folding. */
+  private find(): void {
+    const wanted = byId<HTMLInputElement>("find").value.trim();
+    for (const structure of this.session.scene?.structures ?? []) {
+      this.lines.get(structure.label)!.hidden = !isFound(structure.name, wanted);
+    }
+    for (const { tissue, box, fold, rows } of this.groups) {
+      box.hidden = box.querySelector(".structure:not([hidden])") === null;
+      rows.hidden = wanted === "" && this.folded.has(tissue);
+      fold.setAttribute("aria-expanded", String(!rows.hidden));
+    }
+    byId("none-found").hidden = this.groups.some(({ box }) => !box.hidden);
+    this.enter(this.entered);
+  }
+
+  /** The list is one stop in the tab order; arrow keys move between rows. */
+  private enter(wanted: HTMLElement | null): void {
+    const shown = [...this.lines.values()].filter((line) => line.closest("[hidden]") === null);
+    this.entered = wanted && shown.includes(wanted) ? wanted : (shown[0] ?? null);
+    for (const line of this.lines.values()) {
+      for (const control of line.children) (control as HTMLElement).tabIndex = line === this.entered ? 0 : -1;
+    }
+  }
+  private goByKey(event: KeyboardEvent): void {
+    const target = event.target as HTMLElement;
+    const line = target.closest<HTMLElement>(".structure");
+    // a slider uses the arrow keys itself
+    if (!line || target.matches("input[type=range]") || event.ctrlKey || event.metaKey || event.altKey) return;
+    const shown = [...this.lines.values()].filter((one) => one.closest("[hidden]") === null);
+    const place = shown.indexOf(line);
+    const next = {
+      ArrowUp: place - 1,
+      ArrowDown: place + 1,
+      PageUp: Math.max(0, place - 10),
+      PageDown: Math.min(shown.length - 1, place + 10),
+      Home: 0,
+      End: shown.length - 1,
+    }[event.key];
+    const to = next === undefined ? undefined : shown[next];
+    if (!to) return;
+    event.preventDefault();
+    (to.children[[...line.children].indexOf(target)] as HTMLElement).focus();
+  }
+
+  /** Presets that apply to this scene. The menu keeps no selection, because a preset is an action. */
+  offerPresets(): void {
+    const { scene } = this.session;
+    if (!scene) return;
+    const names = PRESETS.filter((name) => hasBone(scene) || name === "scene" || name === "solid");
+    byId("looks").replaceChildren(
+      new Option(words.looksPreset, ""),
+      ...names.map((name) => new Option(words.looks[name], name)),
+    );
+  }
+
+  /** @param key  changes with one key in one gesture are one undo step */
+  private change(key: string, looks: Look[]): void {
+    this.history.note(key, { before: this.session.looks, after: looks, go: (_, to) => this.setLooks(to) });
+    this.setLooks(looks);
+  }
+  private setLooks(looks: Look[]): boolean {
+    const before = this.session.looks;
+    this.alone = null;
+    this.session.looks = looks;
+    looks.forEach((look, place) => look !== before[place] && this.showLook(look, place));
+    this.showGroups();
+    this.session.touchLooks();
+    const scene = this.session.scene!;
+    keepScene<KeptScene>(scene.volume.hash, { looks: keptLooks(scene, looks) });
+    return true;
+  }
+  private showLook({ colour, opacity, visible }: Look, place: number): void {
+    const controls = this.controls[place]!;
+    press(controls.eye, visible);
+    says(controls.eye, { text: visible ? "shown" : "hidden" });
+    controls.colour.value = hex(colour);
+    controls.opacity.value = String(opacity);
+  }
+  /** Changes the look of one structure. */
+  private changeOne(place: number, key: string, look: Partial<Look>): void {
+    this.change(
+      `${key} ${place}`,
+      this.session.looks.map((one, other) => (other === place ? { ...one, ...look } : one)),
+    );
+  }
+  private setShown(shown: boolean[], alone: StructuresPanel["alone"] = null): void {
+    this.history.gesture += 1;
+    this.change(
+      "shown",
+      this.session.looks.map((look, place) => ({ ...look, visible: shown[place]! })),
+    );
+    this.alone = alone;
+  }
+  /** Shows only one structure; again: restores the previous visibility. */
+  private toggleAlone(place: number): void {
+    const shown = this.session.looks.map((look) => look.visible);
+    if (this.alone?.place === place) this.setShown(this.alone.before);
+    else
+      this.setShown(
+        shown.map((_, other) => other === place),
+        { place, before: this.alone?.before ?? shown },
+      );
+  }
+
+  private feelOf(scene: Scene, place: number): HTMLElement {
+    const { stiffness_N_per_mm: range, friction } = scene.limits;
+    // range of stiffness that is useful in practice, within the valid range
+    const limits: [number, number] = [Math.max(range[0], 0.01), Math.min(range[1], 10)];
+    const name = readable(scene.tissues[place]!.name);
+    const slider = (label: MessageAbout, max: number, step: number) =>
+      says(element("input", { type: "range", min: "0", max: String(max), step: String(step) }), { label }, name);
+    const stiffness = slider("stiffnessOf", 1, 0.005);
+    const frictionSlider = slider("frictionOf", Math.min(friction[1], 1.5), 0.01);
+    stiffness.dataset.tissue = String(place);
+    const row: TissueRow = {
+      stiffness,
+      friction: frictionSlider,
+      stiffnessValue: element("output"),
+      frictionValue: element("output"),
+    };
+    this.rows[place] = row;
+    stiffness.addEventListener("input", () => {
+      const value = fromSlider(Number(stiffness.value), limits);
+      write(row.stiffnessValue, quantity(value, "N/mm"));
+      void this.requests.latest(`stiffness ${place}`, { type: "tissue", tissue: place, stiffness_N_per_mm: value });
+    });
+    frictionSlider.addEventListener("input", () => {
+      const value = Number(frictionSlider.value);
+      const before = this.session.state?.tissues[place];
+      const ratio =
+        before && before.static_friction > 0 ? before.friction / before.static_friction : FRICTION_OF_STATIC;
+      write(row.frictionValue, digits(value));
+      void this.requests.latest(`friction ${place}`, {
+        type: "tissue",
+        tissue: place,
+        static_friction: value,
+        friction: Number((value * ratio).toPrecision(4)),
+      });
+    });
+    stiffness.dataset.low = String(limits[0]);
+    stiffness.dataset.high = String(limits[1]);
+    return element(
+      "div",
+      { className: "feel" },
+      element(
+        "label",
+        { className: "line" },
+        says(element("span"), { text: "stiffness" }),
+        stiffness,
+        row.stiffnessValue,
+      ),
+      element(
+        "label",
+        { className: "line" },
+        says(element("span"), { text: "friction" }),
+        frictionSlider,
+        row.frictionValue,
+      ),
+    );
+  }
+
+  private lineOf(scene: Scene, structure: Structure): HTMLElement {
+    const place = scene.structures.indexOf(structure);
+    const { session } = this;
+    const name = readable(structure.name);
+    const colour = says(element("input", { type: "color" }), { label: "colourOf", title: "colour" }, name);
+    const opacity = says(
+      element("input", { type: "range", min: "0", max: "1", step: "0.05" }),
+      { label: "opacityOf", title: "opacity" },
+      name,
+    );
+    const eye = says(element("button", { type: "button", className: "eye" }), { label: "show" }, name);
+    this.controls[place] = { eye, colour, opacity };
+    colour.addEventListener("input", () => this.changeOne(place, "colour", { colour: fromHex(colour.value) }));
+    opacity.addEventListener("input", () => this.changeOne(place, "opacity", { opacity: Number(opacity.value) }));
+    eye.addEventListener("click", () =>
+      this.setShown(session.looks.map((one, other) => (other === place ? !one.visible : one.visible))),
+    );
+    const alone = says(
+      element("button", { type: "button", className: "name", textContent: name }),
+      { title: "alone" },
+      name,
+    );
+    alone.addEventListener("click", () => this.toggleAlone(place));
+    const line = element("div", { className: "structure" }, colour, alone, opacity, eye);
+    this.lines.set(structure.label, line);
+    return line;
+  }
+
+  /** Moves sliders to the current values, except the one being dragged. */
+  show(state: State, isAllowed: boolean): void {
+    // tissues without structures have no row
+    this.rows.forEach((row, place) => {
+      const tissue = state.tissues[place];
+      if (!tissue) return;
+      const limits: [number, number] = [Number(row.stiffness.dataset.low), Number(row.stiffness.dataset.high)];
+      if (!row.stiffness.matches(":active")) {
+        row.stiffness.value = String(toSlider(tissue.stiffness_N_per_mm, limits));
+        write(row.stiffnessValue, quantity(tissue.stiffness_N_per_mm, "N/mm"));
+      }
+      if (!row.friction.matches(":active")) {
+        row.friction.value = String(tissue.static_friction);
+        write(row.frictionValue, digits(tissue.static_friction));
+      }
+      row.stiffness.disabled = row.friction.disabled = !isAllowed;
+    });
+  }
+
+  /** Marks the structure in contact. */
+  touched(label: number): void {
+    for (const [own, line] of this.lines) line.classList.toggle("touched", own === label && label > 0);
+  }
+}

@@ -1,0 +1,36 @@
+// Light, dark or system theme, stored in this browser.
+
+import { byId } from "../base/dom.js";
+import { says } from "../words/words.js";
+
+type Theme = "system" | "light" | "dark";
+const ORDER: Theme[] = ["system", "light", "dark"];
+const MESSAGES = { system: "themeSystem", light: "themeLight", dark: "themeDark" } as const;
+const KEY = "palpate.theme";
+const colours = new Map<string, string>(); // cache of the theme's colours, by name
+const systemIsDark = matchMedia("(prefers-color-scheme: dark)");
+
+function chosen(): Theme {
+  const kept = localStorage.getItem(KEY) as Theme;
+  return ORDER.includes(kept) ? kept : "system";
+}
+export function applyTheme(): void {
+  const theme = chosen();
+  colours.clear();
+  document.documentElement.dataset.theme = theme === "system" ? (systemIsDark.matches ? "dark" : "light") : theme;
+  says(byId("theme"), { text: MESSAGES[theme] });
+}
+/** Value of a custom property of the style sheet. */
+export function themeColour(property: string): string {
+  let colour = colours.get(property);
+  if (colour === undefined) {
+    colour = getComputedStyle(document.documentElement).getPropertyValue(property);
+    colours.set(property, colour);
+  }
+  return colour;
+}
+export function nextTheme(): void {
+  localStorage.setItem(KEY, ORDER[(ORDER.indexOf(chosen()) + 1) % ORDER.length]!);
+  applyTheme();
+}
+systemIsDark.addEventListener("change", applyTheme);

@@ -1,0 +1,26 @@
+// Registration error of a tracked tool's tip (docs/reference/viewer-messages.md).
+
+import type { Tracked } from "../protocol/messages.js";
+import { byId, write } from "../base/dom.js";
+import { words } from "../words/words.js";
+
+export function trackedText(tracked: Tracked): string {
+  // tenths of a millimetre, as estimates are no better than that
+  const mm = (value: number): string => `${value.toFixed(1)} mm`;
+  const { tre_mm, tre_95_mm } = tracked;
+  return [
+    ...(tracked.seen ? [] : [words.toolNotSeen]),
+    tre_mm === null || tre_95_mm === null ? words.treNotKnown : words.treIs(mm(tre_mm), mm(tre_95_mm)),
+    words.freIs(mm(tracked.fre_mm)),
+    ...(tracked.far ? [words.farFromPoints] : []),
+  ].join(" · ");
+}
+
+/** @param tracked  null: a session without a tracked tool */
+export function showTracked(tracked: Tracked | null): void {
+  const line = byId("tracked");
+  line.hidden = tracked === null;
+  if (!tracked) return;
+  write(line, trackedText(tracked));
+  line.classList.toggle("doubtful", tracked.far || !tracked.seen);
+}

@@ -1,0 +1,36 @@
+// One-line explanation of the force: the spring, forces along the surface, and limits between them and the hand.
+
+import { quantity } from "../words/figures.js";
+import { length, reject, type Vec3 } from "../base/geometry.js";
+import { Flag, type DevicePose } from "../protocol/wire.js";
+import { words, type Words } from "../words/words.js";
+
+/** Flags that reduce the hand's force below the contact force, the most likely first. */
+const LESS: [number, keyof Words["because"]][] = [
+  [Flag.thermal, "thermal"],
+  [Flag.clamped, "clamped"],
+  [Flag.ramp, "ramp"],
+  [Flag.passivity, "passivity"],
+];
+/** Smaller fractions of the force are not mentioned: friction on a smooth surface, rounding. */
+const LEAST_PART = 0.05;
+const LEAST_N = 0.005;
+
+/** @param force  on the hand, in the patient frame, N */
+export function whyText(device: DevicePose, force: Vec3): string {
+  const force_N = length(force);
+  if (!(device.flags & Flag.contact) || device.askedForce < LEAST_N) return "";
+  const reasons: string[] = [];
+  // with several layers, stiffness and share of each are in the list
+  if (device.felt.length <= 1 && device.stiffness > 0 && Number.isFinite(device.depth)) {
+    reasons.push(words.deepAt(quantity(device.depth, "mm"), quantity(device.stiffness, "N/mm")));
+  }
+  const along_N = length(reject(force, device.normal));
+  if (length(device.normal) > 0 && along_N > Math.max(LEAST_N, LEAST_PART * force_N))
+    reasons.push(words.alongSurface(quantity(along_N, "N")));
+  if (device.askedForce - force_N > Math.max(LEAST_N, LEAST_PART * device.askedForce)) {
+    const reason = LESS.find(([flag]) => device.flags & flag)?.[1] ?? "slew";
+    reasons.push(words.lessBecause(quantity(force_N, "N"), quantity(device.askedForce, "N"), words.because[reason]));
+  }
+  return reasons.join(" · ");
+}

@@ -1,0 +1,270 @@
+// WebSocket connection: reconnects automatically, holds the latest pose and its age.
+
+import type { Refusal, Request, Right, Role, State, Plan, Tracked, Sweep, Debriefing, TaskRun } from "./messages.js";
+import { decodeNear, isNear, type Near } from "./near.js";
+import { decodeYield, isYield, type Yield } from "./yields.js";
+import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
+import { words } from "../words/words.js";
+
+/** "ended": no connection attempts before open() is called. */
+export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
+
+const FIRST_RETRY_MS = 250;
+const LONGEST_RETRY_MS = 5000;
+/** palpate's close codes, docs/reference/viewer-protocol.md. */
+const TOKEN_REFUSED = 4401,
+  OTHER_PROTOCOL = 4406;
+/** Close code of a connection that ended without a closing handshake. */
+const GONE = 1006;
+/** Poses older than this are shown as stale. */
+export const STALE_MS = 250;
+/**
+ * A connection without messages for this long is closed, because the other end may have vanished; so is one that is not
+ * established in time.
+ */
+const SILENT_MS = 6000,
+  CONNECTING_MS = 20_000;
+/**
+ * An emergency stop that could not be sent is sent on reconnection within this time; later the user may have changed
+ * the situation.
+ */
+const STOP_KEPT_MS = 5000;
+
+export interface Listener {
+  onLink(link: Link): void;
+  onState(state: State): void;
+  onPose(pose: Pose): void;
+  /** A token is required, or the one presented was rejected. */
+  onToken(): void;
+  onProblem(text: string): void;
+  /** The server uses another version of the protocol. */
+  onOtherProtocol(): void;
+  /** Connecting has failed more than once. */
+  onUnanswered(): void;
+  /** A request awaits confirmation at the device; its response follows the confirmation. */
+  onAsked(): void;
+  /** Burr sweeps: replaces all sweeps from number `first` on. */
+  onCut(first: number, sweeps: Sweep[]): void;
+  /** Deformation of tissue around a device; reported in full on each connection. */
+  onYield(told: Yield): void;
+  /** Distances of each tool, before the first pose that they apply to; reported again on each connection. */
+  onNear(near: Near[]): void;
+  /** The plan; reported again on each connection. */
+  onPlan(plan: Plan): void;
+  /** Registration error of a tracked tool; reported again on each connection. */
+  onTracked(tracked: Tracked): void;
+  /** Progress of a run of a task. */
+  onTask(run: TaskRun): void;
+  /** Results of a finished run. */
+  onDebriefing(debriefing: Debriefing): void;
+}
+
+export class Connection {
+  link: Link = "ended";
+  role: Role = "view";
+  learner: string | null = null; // this viewer's pseudonym
+  private may: ReadonlySet<Right> = new Set();
+  pose: Pose | null = null;
+  /** Time of arrival of the latest pose, by performance.now(). */
+  poseAt_ms = -Infinity;
+  roundTrip_ms = NaN; // of the latest request
+  private socket: WebSocket | null = null;
+  private retry_ms = FIRST_RETRY_MS;
+  private unanswered = 0; // attempts since the last welcome message
+  private timer = 0;
+  private nextId = 1;
+  private heard_ms = 0;
+  private unsentStop_ms = -Infinity; // time of the latest unacknowledged stop
+  private readonly waiting = new Map<
+    number,
+    { type: Request["type"]; sent_ms: number; done(refusal: Refusal | null): void }
+  >();
+
+  constructor(
+    private readonly listener: Listener,
+    private token: string | null,
+  ) {}
+
+  open(): void {
+    clearTimeout(this.timer);
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/ws`, "palpate.v1");
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.heard_ms = performance.now();
+    if (this.link !== "connecting") this.setLink("connecting");
+    socket.onopen = () => {
+      const hello = {
+        type: "hello",
+        protocol: PROTOCOL,
+        poses_hz: 60,
+        yielded: true,
+        task: true,
+        near: true,
+        plan: true,
+        navigation: true,
+      };
+      socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
+    };
+    socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
+    socket.onclose = (event) => this.closed(socket, event.code);
+  }
+
+  setToken(token: string | null): void {
+    this.token = token;
+  }
+
+  /** Whether this viewer has a permission now. */
+  allows(right: Right): boolean {
+    return this.link === "connected" && this.may.has(right);
+  }
+  /** Age of the latest pose. */
+  age_ms(): number {
+    return performance.now() - this.poseAt_ms;
+  }
+  isFresh(): boolean {
+    return this.link === "connected" && this.age_ms() <= STALE_MS;
+  }
+
+  /**
+   * Resolves to null on success. A stop is kept for the next connection if that comes soon, also when only its response
+   * is missing.
+   */
+  ask(request: Request): Promise<Refusal | null> {
+    return new Promise((done) => {
+      // a closing socket accepts messages but does not send them
+      if (this.link !== "connected" || this.socket!.readyState > WebSocket.OPEN) {
+        if (request.type !== "stop") return done({ what: words.notConnected, how: words.waitForIt });
+        return done(this.keepStop(performance.now()));
+      }
+      const id = this.nextId++;
+      this.waiting.set(id, { type: request.type, sent_ms: performance.now(), done });
+      this.socket!.send(JSON.stringify({ ...request, id }));
+    });
+  }
+  /** Sends the pointer's position; dropped without a connection. */
+  moveTip(patient_mm: number[]): void {
+    if (this.link === "connected") this.socket!.send(JSON.stringify({ type: "tip", patient_mm }));
+  }
+
+  private keepStop(asked_ms: number): Refusal {
+    this.unsentStop_ms = Math.max(this.unsentStop_ms, asked_ms);
+    return { what: words.stopIsKept, how: words.stopThere };
+  }
+
+  /** To be called periodically. */
+  watch(): void {
+    const { socket } = this;
+    const max_ms = this.link === "connected" ? SILENT_MS : this.link === "connecting" ? CONNECTING_MS : Infinity;
+    if (!socket || performance.now() - this.heard_ms <= max_ms) return;
+    socket.close();
+    // the browser reports a vanished peer only after the timeout of its closing handshake
+    this.closed(socket, GONE);
+  }
+
+  /** Closes the connection, without reconnecting until open() is called. */
+  end(): void {
+    clearTimeout(this.timer);
+    const socket = this.socket;
+    this.socket = null;
+    socket?.close();
+    this.forgetWaiting();
+    this.setLink("ended");
+  }
+  private otherProtocol(): void {
+    this.end();
+    this.listener.onOtherProtocol();
+  }
+  private forgetWaiting(): void {
+    for (const { type, sent_ms, done } of this.waiting.values())
+      done(type === "stop" ? this.keepStop(sent_ms) : { what: words.lostBeforeAnswer });
+    this.waiting.clear();
+  }
+
+  private setLink(link: Link): void {
+    this.link = link;
+    this.listener.onLink(link);
+  }
+
+  private receive(socket: WebSocket, data: string | ArrayBuffer): void {
+    if (socket !== this.socket) return;
+    this.heard_ms = performance.now();
+    if (typeof data !== "string") {
+      try {
+        if (isNear(data)) return this.listener.onNear(decodeNear(data));
+        if (isYield(data)) return this.listener.onYield(decodeYield(data));
+        const pose = decodePose(data);
+        this.pose = pose;
+        this.poseAt_ms = this.heard_ms;
+        // reset only here, so that a server with undecodable poses is not retried four times a second
+        this.retry_ms = FIRST_RETRY_MS;
+        this.listener.onPose(pose);
+      } catch (error) {
+        if (error instanceof WireVersion) return this.otherProtocol();
+        this.listener.onProblem((error as Error).message);
+        socket.close();
+      }
+      return;
+    }
+    const message = JSON.parse(data);
+    switch (message.type) {
+      case "welcome":
+        this.role = message.role;
+        this.learner = message.learner;
+        this.may = new Set(message.may as Right[]);
+        this.unanswered = 0;
+        this.pose = null;
+        this.setLink("connected");
+        if (performance.now() - this.unsentStop_ms <= STOP_KEPT_MS) void this.ask({ type: "stop" });
+        this.unsentStop_ms = -Infinity;
+        break;
+      case "state":
+        this.listener.onState(message as State);
+        break;
+      case "cut":
+        this.listener.onCut(message.first as number, message.sweeps as Sweep[]);
+        break;
+      case "plan":
+        this.listener.onPlan(message as Plan);
+        break;
+      case "navigation":
+        this.listener.onTracked(message as Tracked);
+        break;
+      case "task":
+        this.listener.onTask(message as TaskRun);
+        break;
+      case "debriefing":
+        this.listener.onDebriefing(message as Debriefing);
+        break;
+      case "asked":
+        this.listener.onAsked();
+        break;
+      case "done":
+      case "refused": {
+        const asked = this.waiting.get(message.id);
+        if (!asked) break;
+        this.waiting.delete(message.id);
+        this.roundTrip_ms = this.heard_ms - asked.sent_ms;
+        asked.done(message.type === "done" ? null : (message as Refusal));
+        break;
+      }
+    }
+  }
+
+  private closed(socket: WebSocket, code: number): void {
+    if (socket !== this.socket) return;
+    this.socket = null;
+    this.forgetWaiting();
+    if (code === OTHER_PROTOCOL) return this.otherProtocol();
+    if (code === TOKEN_REFUSED) {
+      this.setLink("refused");
+      this.listener.onToken();
+      return;
+    }
+    this.setLink("lost");
+    this.timer = window.setTimeout(() => this.open(), this.retry_ms * (0.8 + 0.4 * Math.random()));
+    this.retry_ms = Math.min(2 * this.retry_ms, LONGEST_RETRY_MS);
+    this.unanswered += 1;
+    if (this.unanswered > 1) this.listener.onUnanswered();
+  }
+}

@@ -1,0 +1,342 @@
+// Types of the JSON messages between the page and palpate. docs/reference/viewer-protocol.md and viewer-messages.md
+// describe every field; the comments here repeat only what a reader of the page's code needs.
+//
+// Positions and directions are in the patient's frame (LPS), lengths in mm. A label is the value of a structure's
+// voxels.
+
+import type { Affine, Quaternion, Vec3 } from "../base/geometry.js";
+
+// connection
+
+export type Role = "view" | "control" | "learner" | "teacher";
+/** Permission of a viewer. */
+export type Right = "look" | "stop" | "unseen" | "hand" | "feel" | "plan" | "play" | "lesson" | "own_runs" | "all_runs";
+/** Error of palpate: what is wrong, where, and how to mend it. */
+export interface Refusal {
+  what: string;
+  where?: string;
+  how?: string;
+}
+export interface Request {
+  type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task" | "plan" | "lesson";
+  [value: string]: unknown;
+}
+
+// scene
+
+/** Red, green and blue, 0 to 255. */
+export type Rgb = [number, number, number];
+export type Concern = "placement" | "side" | "force";
+
+export interface Structure {
+  label: number;
+  name: string;
+  colour: Rgb;
+  tissue: number; // index in `Scene.tissues`
+  within: number[]; // labels of the structures that enclose this one
+}
+
+export interface Tissue {
+  name: string;
+  felt: boolean;
+  protection: "none" | "alarm" | "keep"; // from a burr
+  colour: Rgb;
+  opacity: number;
+  stiffness_N_per_mm: number;
+  static_friction: number;
+  friction: number;
+  viscosity_N_s_per_mm: number;
+  rests_on: number[]; // labels of supporting structures
+}
+/** Tissue properties that can change during a session. */
+export type TissueState = Pick<
+  Tissue,
+  "stiffness_N_per_mm" | "static_friction" | "friction" | "viscosity_N_s_per_mm"
+>;
+
+/** Cone between two balls, in the tool's frame; a capsule where the radii are equal. */
+export interface Capsule {
+  from_mm: Vec3;
+  to_mm: Vec3;
+  radius_mm: number;
+  end_radius_mm: number;
+}
+
+/** Tool of one device. */
+export interface HeldTool {
+  name: string;
+  radius_mm: number; // of the tip
+  cuts: boolean;
+  burr: "ball" | "cylinder" | "cone" | null;
+  shaver: boolean;
+  points_mm: Vec3[]; // contact points in the tool's frame
+  capsules: Capsule[];
+}
+
+/**
+ * No-go region: a structure (by its label), the half-space behind a plane, or a ball. A tool that comes closer than
+ * `keep_away_mm` is pushed out. Exactly one of `label`, `plane` and `ball` is not null.
+ */
+export interface NoGo {
+  name: string;
+  keep_away_mm: number;
+  label: number | null;
+  plane: { point_mm: Vec3; outward: Vec3 } | null;
+  ball: { centre_mm: Vec3; radius_mm: number } | null;
+}
+
+export interface Scene {
+  protocol: number;
+  palpate: string; // version of the program
+  role: Role;
+  learner: string | null;
+  may: Right[];
+  side: "left" | "right" | "both" | "unknown";
+  oriented: boolean;
+  caveats: { concerns: Concern; text: string }[]; // limitations of the model that loading found, a sentence each
+  modality: "ct" | "mr" | "unknown";
+  volume: {
+    hash: string;
+    dims: Vec3;
+    patient_from_voxel: Affine;
+    scan: { scale: number; offset: number; window: [number, number]; range: [number, number] } | null;
+    labels: { type: "uint8" | "uint16" };
+  };
+  world_from_patient: Affine;
+  structures: Structure[];
+  tissues: Tissue[];
+  tools: HeldTool[]; // by device number
+  methods: string[];
+  laws: string[]; // constitutive laws of soft tissue; empty without soft tissue
+  device: {
+    name: string;
+    simulated: boolean;
+    input: "script" | "pointer" | "device" | "recording";
+    peak_force_N: number | null;
+    continuous_force_N: number | null;
+    max_stiffness_N_per_mm: number | null;
+  };
+  limits: {
+    max_force_N: number;
+    min_max_force_N: number;
+    max_max_force_N: number;
+    stiffness_N_per_mm: [number, number];
+    friction: [number, number];
+  };
+  rate_hz: number;
+  recording: Recording | null; // of a playback; null in a live session
+  tasks?: Task[]; // available tasks
+  distances: { reach_mm: number } | null; // distances to structures are reported up to this reach; null: not at all
+  no_go: NoGo[];
+}
+
+export interface RecordedEvent {
+  time_s: number;
+  kind: "stop" | "rearm" | "settings" | "model" | "undo" | "redo";
+  changed: string[];
+  tissue: number | null;
+  by: string;
+  viewer: number | null;
+}
+/** Contents of the time line; times are the recording's own. */
+export interface Recording {
+  ticks: number;
+  begin_s: number;
+  end_s: number;
+  contacts: [begin_s: number, end_s: number, label: number, max_N: number, device: number][];
+  contacts_left_out: number;
+  events: RecordedEvent[];
+  events_left_out: number;
+  force_N: number[]; // maximum in each of equally long intervals
+}
+
+// state
+
+export interface State {
+  method: string;
+  law: string; // constitutive law of soft tissue
+  law_awaited: string | null; // requested law whose surfaces are being computed
+  law_failed: Refusal | null; // error of the latest requested law
+  method_awaited: string | null; // requested method whose fields are being computed
+  method_failed: Refusal | null; // error of the latest requested method
+  friction: boolean;
+  viscosity: boolean;
+  passivity: boolean;
+  paused: boolean;
+  motor: boolean; // switch of the burrs' motors
+  motor_is_on: boolean; // by the switch or by a pedal
+  strokes: { undo: number; redo: number }; // burr strokes, from motor start to stop, that can be undone and redone
+  removed: { label: number; mm3: number }[]; // volume that burrs have removed
+  nearest: { label: number; mm: number }[]; // minimum distance of a running burr to protected structures
+  emergency_stop: boolean;
+  stop: number | null; // identifier of the stop in force, which a rearm refers to
+  stopped_by: "you" | "viewer" | "key" | "palpate" | null;
+  max_force_N: number;
+  rotation_wxyz: Quaternion;
+  model_version: number;
+  tissues: TissueState[];
+  armed: boolean;
+  recording: boolean;
+  playback: { playing: boolean; speed: number; failed: Refusal | null } | null; // of a recording
+  viewers: number;
+  pointer: boolean;
+  pointer_by: "you" | "viewer" | null; // viewer that moves the tip
+  lesson: Lesson;
+}
+
+/** A teacher's choices, as far as they are reported to this viewer. */
+export interface Lesson {
+  learner: string | null; // owner of the runs; reported to the teacher and to that learner
+  of_another: boolean; // reported to a learner: the runs belong to another learner
+  task: string | null; // the only task that learners may begin
+  names: boolean; // learners see the names that a quiz hides
+  veiled: boolean; // this viewer's scene is veiled
+}
+
+/**
+ * One sweep of a burr: the centre of its ball before and after, and the ball's radius. Cylinders and cones append the
+ * vector from that centre to the centre of the ball at their far end, and the radius of that ball.
+ */
+export type Sweep = [
+  number,
+  number,
+  number,
+  number,
+  number,
+  number,
+  number,
+  ...([] | [number, number, number, number]),
+];
+
+/** Registration error of a tracked tool's tip; lengths in mm. */
+export interface Tracked {
+  device: number;
+  seen: boolean; // false: the tip is shown at its last tracked position
+  fre_mm: number; // fiducial registration error
+  tre_mm: number | null; // target registration error, root mean square; null: unknown
+  tre_95_mm: number | null; // 95th percentile of the target registration error
+  far: boolean; // the tip is far outside the fiducials
+}
+
+// plan
+
+export interface Trajectory {
+  name: string;
+  entry_mm: Vec3;
+  target_mm: Vec3;
+  entry_within_mm: number | null; // tolerances; null: none
+  target_within_mm: number | null;
+  angle_within_deg: number | null;
+  depth_within_mm: number | null;
+}
+export interface Plan {
+  version: number;
+  saved: boolean; // the plan's file is up to date
+  can_change: boolean; // viewers with control may edit it
+  trajectories: Trajectory[];
+  keep_away: { label: number; mm: number }[];
+}
+
+// tasks
+
+export interface TaskRegion {
+  name: string;
+  middle_mm: Vec3;
+  radius_mm: number;
+  outward: Vec3;
+}
+export interface TaskStep {
+  name: string;
+  kind: "touch" | "visit" | "cover" | "remove";
+  region: number;
+  force_N: [number, number | null];
+  seconds: number;
+  coverage: number;
+  seen: boolean;
+}
+/** Arthroscope in the second device: angle between its shaft and its line of sight, distance from tip to camera. */
+export interface TaskScope {
+  optics_deg: number;
+  back_mm: number;
+}
+export interface TaskForce {
+  labels: number[];
+  band_N: [number, number | null] | null;
+  limit_N: number | null;
+}
+export interface TaskMetric {
+  name: string;
+  unit: string;
+  labels: number[];
+  more_is_better: boolean;
+  at_least: number | null;
+  at_most: number | null;
+  basis: string | null;
+}
+export interface Task {
+  name: string;
+  title: string;
+  briefing: string;
+  quiz: boolean;
+  ordered: boolean;
+  ends_with_steps: boolean;
+  time_limit_s: number | null;
+  answer_s: number | null;
+  to_find: number[]; // labels
+  in_a_row: number;
+  scope: TaskScope | null;
+  regions: TaskRegion[];
+  steps: TaskStep[];
+  forces: TaskForce[];
+  protected: { labels: number[]; limit_N: number }[];
+  metrics: TaskMetric[];
+}
+
+export interface TaskEvent {
+  kind: "step_done" | "over_limit" | "protected" | "unseen" | "ended";
+  part: number;
+  time_s: number;
+  force_N: number;
+}
+/** Progress of a run. */
+export interface TaskRun {
+  phase: "none" | "running" | "keeping" | "over";
+  run: number;
+  task: string | null;
+  time_s: number;
+  done: boolean[]; // by step
+  share: number[]; // progress of each step, 0 to 1
+  forces_N: number[];
+  protected_N: number[];
+  touch_N: number;
+  unseen: boolean;
+  missing_s: number; // duration of dropped ticks
+  events: TaskEvent[];
+  events_before: number;
+  keeps: boolean; // the run will be stored in the records
+}
+/** Results of a finished run. */
+export interface Debriefing {
+  run: number;
+  task: string;
+  end: "task" | "asked" | "session" | "trouble";
+  in_band: boolean;
+  time_s: number;
+  missing_s: number;
+  ticks: number;
+  first_tick: number;
+  last_tick: number;
+  metrics: { value: number | null; in_band: boolean; best: number | null }[];
+  done: boolean[];
+  events: TaskEvent[];
+  more_events: number;
+  samples: number[][]; // each: time, tip, maximum total force, maximum force on each of the task's first `forces`
+  patches: [number, number, number, number][]; // of surfaces to cover: position, and 1 where covered
+  patches_left_out: number;
+  answer_mm: Vec3 | null;
+  to_find_mm: Vec3 | null;
+  runs: number;
+  in_a_row: number;
+  kept: number | null; // number in the records
+  not_kept: Refusal | null;
+}

@@ -1,0 +1,57 @@
+// Decoding of distances to structures and no-go regions (docs/reference/viewer-messages.md). Lengths in mm, forces in
+// N.
+
+import { PROTOCOL, WireError, WireVersion } from "./wire.js";
+import { words } from "../words/words.js";
+
+const MAGIC = 0x4e504c50; // "PLPN"
+const HEAD_BYTES = 24;
+const MOST_DEVICES = 4;
+const MOST_NEAR = 8;
+const DEVICE_BYTES = 12 + 8 * MOST_NEAR;
+
+/** Distance of a structure to a tool. */
+export interface NearStructure {
+  label: number;
+  mm: number; // from the tool's surface to the structure's; negative inside
+}
+/** Distances of one device's tool. */
+export interface Near {
+  noGo: number; // index of the no-go region with the deepest penetration; -1: none
+  depth: number; // penetration depth of that region's margin
+  force: number; // total of all regions
+  structures: NearStructure[]; // closest first
+}
+
+/** Whether a binary message reports distances, not a pose. */
+export const isNear = (message: ArrayBuffer): boolean =>
+  message.byteLength >= 4 && new DataView(message).getUint32(0, true) === MAGIC;
+
+/**
+ * Distances of each device.
+ * @throws WireError for anything but a complete message of this version
+ */
+export function decodeNear(message: ArrayBuffer): Near[] {
+  const refuse = (): never => {
+    throw new WireError(words.noNear(String(message.byteLength)));
+  };
+  if (message.byteLength < HEAD_BYTES || !isNear(message)) refuse();
+  const view = new DataView(message);
+  if (view.getUint16(4, true) !== PROTOCOL) throw new WireVersion(words.someOtherVersion(String(PROTOCOL)));
+  const count = view.getUint16(16, true);
+  if (
+    count < 1 ||
+    count > MOST_DEVICES ||
+    view.getUint16(6, true) !== message.byteLength ||
+    message.byteLength !== HEAD_BYTES + count * DEVICE_BYTES
+  )
+    refuse();
+  return Array.from({ length: count }, (_, device) => HEAD_BYTES + device * DEVICE_BYTES).map((at) => ({
+    noGo: view.getUint16(at, true) - 1,
+    depth: view.getFloat32(at + 4, true),
+    force: view.getFloat32(at + 8, true),
+    structures: Array.from({ length: MOST_NEAR }, (_, n) => at + 12 + 8 * n)
+      .map((there) => ({ label: view.getUint16(there, true), mm: view.getFloat32(there + 4, true) }))
+      .filter(({ label }) => label !== 0),
+  }));
+}

@@ -1,0 +1,298 @@
+// Deformation of soft tissue. palpate reports where material points have moved to (docs/reference/viewer-messages.md);
+// pictures need the inverse, from displayed positions to positions at rest, which is computed here.
+
+import { apply, column, dot, invert, type Affine, type Vec3 } from "../base/geometry.js";
+import { PROTOCOL, WireError, WireVersion } from "./wire.js";
+import { words } from "../words/words.js";
+
+const MAGIC = 0x59504c50; // "PLPY"
+const HEAD_BYTES = 96;
+const MOST_DEVICES = 4;
+const MOST_AXIS = 64,
+  MOST_NODES = 32768;
+/** Upper bound of coordinates in a valid message. */
+const FARTHEST_MM = 1e4;
+
+/** Grid of nodes in the patient: trilinear between nodes, zero outside. */
+export interface Nodes {
+  dims: Vec3;
+  nodeFromPatient: Affine;
+}
+
+/** Displacements around one device's tool, at nodes given by their positions at rest. */
+export interface Yield {
+  device: number;
+  frame: number; // number of the solution
+  nodes: Nodes | null; // null: no deformation
+  moved_mm: Float32Array; // patient frame, three components per node, i fastest
+}
+
+/** Whether a binary message reports deformation, not a pose. */
+export const isYield = (message: ArrayBuffer): boolean =>
+  message.byteLength >= 4 && new DataView(message).getUint32(0, true) === MAGIC;
+
+/** @throws WireError for anything but a complete message of this version */
+export function decodeYield(message: ArrayBuffer): Yield {
+  const refuse = (): never => {
+    throw new WireError(words.noYield(String(message.byteLength)));
+  };
+  if (message.byteLength < HEAD_BYTES || !isYield(message)) refuse();
+  const view = new DataView(message);
+  if (view.getUint16(4, true) !== PROTOCOL) throw new WireVersion(words.someOtherVersion(String(PROTOCOL)));
+  const three = (at: number, read: (at: number) => number, bytes: number) =>
+    [0, 1, 2].map((n) => read(at + bytes * n)) as Vec3;
+  const u16 = (at: number) => view.getUint16(at, true),
+    f32 = (at: number) => view.getFloat32(at, true);
+  const device = u16(6),
+    frame = view.getUint32(12, true);
+  const [dims, lo, size] = [16, 22, 28].map((at) => three(at, u16, 2)) as [Vec3, Vec3, Vec3];
+  const nodes = size[0] * size[1] * size[2];
+  if (
+    device >= MOST_DEVICES ||
+    view.getUint32(8, true) !== message.byteLength ||
+    message.byteLength !== HEAD_BYTES + 6 * nodes
+  )
+    refuse();
+  if (nodes === 0) return { device, frame, nodes: null, moved_mm: new Float32Array(0) };
+
+  const first = three(36, f32, 4);
+  const axes = [48, 60, 72].map((at) => three(at, f32, 4)) as [Vec3, Vec3, Vec3];
+  const spacing = f32(84),
+    step = f32(88);
+  const isGrid =
+    dims.every((count, axis) => count >= 2 && count <= MOST_AXIS && lo[axis]! + size[axis]! <= count) &&
+    dims[0] * dims[1] * dims[2] <= MOST_NODES;
+  // NaN fails each of these comparisons
+  const areUnit = axes.every((a, n) => Math.abs(dot(a, a) - 1) < 1e-3 && Math.abs(dot(a, axes[(n + 1) % 3]!)) < 1e-3);
+  const isPlaced =
+    first.every((x) => Math.abs(x) < FARTHEST_MM) && spacing > 1e-3 && spacing < FARTHEST_MM && step > 0 && step < 1;
+  if (!isGrid || !areUnit || !isPlaced) refuse();
+
+  const moved_mm = new Float32Array(3 * dims[0] * dims[1] * dims[2]);
+  for (let k = 0, from = HEAD_BYTES; k < size[2]; k++)
+    for (let j = 0; j < size[1]; j++) {
+      let to = 3 * (lo[0] + dims[0] * (lo[1] + j + dims[1] * (lo[2] + k)));
+      for (let n = 0; n < 3 * size[0]; n++, from += 2) moved_mm[to++] = step * view.getInt16(from, true);
+    }
+  const patientFromNode: Affine = [
+    ...[0, 1, 2].map((r) => [...axes.map((a) => spacing * a[r]!), first[r]!]),
+    [0, 0, 0, 1],
+  ];
+  return { device, frame, nodes: { dims, nodeFromPatient: invert(patientFromNode) }, moved_mm };
+}
+
+/** Number of nodes beyond a grid over which the displacement at its border fades to zero. */
+const FADES_OVER = 3;
+/** Number of nodes over which displacement is extrapolated into empty space beside moving tissue. */
+const EMPTY_LAYERS = 4;
+/** Maximum number of nodes of the grid for pictures, which is computed fifteen times a second. */
+const MOST_SEEN = 40_000;
+/** Tolerance of the fixed-point iteration for the inverse; it converges quickly unless tissue is folded. */
+const NEAR_MM = 0.002,
+  MOST_TRIES = 12;
+
+/** Displacements around one tool, as a field over the whole patient. */
+class Field {
+  readonly patientFromNode: Affine;
+  private readonly mm: Float32Array;
+  private readonly low = [0, 0, 0];
+  private readonly part = [0, 0, 0]; // interpolation weights
+
+  constructor(
+    readonly nodes: Nodes,
+    moved_mm: Float32Array,
+    isEmptyAt: (p: Vec3) => boolean,
+  ) {
+    this.patientFromNode = invert(nodes.nodeFromPatient);
+    this.mm = this.continued(moved_mm, isEmptyAt);
+  }
+
+  /**
+   * Extrapolates displacements into empty nodes beside tissue; otherwise interpolation would stretch the cells at the
+   * surface and make dents too shallow.
+   */
+  private continued(moved: Float32Array, isEmptyAt: (p: Vec3) => boolean): Float32Array {
+    const { dims } = this.nodes;
+    const mm = Float32Array.from(moved);
+    const strides = [1, dims[0], dims[0] * dims[1]];
+    const whole = new Float32Array(moved); // not attenuated from layer to layer
+    const known = new Uint8Array(moved.length / 3);
+    for (let n = 0; n < known.length; n++)
+      known[n] = Number(moved[3 * n] !== 0 || moved[3 * n + 1] !== 0 || moved[3 * n + 2] !== 0);
+    let edge = [...known.keys()].filter((n) => known[n] === 1);
+    const asked = new Uint8Array(known.length); // cache of isEmptyAt: 1 empty, 2 occupied
+    for (let layer = 0; layer < EMPTY_LAYERS; layer++) {
+      const next: number[] = [];
+      const sums = new Map<number, [number, number, number, number]>();
+      for (const n of edge) {
+        const at = [n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / strides[2]!)];
+        for (let c = 0; c < 27; c++) {
+          const by = [(c % 3) - 1, (Math.floor(c / 3) % 3) - 1, Math.floor(c / 9) - 1];
+          if (by.some((d, axis) => at[axis]! + d < 0 || at[axis]! + d >= dims[axis]!)) continue;
+          const m = n + by[0]! + by[1]! * strides[1]! + by[2]! * strides[2]!;
+          if (known[m] === 1) continue;
+          asked[m] ||= isEmptyAt(apply(this.patientFromNode, [at[0]! + by[0]!, at[1]! + by[1]!, at[2]! + by[2]!]))
+            ? 1
+            : 2;
+          if (asked[m] === 2) continue;
+          let sum = sums.get(m);
+          if (!sum) {
+            sums.set(m, (sum = [0, 0, 0, 0]));
+            next.push(m);
+          }
+          for (let a = 0; a < 3; a++) sum[a]! += whole[3 * n + a]!;
+          sum[3] += 1;
+        }
+      }
+      const share = 1 - layer / EMPTY_LAYERS;
+      for (const [m, sum] of sums) {
+        known[m] = 1;
+        for (let a = 0; a < 3; a++) {
+          whole[3 * m + a] = sum[a]! / sum[3];
+          mm[3 * m + a] = share * whole[3 * m + a]!;
+        }
+      }
+      edge = next;
+    }
+    return mm;
+  }
+
+  /** Adds the displacement of the material point at a position at rest; beyond the grid it fades out. */
+  addAt(x: number, y: number, z: number, to: Float64Array): void {
+    const { dims, nodeFromPatient: m } = this.nodes;
+    let share = 1;
+    const { low, part } = this;
+    for (let axis = 0; axis < 3; axis++) {
+      const row = m[axis]!;
+      const node = row[0]! * x + row[1]! * y + row[2]! * z + row[3]!;
+      const last = dims[axis]! - 1;
+      const beyond = Math.max(-node, node - last, 0) / FADES_OVER;
+      if (beyond >= 1) return;
+      share *= 1 - beyond;
+      const within = Math.min(Math.max(node, 0), last);
+      low[axis] = Math.min(Math.floor(within), last - 1);
+      part[axis] = within - low[axis]!;
+    }
+    const first = low[0]! + dims[0] * (low[1]! + dims[1] * low[2]!);
+    for (let c = 0; c < 8; c++) {
+      const i = c & 1,
+        j = (c >> 1) & 1,
+        k = c >> 2;
+      const weight =
+        share * (i ? part[0]! : 1 - part[0]!) * (j ? part[1]! : 1 - part[1]!) * (k ? part[2]! : 1 - part[2]!);
+      const n = 3 * (first + i + dims[0] * (j + dims[1] * k));
+      to[0]! += weight * this.mm[n]!;
+      to[1]! += weight * this.mm[n + 1]!;
+      to[2]! += weight * this.mm[n + 2]!;
+    }
+  }
+  /** Whether all nodes around a position are reported, not extrapolated. */
+  knows(x: number, y: number, z: number): boolean {
+    const { dims, nodeFromPatient: m } = this.nodes;
+    for (let axis = 0; axis < 3; axis++) {
+      const row = m[axis]!;
+      const node = row[0]! * x + row[1]! * y + row[2]! * z + row[3]!;
+      if (!(node > 0.5 && node < dims[axis]! - 1.5)) return false;
+    }
+    return true;
+  }
+}
+
+/** Deformation of all devices, latest reports only. */
+export class Yields {
+  private readonly told: (Yield | undefined)[] = [];
+  private seen: Field[] = []; // fields of the latest displaced()
+
+  tell(told: Yield): void {
+    this.told[told.device] = told;
+  }
+  /** Discards everything; each connection reports again in full. */
+  forget(): void {
+    this.told.length = 0;
+    this.seen = [];
+  }
+
+  /** Displacement of the material point at a position at rest, of the latest displaced(); patient frame. */
+  movedAt([x, y, z]: Vec3): Vec3 {
+    const moved = new Float64Array(3);
+    for (const field of this.seen) field.addAt(x, y, z, moved);
+    return [moved[0]!, moved[1]!, moved[2]!];
+  }
+
+  /**
+   * Inverse displacement of all devices on one grid. Contributions of devices add up, as in linear elasticity. Four
+   * components per node: displacement, and 1 if it is known. The grid keeps its size while the reported grids keep
+   * theirs and do not move apart.
+   * @param isEmptyAt  whether no tissue is at a position of the patient
+   * @returns null without deformation
+   */
+  displaced(isEmptyAt: (p: Vec3) => boolean): { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null {
+    const fields = this.told.flatMap((one) => (one?.nodes ? [new Field(one.nodes, one.moved_mm, isEmptyAt)] : []));
+    this.seen = fields;
+    if (fields.length === 0) return null;
+    const nodes = nodesAround(fields);
+    const { dims } = nodes;
+    const mm = new Float32Array(4 * dims[0] * dims[1] * dims[2]);
+    const patientFromNode = invert(nodes.nodeFromPatient);
+    const right = column(patientFromNode, 0);
+    const moved = new Float64Array(3);
+    // scalars: arrays of three would take most of the time
+    for (let k = 0, n = 0; k < dims[2]; k++)
+      for (let j = 0; j < dims[1]; j++) {
+        let [x, y, z] = apply(patientFromNode, [0, j, k]);
+        for (let i = 0; i < dims[0]; i++, n += 4, x += right[0], y += right[1], z += right[2]) {
+          // fixed-point iteration for the position at rest
+          let a = x,
+            b = y,
+            c = z;
+          for (let tries = 0; tries < MOST_TRIES; tries++) {
+            moved.fill(0);
+            for (const field of fields) field.addAt(a, b, c, moved);
+            const offA = x - moved[0]! - a,
+              offB = y - moved[1]! - b,
+              offC = z - moved[2]! - c;
+            // a full step at first, half a step once the iteration oscillates
+            const share = tries < 4 ? 1 : 0.5;
+            a += share * offA;
+            b += share * offB;
+            c += share * offC;
+            if (Math.abs(offA) + Math.abs(offB) + Math.abs(offC) < NEAR_MM) break;
+          }
+          mm[n] = a - x;
+          mm[n + 1] = b - y;
+          mm[n + 2] = c - z;
+          for (const field of fields) if (field.knows(x, y, z)) mm[n + 3] = 1;
+        }
+      }
+    return { nodes, mm };
+  }
+}
+
+/** Grid along the axes of the first one that contains all grids and their margins. */
+function nodesAround(fields: Field[]): Nodes {
+  const { nodeFromPatient } = fields[0]!.nodes;
+  const least: Vec3 = [Infinity, Infinity, Infinity],
+    most: Vec3 = [-Infinity, -Infinity, -Infinity];
+  for (const {
+    nodes: { dims },
+    patientFromNode,
+  } of fields)
+    for (let corner = 0; corner < 8; corner++) {
+      const at = dims.map((count, axis) => ((corner >> axis) & 1 ? count - 1 + FADES_OVER : -FADES_OVER)) as Vec3;
+      apply(nodeFromPatient, apply(patientFromNode, at)).forEach((x, axis) => {
+        least[axis] = Math.min(least[axis]!, x);
+        most[axis] = Math.max(most[axis]!, x);
+      });
+    }
+  // in multiples of the first grid's spacing, rounded; coarser if the grids are far apart
+  const first = least.map((x) => Math.floor(x + 1e-3)) as Vec3;
+  const dimsBy = (step: number) =>
+    first.map((x, axis) => Math.max(2, Math.ceil((most[axis]! - x) / step - 1e-3) + 1)) as Vec3;
+  let step = 1;
+  while (dimsBy(step).reduce((a, b) => a * b) > MOST_SEEN) step *= 1.1;
+  const rows = [0, 1, 2].map((r) => {
+    const [a, b, c, d] = nodeFromPatient[r]! as [number, number, number, number];
+    return [a / step, b / step, c / step, (d - first[r]!) / step];
+  });
+  return { dims: dimsBy(step), nodeFromPatient: [...rows, [0, 0, 0, 1]] };
+}

@@ -1,0 +1,616 @@
+// Picture of one plane: the oblique section that follows the tip, or an axial, sagittal or coronal one.
+
+import {
+  add,
+  anatomicalPlane,
+  dot,
+  hang,
+  length,
+  normalOf,
+  normalContaining,
+  normalize,
+  orientationLetters,
+  rotate,
+  scale,
+  spread,
+  sub,
+  type Anatomical,
+  type Hanging,
+  type Plane,
+  type Vec3,
+  type PlaneKind,
+} from "../base/geometry.js";
+import { quantity } from "../words/figures.js";
+import type { History } from "../state/history.js";
+import { drawMeasure, isWhole, type Measure } from "../drawing/measure.js";
+import type { Measures } from "./measures_panel.js";
+import {
+  drawAge,
+  drawCross,
+  drawForceBar,
+  drawLetters,
+  drawScale,
+  drawSide,
+  drawTool,
+  drawTrail,
+  text,
+  touchedText,
+  type Projection,
+} from "../drawing/overlay.js";
+import { drawNoGoOnPlane, drawNoGoWarning } from "../drawing/no_go_marks.js";
+import { Picture } from "../drawing/picture.js";
+import { drawPlanOnPlane } from "../drawing/plan_marks.js";
+import type { PointerDevice } from "../state/pointer.js";
+import type { Session } from "../state/session.js";
+import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
+import type { AnySlicer } from "./plain_slicer.js";
+import { drawStrainLegend } from "../drawing/strain.js";
+import { words } from "../words/words.js";
+
+/** Extent and pan within the plane, and offset along its normal. */
+export interface SectionStand {
+  across_mm: number;
+  pan: [number, number];
+  offset_mm: number;
+}
+/** Direction that the oblique plane contains besides the tip. */
+export type Along = "tool" | "force" | "fixed";
+export const ALONG: Along[] = ["tool", "force", "fixed"];
+/** Width of the slider at the right edge; CSS pixels. */
+const SLIDER_PIXELS = 26;
+/** Displacement of the tip per key press; CSS pixels. */
+const KEY_STEP_PIXELS = 2;
+const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
+const SMOOTHING = 0.2; // fraction of the remaining rotation towards the target plane per frame
+/** Radians: far less than a pixel at the edge of a picture. */
+const LEAST_STEP = 1e-5;
+/**
+ * During motion, pictures that would take too long are drawn at a lower resolution; at rest, they are refined in bands.
+ */
+const STILL_AFTER_MS = 250;
+const COARSEST = 4;
+const LEAST_ROWS = 4;
+/** Drag distance of the window tool that doubles the window's width; CSS pixels. */
+const WINDOW_PIXELS = 200;
+
+const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.max(0.005, mmPerPixel / factor));
+
+export class SectionView {
+  readonly picture: Picture;
+  along: Along = "tool";
+  /** Anatomical plane that the oblique one stays as close to as possible. */
+  like: Anatomical = "sagittal";
+  offset_mm = 0; // along the normal, from the followed position
+  mmPerPixel = 0.25; // per CSS pixel
+  pan: [number, number] = [0, 0]; // mm within the picture
+  normal: Vec3 = [1, 0, 0]; // unit normal of the plane
+  private hanging: Hanging | undefined;
+  private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
+  private byKeys = false;
+  private held: Vec3 | null = null; // point of the plane while the pointer moves the tip
+  private mouse: { clientX: number; clientY: number } | null = null; // position over this picture
+  private drawn = "";
+  private drawn_ms = -Infinity; // time of the first drawing of the current contents
+  private isAwaited = false; // not drawn yet
+  private sharpTo = Infinity; // rows that are at full resolution while it is refined in bands
+  private size = 0; // shorter side of the picture
+  private readonly pointers = new Map<number, [number, number]>();
+  private gesture = 0; // undo group of changes to the view
+  private readonly chooser = new SliceChooser(
+    (slice) => this.goTo(slice),
+    () => (this.history.gesture += 1),
+  );
+  private plans = false; // presses create or move trajectories
+  private measure: Pick<Measure, "kind" | "points"> | null = null; // in progress
+  private restsAt: Vec3 | null = null; // position of the plane meanwhile, without its offset
+
+  constructor(
+    readonly kind: PlaneKind,
+    private readonly session: Session,
+    private readonly slicer: AnySlicer,
+    private readonly measures: Measures,
+    private readonly pointer: PointerDevice,
+    private readonly history: History,
+  ) {
+    this.picture = new Picture(kind);
+    history.part(
+      kind,
+      () => this.stand,
+      (to) => (this.stand = to),
+    );
+    this.picture.element.append(this.chooser.element);
+    this.listen();
+  }
+
+  reset(): void {
+    const volumes = this.session.volumes;
+    const { clientWidth, clientHeight } = this.picture.surface;
+    if (volumes && clientWidth > 0) {
+      // by the current size, whatever the last drawn size was
+      this.size = Math.min(clientWidth, clientHeight);
+      this.mmPerPixel = (0.68 * volumes.size) / this.size;
+    }
+    this.pan = [0, 0];
+    this.offset_mm = 0;
+    this.session.touch();
+  }
+
+  /** Extent across the shorter side of the picture, mm; 0 before it was shown. */
+  get across_mm(): number {
+    return this.mmPerPixel * this.size;
+  }
+  set across_mm(mm: number) {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    // a hidden picture keeps its size
+    this.size = Math.min(clientWidth, clientHeight) || this.size;
+    if (this.size > 0 && mm > 0) this.mmPerPixel = mm / this.size;
+  }
+  get stand(): SectionStand {
+    const { across_mm, pan, offset_mm } = this;
+    return { across_mm, pan, offset_mm };
+  }
+  set stand({ across_mm, pan, offset_mm }: SectionStand) {
+    Object.assign(this, { across_mm, pan, offset_mm });
+    this.session.touch();
+  }
+  /**
+   * Changes the view, as an undo step.
+   * @param gesture  changes by one control with the same gesture are one undo step
+   */
+  private change(by: string, act: () => void, gesture = this.history.gesture): void {
+    this.history.change(`${by} ${this.kind}`, act, gesture);
+  }
+  /** Keeps the extent when the picture's size changes. */
+  private keepShown(): void {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    const size = Math.min(clientWidth, clientHeight);
+    if (this.size === 0) this.reset();
+    else this.mmPerPixel *= this.size / size;
+    this.size = size;
+  }
+
+  /** A point of the target plane. */
+  private through(): Vec3 {
+    return this.held ?? add(this.restsAt ?? this.session.anchor(), scale(this.normal, this.offset_mm));
+  }
+  /** Position of the plane, at the centre of the picture; patient frame. */
+  private place(): Plane {
+    const { session, kind } = this;
+    const through = this.through();
+    if (kind !== "oblique") {
+      this.normal = NORMALS[kind];
+      return this.centred(anatomicalPlane(kind, through));
+    }
+    const pose = session.pose;
+    const device = pose?.devices[0];
+    if (session.obliqueNormal && !session.follow) this.normal = session.obliqueNormal;
+    else if (pose && device && !this.held && !this.restsAt && session.isFresh) {
+      const wanted = NORMALS[this.like];
+      const fallback = NORMALS[this.like === "sagittal" ? "coronal" : "sagittal"];
+      let normal: Vec3 | null = null;
+      if (this.along === "fixed") normal = wanted;
+      else if (this.along === "tool")
+        normal = normalContaining(session.toPatient(pose, rotate(device.orientation, [0, 0, 1])), wanted, fallback);
+      else if (length(device.force) > 0.03)
+        normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
+      if (normal) {
+        const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
+        // snaps to the target: else ever smaller steps would be redrawn
+        const isThere = length(sub(same, this.normal)) < LEAST_STEP;
+        this.normal = isThere ? same : normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
+      }
+    }
+    const { plane, hanging } = hang(this.normal, through, this.hanging);
+    this.hanging = hanging;
+    return this.centred(plane);
+  }
+  /** Position at the centre of the picture: that of the volume, or the panned one. */
+  private centred(plane: Plane): Plane {
+    const middle = this.session.volumes?.centre ?? plane.centre;
+    const n = normalOf(plane);
+    const onPlane = sub(middle, scale(n, dot(sub(middle, plane.centre), n)));
+    return { ...plane, centre: add(onPlane, add(scale(plane.right, this.pan[0]), scale(plane.down, this.pan[1]))) };
+  }
+
+  patientAt([x, y]: [number, number]): Vec3 {
+    const { width, height, ratio } = this.picture.frame();
+    const mm = this.mmPerPixel / ratio;
+    return add(
+      this.plane.centre,
+      add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)),
+    );
+  }
+  /** Position under the mouse, at the centre of its pixel, which the picture samples. */
+  private readonly pointed = (): Vec3 | null => {
+    if (!this.mouse || !this.picture.isShown) return null;
+    const [x, y] = this.picture.at(this.mouse);
+    return this.patientAt([Math.floor(x) + 0.5, Math.floor(y) + 0.5]);
+  };
+  pixelOf(p: Vec3): [number, number] {
+    const { width, height, ratio } = this.picture.frame();
+    const d = sub(p, this.plane.centre);
+    const mm = this.mmPerPixel / ratio;
+    return [width / 2 + dot(d, this.plane.right) / mm, height / 2 + dot(d, this.plane.down) / mm];
+  }
+  farness_mm(p: Vec3): number {
+    return Math.abs(dot(sub(p, this.plane.centre), normalOf(this.plane)));
+  }
+  get shownPlane(): Plane {
+    return this.plane;
+  }
+
+  /** Whether the picture is still to be refined. */
+  get isCoarse(): boolean {
+    return this.picture.isShown && (this.isAwaited || this.sharpTo < this.picture.base.canvas.height);
+  }
+  /** @param max_ms  maximum time to block the page */
+  draw(now: number, max_ms: number): void {
+    const { session, picture } = this;
+    const resized = picture.fit();
+    if (!picture.isShown || !session.volumes || !session.scene) return;
+    if (resized) this.keepShown();
+    if (this.measure && this.measure.kind !== session.tool) this.dropMeasure();
+    this.plane = this.place();
+    this.keepInView();
+    const frame = picture.frame();
+    const mm = this.mmPerPixel / frame.ratio;
+
+    // redraws when the picture of the volume has changed
+    const key = JSON.stringify([
+      this.plane,
+      mm,
+      session.window,
+      session.fill,
+      session.outlines,
+      session.strain,
+      session.slab,
+      session.lookVersion,
+      frame.width,
+      frame.height,
+      session.volumes.hash,
+    ]);
+    const style = {
+      window: session.storedWindow(),
+      fill: session.fill,
+      outlines: session.outlines,
+      strain: session.strain,
+      slab: session.slab,
+    };
+    const isOther = key !== this.drawn;
+    const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / max_ms;
+    // the previous picture remains until the shader for another kind is compiled
+    this.isAwaited =
+      isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
+    if (this.isAwaited) {
+      // nothing
+    } else if (isOther || (this.isCoarse && most < 1)) {
+      const reduction = Math.min(COARSEST, Math.sqrt(Math.max(1, most)));
+      this.slicer.draw(picture.base, this.plane, mm, style, { reduction, from: 0, to: Infinity });
+      this.sharpTo = reduction > 1 ? 0 : Infinity;
+      this.drawn = key;
+      this.drawn_ms = now;
+    } else if (this.isCoarse && now - this.drawn_ms > STILL_AFTER_MS) {
+      const to = this.sharpTo + Math.max(LEAST_ROWS, Math.floor(frame.height / most));
+      this.slicer.draw(picture.base, this.plane, mm, style, { reduction: 1, from: this.sharpTo, to });
+      this.sharpTo = to;
+    }
+
+    frame.context.clearRect(0, 0, frame.width, frame.height);
+    const projection: Projection = {
+      pixel: (p) => this.pixelOf(p),
+      direction: (v) => [dot(v, this.plane.right), dot(v, this.plane.down)],
+      pixelsPerMm: () => 1 / mm,
+      clearness: (p) => Math.max(0.15, 1 - this.farness_mm(p) / 12),
+    };
+    drawNoGoOnPlane(frame, session, { plane: this.plane, pixel: (p) => this.pixelOf(p), mmPerPixel: mm });
+    drawPlanOnPlane(frame, session.plans, this.plane, (p) => this.pixelOf(p));
+    if (session.cross && !session.follow) drawCross(frame, this.pixelOf(session.cross));
+    const device = session.pose?.devices[0];
+    let top = 40;
+    const say = (said: string, colour: string) => {
+      text(frame, said, 12 * frame.ratio, top * frame.ratio, 12, colour, "left", "top");
+      top += 18;
+    };
+    if (device) {
+      drawTrail(frame, session, projection);
+      for (const each of session.drawn) drawTool(frame, session, each, projection);
+      if (this.kind === "oblique") {
+        say(touchedText(session, device), session.isFresh ? "#eef3f5" : "#a4adb3");
+        if (session.scene.device.input === "pointer") drawForceBar(frame, session, device);
+      }
+    }
+    for (const measure of [...this.measures.all, ...(this.measure ? [this.measure] : [])]) {
+      drawMeasure(
+        frame,
+        measure,
+        0.5 * session.volumes.voxelSize,
+        (p) => this.pixelOf(p),
+        (p) => this.farness_mm(p),
+      );
+    }
+    const { kind, mm: thick_mm } = session.slab;
+    if (kind !== "none") say(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
+    if (this.restsAt) say(words.restsMeanwhile, "#8ee28a");
+    drawLetters(
+      frame,
+      orientationLetters(this.plane.right, this.plane.down),
+      session.scene.oriented,
+      this.kind === "oblique",
+      SLIDER_PIXELS,
+    );
+    drawScale(frame, mm);
+    if (session.strain) drawStrainLegend(frame, session.yields);
+    drawSide(frame, session.scene, SLIDER_PIXELS);
+    drawNoGoWarning(frame, session, top);
+    drawAge(frame, session);
+    const normal = normalOf(this.plane);
+    const slices = slicesAlong(session.volumes, normal);
+    this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
+  }
+
+  /** Goes to a slice: planes stop there, or the tip moves there while the pointer holds it. */
+  private goTo(slice: number): void {
+    const { session } = this;
+    if (!session.volumes) return;
+    const normal = normalOf(this.plane);
+    const { first_mm, step_mm } = slicesAlong(session.volumes, normal);
+    // from the target plane: the drawn one may predate the tip's arrival
+    const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
+    if (this.held) {
+      this.held = add(this.held, by);
+      this.pointer.move(this.held);
+    } else if (this.restsAt) {
+      this.restsAt = add(this.restsAt, by);
+    } else {
+      this.change("slice", () => {
+        session.cross = add(session.anchor(), by);
+        session.follow = false;
+      });
+    }
+    session.touch();
+  }
+
+  /** Pans the picture when the tip leaves it. */
+  private keepInView(): void {
+    const tip = this.session.pose?.devices[0]?.tip;
+    // never during a touch or a measurement
+    if (!tip || !this.session.follow || this.session.holding || this.pointers.size > 0 || this.restsAt) return;
+    const { width, height, ratio } = this.picture.frame();
+    const [x, y] = this.pixelOf(tip);
+    const over = (at: number, most: number) =>
+      at < 0.08 * most ? at - 0.08 * most : at > 0.92 * most ? at - 0.92 * most : 0;
+    const [dx, dy] = [over(x, width), over(y, height)];
+    if (dx === 0 && dy === 0) return;
+    this.pan = [this.pan[0] + (dx * this.mmPerPixel) / ratio, this.pan[1] + (dy * this.mmPerPixel) / ratio];
+    this.plane = this.centred(this.plane);
+  }
+
+  /** Moves the plane along its normal by a number of slices, or the tip while the pointer holds it. */
+  private step(count: number, by = "keys"): void {
+    if (!this.session.volumes) return;
+    const normal = normalOf(this.plane);
+    const way = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
+    if (this.held) {
+      this.held = add(this.held, way);
+      this.pointer.move(this.held);
+    } else {
+      // the displayed normal may be opposite to the stored one
+      this.change(by, () => (this.offset_mm += dot(way, this.normal)));
+    }
+    this.session.touch();
+  }
+  private zoom(factor: number, by = "keys"): void {
+    this.change(by, () => (this.mmPerPixel = zoomed(this.mmPerPixel, factor)));
+    this.session.touch();
+  }
+
+  private listen(): void {
+    const { session, picture } = this;
+    const surface = picture.surface;
+    surface.addEventListener("contextmenu", (event) => event.preventDefault());
+    surface.addEventListener("pointerdown", (event) => {
+      surface.setPointerCapture(event.pointerId);
+      surface.focus({ preventScroll: true });
+      this.pointers.set(event.pointerId, picture.at(event));
+      if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
+      if (this.pointers.size > 1) {
+        this.dropPlan();
+        return this.letGo();
+      }
+      if (event.button !== 0) return;
+      if (session.tool === "touch" && this.pointer.isTaken) {
+        this.holdAt(this.patientAt(picture.at(event)));
+        this.pointer.hold(this.held!, event.pointerType === "touch");
+      } else if (session.tool === "ruler" || session.tool === "angle") {
+        this.addMeasurePoint(this.patientAt(picture.at(event)));
+      } else if (session.tool === "plan") {
+        this.plans = true;
+        session.plans.press(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
+      }
+    });
+    surface.addEventListener("pointermove", (event) => {
+      const at = picture.at(event);
+      this.mouse = { clientX: event.clientX, clientY: event.clientY };
+      session.pointed = this.pointed;
+      if (event.shiftKey && this.pointers.size === 0) {
+        this.change("cross", () => {
+          session.follow = false;
+          session.cross = this.patientAt(at);
+        });
+      }
+      const before = this.pointers.get(event.pointerId);
+      if (before) this.change("drag", () => this.drag(event, before, at), this.gesture);
+      else if (this.measure) this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
+      session.touch();
+    });
+    const up = (event: PointerEvent) => {
+      this.pointers.delete(event.pointerId);
+      this.letGo();
+      if (this.plans) {
+        this.plans = false;
+        if (event.type === "pointerup")
+          session.plans.release(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
+      }
+      const ruler = this.measure;
+      if (
+        ruler &&
+        event.type === "pointerup" &&
+        ruler.kind === "ruler" &&
+        length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.mmPerPixel
+      )
+        this.finishMeasure();
+    };
+    surface.addEventListener("pointerup", up);
+    surface.addEventListener("pointercancel", up);
+    surface.addEventListener("pointerleave", () => {
+      this.mouse = null;
+      session.touch();
+    });
+    surface.addEventListener(
+      "dblclick",
+      () => session.tool === "window" && this.change("reset", () => this.reset(), ++this.history.gesture),
+    );
+    surface.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        // a sequence of wheel events is one step
+        if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300), "zoom");
+        else this.step(Math.sign(event.deltaY), "wheel");
+      },
+      { passive: false },
+    );
+    surface.addEventListener("keydown", (event) => {
+      const actions: Record<string, () => void> = {
+        ArrowUp: () => this.step(-1),
+        ArrowDown: () => this.step(1),
+        PageUp: () => this.step(-10),
+        PageDown: () => this.step(10),
+        "+": () => this.zoom(1.2),
+        "=": () => this.zoom(1.2),
+        "-": () => this.zoom(1 / 1.2),
+        Home: () => this.change("reset", () => this.reset()),
+        Escape: () => {
+          this.dropMeasure();
+          session.plans.drop();
+        },
+      };
+      if (this.moveTipByKey(event.key)) return event.preventDefault();
+      const action = actions[event.key];
+      if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      // holding a key down is one step
+      if (!event.repeat) this.history.gesture += 1;
+      action();
+    });
+    const keyUp = () => this.byKeys && this.letGo();
+    surface.addEventListener("keyup", keyUp);
+    surface.addEventListener("blur", keyUp);
+  }
+
+  private holdAt(p: Vec3): void {
+    // a following plane passes through the tip from here on, so that releasing it causes no jump
+    if (this.session.follow) this.offset_mm = 0;
+    this.held = p;
+  }
+  /** Zooms by two fingers. */
+  private dropPlan(): void {
+    if (!this.plans) return;
+    this.plans = false;
+    this.session.plans.drop();
+  }
+  private letGo(): void {
+    if (!this.held) return;
+    this.held = null;
+    this.byKeys = false;
+    this.pointer.release();
+  }
+
+  /** With a pointer as device, arrow keys move the tip; a key held down holds the tip. */
+  private moveTipByKey(key: string): boolean {
+    const { right, down } = this.plane;
+    const ways: Record<string, Vec3> = {
+      ArrowLeft: scale(right, -1),
+      ArrowRight: right,
+      ArrowUp: scale(down, -1),
+      ArrowDown: down,
+      PageUp: scale(normalOf(this.plane), -1),
+      PageDown: normalOf(this.plane),
+    };
+    const way = ways[key];
+    const tip = this.pointer.position ?? this.session.pose?.devices[0]?.tip;
+    if (!way || !tip || this.session.tool !== "touch" || !this.pointer.isTaken || this.pointers.size > 0) return false;
+    const to = add(this.held ?? tip, scale(way, KEY_STEP_PIXELS * this.mmPerPixel));
+    if (!this.byKeys) this.pointer.hold(to, false);
+    this.byKeys = true;
+    this.holdAt(to);
+    this.pointer.move(to);
+    return true;
+  }
+
+  private drag(event: PointerEvent, before: [number, number], at: [number, number]): void {
+    const { session } = this;
+    const { ratio } = this.picture.frame();
+    const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
+    if (this.pointers.size === 2) {
+      const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
+      this.mmPerPixel = zoomed(this.mmPerPixel, spread(other, before, at));
+      this.pan = [this.pan[0] - (dx / 2) * this.mmPerPixel, this.pan[1] - (dy / 2) * this.mmPerPixel];
+    } else if (this.plans) {
+      session.plans.move(this.patientAt(at));
+    } else if (this.held) {
+      this.held = this.patientAt(at);
+      this.pointer.move(this.held);
+    } else if (event.buttons & 2) {
+      this.mmPerPixel = zoomed(this.mmPerPixel, Math.exp(-dy / 150));
+    } else if (event.buttons & 4 || session.tool === "pan") {
+      this.pan = [this.pan[0] - dx * this.mmPerPixel, this.pan[1] - dy * this.mmPerPixel];
+    } else if (session.tool === "window") {
+      const width = session.window.width;
+      session.window = {
+        level: session.window.level - (dy * width) / WINDOW_PIXELS,
+        width: Math.max(session.leastWindow, width * Math.exp(dx / WINDOW_PIXELS)),
+      };
+    } else if (this.measure) {
+      this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
+    }
+    this.pointers.set(event.pointerId, at);
+  }
+
+  /** Distance from a position on the screen to where a point is drawn; CSS pixels. */
+  private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
+    const { ratio } = this.picture.frame();
+    return (p) => {
+      const [px, py] = this.pixelOf(p);
+      return Math.hypot(px - x, py - y) / ratio;
+    };
+  }
+  private addMeasurePoint(p: Vec3): void {
+    if (!this.measure) {
+      // stops the plane: otherwise the points would lie on different planes, and the length would be meaningless
+      this.restsAt = sub(this.plane.centre, scale(this.normal, this.offset_mm));
+      this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
+      return;
+    }
+    // touches have no previous hover position
+    this.measure.points[this.measure.points.length - 1] = p;
+    if (isWhole(this.measure)) this.finishMeasure();
+    else this.measure.points.push(p);
+  }
+  private finishMeasure(): void {
+    const normal = normalOf(this.plane);
+    const { points } = this.measure!;
+    this.measures.add({
+      ...this.measure!,
+      plane: this.kind,
+      normal,
+      slice: sliceAt(slicesAlong(this.session.volumes!, normal), dot(points[0]!, normal)),
+    });
+    this.dropMeasure();
+  }
+  private dropMeasure(): void {
+    this.measure = null;
+    this.restsAt = null;
+    this.session.touch();
+  }
+}

@@ -1,0 +1,102 @@
+// Undo and redo of loop settings, rotations, looks, views, measures and bookmarks. Stops, pauses and rearms are never
+// undoable.
+
+/** Transition between two states. */
+export interface Step<State> {
+  before: State;
+  after: State;
+  /** @returns whether it succeeded; a refused step can be retried */
+  go(from: State, to: State): boolean | Promise<boolean>;
+}
+interface Kept extends Step<unknown> {
+  key: string;
+  gesture: number;
+}
+/** Undoable part of the view. */
+interface Part {
+  get(): unknown;
+  set(to: unknown): void;
+}
+type Seen = Map<string, unknown>; // by the parts' names
+
+const areSame = (a: unknown, b: unknown): boolean => JSON.stringify(a) === JSON.stringify(b);
+
+const MOST = 200;
+
+export class History {
+  /** Incremented at the end of each slider movement: steps with the same key and gesture are merged. */
+  gesture = 0;
+  onChange: () => void = () => {};
+  private past: Kept[] = [];
+  private future: Kept[] = [];
+  private isBusy = false;
+  private readonly parts = new Map<string, Part>();
+
+  /** Registers a part of the view that `change` may modify: how to read and how to restore it. */
+  part<State>(name: string, get: () => State, set: (to: State) => void): void {
+    this.parts.set(name, { get, set: set as Part["set"] });
+  }
+  /**
+   * Modifies the view; the parts that differ afterwards form the undo step.
+   * @param gesture  changes with the same `by` and gesture are one step
+   */
+  change(by: string, act: () => void, gesture = ++this.gesture): void {
+    const seen = () => new Map([...this.parts].map(([name, { get }]) => [name, get()]));
+    const before = seen();
+    act();
+    const after = seen();
+    for (const name of this.parts.keys()) {
+      if (!areSame(before.get(name), after.get(name))) continue;
+      before.delete(name);
+      after.delete(name);
+    }
+    const go = (_: Seen, to: Seen) => {
+      for (const [name, state] of to) this.parts.get(name)!.set(state);
+      return true;
+    };
+    if (after.size > 0) this.note(`${by}: ${[...after.keys()]}`, { before, after, go }, gesture);
+  }
+
+  note<State>(key: string, step: Step<State>, gesture = this.gesture): void {
+    const last = this.past.at(-1);
+    if (last?.key === key && last.gesture === gesture) last.after = step.after;
+    else this.past.push({ ...(step as Step<unknown>), key, gesture });
+    this.past.splice(0, this.past.length - MOST);
+    this.future = [];
+    this.onChange();
+  }
+
+  get canUndo(): boolean {
+    return this.past.length > 0;
+  }
+  get canRedo(): boolean {
+    return this.future.length > 0;
+  }
+  undo(): Promise<void> {
+    return this.move(this.past, this.future, (step) => step.go(step.after, step.before));
+  }
+  redo(): Promise<void> {
+    return this.move(this.future, this.past, (step) => step.go(step.before, step.after));
+  }
+  clear(): void {
+    this.past = [];
+    this.future = [];
+    this.onChange();
+  }
+
+  /** One step at a time, because the loop responds asynchronously. */
+  private async move(from: Kept[], to: Kept[], go: (step: Kept) => boolean | Promise<boolean>): Promise<void> {
+    const step = from.at(-1);
+    if (!step || this.isBusy) return;
+    this.isBusy = true;
+    const isDone = await go(step);
+    this.isBusy = false;
+    // the history has changed meanwhile
+    if (!isDone || from.at(-1) !== step || (from !== this.past && from !== this.future)) return;
+    from.pop();
+    // the next change is a step of its own
+    this.gesture += 1;
+    to.push(step);
+    this.onChange();
+  }
+}

@@ -1,0 +1,34 @@
+// Browser storage: settings of the page, and settings of recent scenes by the hash of their volume.
+
+const SCENES_KEY = "palpate.scenes";
+const MOST_SCENES = 30;
+const keyOf = (hash: string): string => `palpate.scene.${hash}`;
+
+/** Value stored under a key, if it can be parsed; storage may contain anything or be unavailable. */
+export function recall<T>(key: string): Partial<T> {
+  try {
+    const kept: unknown = JSON.parse(localStorage.getItem(key) ?? "{}");
+    return typeof kept === "object" && kept !== null ? (kept as Partial<T>) : {};
+  } catch {
+    return {};
+  }
+}
+/** Merges values into those stored under a key. */
+export function keep<T>(key: string, more: Partial<T>): void {
+  try {
+    localStorage.setItem(key, JSON.stringify({ ...recall<T>(key), ...more }));
+  } catch {
+    // full or forbidden: the settings last until the page is closed
+  }
+}
+
+export const recallScene = <T>(hash: string): Partial<T> => recall<T>(keyOf(hash));
+export function keepScene<T>(hash: string, more: Partial<T>): void {
+  const { seen = [] } = recall<{ seen: string[] }>(SCENES_KEY);
+  if (seen[0] !== hash) {
+    const now = [hash, ...seen.filter((other) => other !== hash)];
+    for (const old of now.slice(MOST_SCENES)) localStorage.removeItem(keyOf(old));
+    keep<{ seen: string[] }>(SCENES_KEY, { seen: now.slice(0, MOST_SCENES) });
+  }
+  keep<T>(keyOf(hash), more);
+}

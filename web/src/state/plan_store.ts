@@ -1,0 +1,178 @@
+// Edits of the plan. If palpate has a plan and this viewer may edit it, edits are requests, which apply to all viewers;
+// otherwise the page has a plan of its own, which can be downloaded.
+
+import type { Plan, Trajectory } from "../protocol/messages.js";
+import { add, length, normalize, scale, sub, type Vec3 } from "../base/geometry.js";
+import type { History } from "./history.js";
+import { words } from "../words/words.js";
+
+/** Depth of a new trajectory, towards the centre of the volume. */
+const NEW_MM = 20;
+/** Pick radius of trajectory ends in a picture; CSS pixels. */
+const HOLD_PIXELS = 14;
+/** Minimum drag distance that places the target of a new trajectory; CSS pixels. */
+const DRAWN_PIXELS = 6;
+const UNBOUND = { entry_within_mm: null, target_within_mm: null, angle_within_deg: null, depth_within_mm: null };
+
+export type End = "entry_mm" | "target_mm";
+/** Distance from a press to where a position is drawn; CSS pixels. */
+type PixelsTo = (p: Vec3) => number;
+
+export class PlanStore {
+  /** Index of the edited trajectory; -1: none. */
+  chosen = -1;
+  onChange: () => void = () => {};
+  private told: Plan | null = null; // palpate's plan
+  private own: Plan | null = null; // this page's plan
+  private begun: Vec3 | null = null; // entry of a new trajectory that still lacks a target
+  private grip: { place: number; end: End; to: Vec3 } | null = null;
+
+  /**
+   * @param ask  requests a change of palpate's plan
+   * @param mayAsk  whether this viewer may edit it
+   */
+  constructor(
+    private readonly history: History,
+    private readonly ask: (request: Record<string, unknown>) => Promise<boolean>,
+    private readonly mayAsk: () => boolean,
+  ) {}
+
+  /** Whether edits apply to palpate's plan. */
+  get isShared(): boolean {
+    return this.told?.can_change === true && this.mayAsk();
+  }
+  get isOwn(): boolean {
+    return !this.isShared && this.own !== null;
+  }
+  /** The displayed plan, or null. */
+  get plan(): Plan | null {
+    return this.isShared ? this.told : (this.own ?? this.told);
+  }
+  get list(): Trajectory[] {
+    return this.plan?.trajectories ?? [];
+  }
+  tell(plan: Plan | null): void {
+    this.told = plan;
+    this.changed();
+  }
+  /** Discards the plan of another scene. */
+  forget(): void {
+    this.own = this.begun = this.grip = null;
+    this.chosen = -1;
+    this.changed();
+  }
+
+  // ---- undoable edits
+
+  put(place: number, trajectory: Trajectory): void {
+    const { name, entry_mm, target_mm } = trajectory;
+    const list = this.list.slice();
+    list[place] = trajectory;
+    this.chosen = place;
+    void this.change(list, { trajectory: place, name, entry_mm, target_mm });
+  }
+  add(entry_mm: Vec3, target_mm: Vec3): void {
+    const names = this.list.map(({ name }) => name);
+    let number = names.length + 1;
+    while (names.includes(words.trajectoryNumber(String(number)))) number += 1;
+    this.put(names.length, { ...UNBOUND, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
+  }
+  /** Adds a trajectory from a position towards another one. */
+  addTowards(entry: Vec3, to: Vec3): void {
+    const way = sub(to, entry);
+    this.add(entry, add(entry, scale(length(way) > 1 ? normalize(way) : [0, 1, 0], NEW_MM)));
+  }
+  remove(place: number): void {
+    if (this.chosen >= place) this.chosen -= 1;
+    void this.change(
+      this.list.filter((_, other) => other !== place),
+      { trajectory: place, remove: true },
+    );
+  }
+  /** Saves to the plan's file. */
+  save(): Promise<boolean> {
+    return this.ask({ version: this.told?.version, save: true });
+  }
+
+  private async change(trajectories: Trajectory[], request: Record<string, unknown>): Promise<void> {
+    this.history.gesture += 1;
+    if (!this.isShared) {
+      const before = this.own;
+      const after: Plan = {
+        version: 0,
+        keep_away: this.plan?.keep_away ?? [],
+        saved: false,
+        can_change: false,
+        trajectories,
+      };
+      this.history.note("plan", { before, after, go: (_, to) => this.setOwn(to) });
+      this.setOwn(after);
+      return;
+    }
+    const { version } = this.told!;
+    if (!(await this.ask({ version, ...request }))) return;
+    // palpate increments the version for every change, undo included
+    this.history.note("plan", { before: version, after: version + 1, go: (_, to) => this.goBack(to) });
+  }
+  private setOwn(plan: Plan | null): boolean {
+    this.own = plan;
+    this.changed();
+    return true;
+  }
+  private goBack(version: number): boolean | Promise<boolean> {
+    return this.told !== null && this.ask({ version: this.told.version, back_to: version });
+  }
+  private changed(): void {
+    if (this.chosen >= this.list.length) this.chosen = this.list.length - 1;
+    this.onChange();
+  }
+
+  // ---- presses in pictures
+
+  /** The first press sets the entry, unless it picks an existing end; the second one sets the target. */
+  press(at: Vec3, pixelsTo: PixelsTo): void {
+    const [nearest] = this.list
+      .flatMap((one, place) =>
+        (["entry_mm", "target_mm"] as const).map((end) => ({ place, end, to: at, far: pixelsTo(one[end]) })),
+      )
+      .sort((a, b) => a.far - b.far);
+    if (this.begun) {
+      const entry = this.begun;
+      this.begun = null;
+      this.add(entry, at);
+    } else if (nearest && nearest.far <= HOLD_PIXELS) {
+      this.grip = nearest;
+      this.chosen = nearest.place;
+    } else this.begun = at;
+    this.onChange();
+  }
+  move(at: Vec3): void {
+    if (!this.grip) return;
+    this.grip.to = at;
+    this.onChange();
+  }
+  release(at: Vec3, pixelsTo: PixelsTo): void {
+    const { grip, begun } = this;
+    this.grip = null;
+    if (grip) {
+      const one = this.list[grip.place];
+      if (one && length(sub(one[grip.end], grip.to)) > 0 && pixelsTo(one[grip.end]) > DRAWN_PIXELS)
+        this.put(grip.place, { ...one, [grip.end]: grip.to });
+    } else if (begun && pixelsTo(begun) > DRAWN_PIXELS) {
+      this.begun = null;
+      this.add(begun, at);
+    }
+    this.onChange();
+  }
+  /** Abandons a trajectory without a target. */
+  drop(): void {
+    this.begun = this.grip = null;
+    this.onChange();
+  }
+  /** Trajectories as displayed, with the end being moved and the entry of an incomplete one. */
+  get drawn(): Trajectory[] {
+    const { grip, begun } = this;
+    const list = this.list.map((one, place) => (grip?.place === place ? { ...one, [grip.end]: grip.to } : one));
+    return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
+  }
+}

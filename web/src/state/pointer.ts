@@ -1,0 +1,68 @@
+// Mouse, pen or finger as haptic device: sends target positions of the tip, also repeatedly at rest.
+
+import type { Connection } from "../protocol/connection.js";
+import { scale, add, sub, length, type Vec3 } from "../base/geometry.js";
+import type { Session } from "./session.js";
+
+const LEAST_INTERVAL_MS = 1000 / 120;
+/** Repetition interval at rest: the server fades the force after 100 ms without messages. */
+const KEEP_ALIVE_MS = 1000 / 30;
+/** Delay of touches, because a second finger may follow for zooming. */
+const PINCH_MS = 150;
+/** Maximum speed of the tip: a distant click leads it there at a hand's speed. */
+const MOST_SPEED_MM_PER_S = 300;
+
+export class PointerDevice {
+  position: Vec3 | null = null; // target position of the tip while it is held; patient frame
+  private way: Vec3[] = []; // waypoints to the target, which is the last one
+  private sent_ms = 0; // time of the latest message, which limits the rate
+  private timer = 0;
+
+  constructor(
+    private readonly session: Session,
+    private readonly connection: Connection,
+  ) {}
+
+  get isTaken(): boolean {
+    return this.session.state?.pointer === true;
+  }
+
+  /** @param over  waypoints before the target */
+  hold(p: Vec3, isFinger: boolean, over: Vec3[] = []): void {
+    // simultaneous presses in two pictures are ambiguous
+    if (this.session.holding) return this.release();
+    this.position = this.session.pose?.devices[0]?.tip ?? p;
+    this.way = [...over, p];
+    this.session.holding = true;
+    this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
+    clearInterval(this.timer);
+    this.timer = window.setInterval(() => this.send(), LEAST_INTERVAL_MS);
+    this.session.touch();
+  }
+  move(p: Vec3): void {
+    if (this.session.holding) this.way[this.way.length - 1] = p;
+  }
+  release(): void {
+    clearInterval(this.timer);
+    this.position = null;
+    this.session.holding = false;
+    this.session.touch();
+  }
+
+  private send(): void {
+    if (!this.position) return;
+    const now = performance.now();
+    const elapsed = now - this.sent_ms;
+    let way = sub(this.way[0]!, this.position);
+    while (length(way) < 1e-3 && this.way.length > 1) {
+      this.way.shift();
+      way = sub(this.way[0]!, this.position);
+    }
+    const rests = length(way) < 1e-3;
+    if (elapsed < (rests ? KEEP_ALIVE_MS : LEAST_INTERVAL_MS)) return;
+    const most = (MOST_SPEED_MM_PER_S * Math.min(elapsed, 50)) / 1000;
+    this.position = length(way) > most ? add(this.position, scale(way, most / length(way))) : this.way[0]!;
+    this.connection.moveTip(this.position);
+    this.sent_ms = now;
+  }
+}

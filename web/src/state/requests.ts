@@ -1,0 +1,118 @@
+// Requests to the loop. While a request is pending, only the latest value of a slider is kept for the next one. If
+// requests need a confirmation at the device, only the value at which the slider comes to rest is sent.
+
+import { toast } from "../base/announce.js";
+import type { Refusal, Request, State } from "../protocol/messages.js";
+import type { Connection } from "../protocol/connection.js";
+import { angleOf_deg, conjugate, multiply, normalizeQuaternion, type Quaternion } from "../base/geometry.js";
+import type { History } from "./history.js";
+import { words } from "../words/words.js";
+
+const AT_REST_MS = 500;
+/** Undoable settings; a pause is not undoable. */
+const SETTINGS = ["method", "law", "friction", "viscosity", "passivity", "max_force_N", "rotation_wxyz"] as const;
+
+type Values = Record<string, unknown>;
+/** Current values of the settings that a request changes; null for other requests. */
+function holding(request: Request, state: State): Values | null {
+  const { type, tissue, ...asked } = request as Request & { tissue?: number };
+  const of: Values | undefined =
+    type === "tissue"
+      ? { ...state.tissues[tissue!] }
+      : { ...state, method: state.method_awaited ?? state.method, law: state.law_awaited ?? state.law };
+  const names = Object.keys(asked);
+  if (
+    names.length === 0 ||
+    (type !== "tissue" && (type !== "set" || !names.every((name) => (SETTINGS as readonly string[]).includes(name))))
+  )
+    return null;
+  return Object.fromEntries(names.map((name) => [name, of[name]]));
+}
+const SAME_TURN_DEG = 0.01;
+/** Compares with tolerance, because the loop rounds values, and quaternions with either sign. */
+const isSame = (a: unknown, b: unknown): boolean => {
+  if (Array.isArray(a) && Array.isArray(b))
+    return (
+      angleOf_deg(multiply(normalizeQuaternion(a as Quaternion), conjugate(normalizeQuaternion(b as Quaternion)))) <
+      SAME_TURN_DEG
+    );
+  return typeof a === "number" && typeof b === "number"
+    ? Math.abs(a - b) <= 1e-5 * Math.max(Math.abs(a), Math.abs(b))
+    : a === b;
+};
+const areSame = (a: Values, b: Values): boolean => Object.keys(a).every((name) => isSame(a[name], b[name]));
+
+export class Requests {
+  private readonly resting = new Map<string, number>();
+  private readonly busy = new Set<string>();
+  private readonly next = new Map<string, [Request, number]>();
+  /** Called after every refusal, to reset controls to the current values. */
+  onRefused: () => void = () => {};
+
+  /** @param isAsked  whether changes need a confirmation at the device */
+  constructor(
+    private readonly connection: Connection,
+    private readonly isAsked: () => boolean,
+    private readonly state: () => State | null,
+    private readonly history: History,
+  ) {}
+
+  /** @param key  a request replaces a pending one with the same key; those of one gesture are one undo step */
+  async latest(key: string, request: Request, gesture = this.history.gesture): Promise<void> {
+    clearTimeout(this.resting.get(key));
+    if (this.isAsked()) {
+      this.resting.set(
+        key,
+        window.setTimeout(() => void this.once(request, gesture), AT_REST_MS),
+      );
+      return;
+    }
+    if (this.busy.has(key)) {
+      this.next.set(key, [request, gesture]);
+      return;
+    }
+    this.busy.add(key);
+    await this.once(request, gesture);
+    this.busy.delete(key);
+    const waiting = this.next.get(key);
+    this.next.delete(key);
+    if (waiting) await this.latest(key, ...waiting);
+  }
+
+  async once(request: Request, gesture = ++this.history.gesture): Promise<boolean> {
+    const state = this.state();
+    const before = state && holding(request, state);
+    const isGranted = await this.ask(request);
+    if (isGranted && before && !areSame(before, request)) {
+      const { type, tissue } = request;
+      const key = JSON.stringify([type, tissue, Object.keys(before)]);
+      this.history.note(
+        key,
+        { before: { ...request, ...before }, after: request, go: (from, to) => this.replace(from, to) },
+        gesture,
+      );
+    }
+    return isGranted;
+  }
+
+  private async ask(request: Request): Promise<boolean> {
+    const refusal = await this.connection.ask(request);
+    if (refusal) {
+      toast(refusalText(refusal));
+      this.onRefused();
+    }
+    return refusal === null;
+  }
+  /** Requests the earlier value, if the current one was set from here. */
+  private async replace(held: Request, wanted: Request): Promise<boolean> {
+    const state = this.state();
+    if (state && areSame(holding(held, state)!, held)) return this.ask(wanted);
+    toast(words.changedSince);
+    return false;
+  }
+}
+
+const sentence = (text: string): string =>
+  text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".");
+export const refusalText = ({ what, how }: Refusal): string =>
+  how ? `${sentence(what)} ${sentence(how)}` : sentence(what);

@@ -1,0 +1,668 @@
+// Panel of tasks: briefing, progress and results. palpate measures; the page displays its reports.
+
+export * as Quiz from "./quiz.js"; // same chunk
+import type {
+  Lesson,
+  Scene,
+  Debriefing,
+  Task,
+  TaskEvent,
+  TaskForce,
+  TaskMetric,
+  TaskRun,
+  TaskScope,
+  TaskStep,
+} from "../protocol/messages.js";
+import { announce } from "../base/announce.js";
+import type { Connection } from "../protocol/connection.js";
+import { byId, element, write } from "../base/dom.js";
+import { digits, quantity } from "../words/figures.js";
+import { onLanguage } from "../words/language.js";
+import { Plot } from "../panels/plots.js";
+import { refusalText, type Requests } from "../state/requests.js";
+import { readable, type Session } from "../state/session.js";
+import { drawPatches, drawPlace, drawRegion, drawWay } from "./training_marks.js";
+import type { VolumeView } from "../volume/volume_view.js";
+import { says, words, type Message } from "../words/words.js";
+
+type View = "none" | "briefing" | "running" | "debriefing";
+/** Display time of a warning. */
+const WARNING_MS = 1500;
+const MOST_EVENTS = 60;
+const TOUCHED_N = 0.05;
+
+/** Starts hiding the structures to be found in a quiz; null: stops. */
+export type Hide = (toFind: number[] | null) => void;
+
+const seconds = (s: number): string => `${s.toFixed(1)} s`;
+
+export class Training {
+  view: View = "none";
+  run: TaskRun | null = null;
+  debriefing: Debriefing | null = null;
+  private tasks: Task[] = [];
+  private chosen = ""; // name of a task
+  private left = 0; // run whose results were closed
+  private toldEvents = 0; // announced events of the run
+  private toldRun = 0;
+  private warning = { text: "", until_ms: -Infinity };
+  private plots: Plot[] = [];
+  private listed = ""; // key of the list of steps
+  private tookFocus = false; // the panel loses the focus while the run is being stored
+  private looked = -1; // step whose region the camera looks at
+  private shownRun = 0; // run whose results are displayed
+  private spokenRun = 0; // run whose result was announced
+  private scopedRun = 0; // run for which the scope was set
+  private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
+
+  constructor(
+    private readonly session: Session,
+    private readonly connection: Connection,
+    private readonly requests: Requests,
+    private readonly volume: VolumeView,
+    private readonly hide: Hide,
+    private readonly lookBy: (scope: TaskScope) => void,
+  ) {
+    byId("task").addEventListener("change", (event) => this.choose((event.target as HTMLSelectElement).value));
+    byId("task-begin").addEventListener("click", () => this.begin());
+    byId("task-again").addEventListener("click", () => this.begin());
+    byId("task-end").addEventListener("click", () => void requests.once({ type: "task", end: true }));
+    byId("task-other").addEventListener("click", () => this.leave());
+    for (const id of ["show-way", "show-coverage"]) byId(id).addEventListener("change", () => session.touch());
+    volume.drawMarks = (frame, seen) => this.drawMarks(frame, seen);
+    onLanguage(() => this.speak());
+  }
+
+  /** Begins, ends or restarts a run, depending on the button shown. */
+  beginOrEnd(): void {
+    if (byId("training").hidden) return;
+    (["task-begin", "task-end", "task-again"] as const)
+      .map((id) => byId<HTMLButtonElement>(id))
+      .find((button) => !button.hidden && !button.disabled)
+      ?.click();
+  }
+
+  get task(): Task | null {
+    return this.tasks.find(({ name }) => name === this.chosen) ?? null;
+  }
+
+  show(scene: Scene): void {
+    const isNew = JSON.stringify(scene.tasks ?? []) !== JSON.stringify(this.tasks);
+    if (isNew) {
+      this.tasks = scene.tasks ?? [];
+      // the task of a run, which may have been reported earlier
+      if (!this.task) this.chosen = this.tasks.length === 1 ? this.tasks[0].name : "";
+      this.looked = -1;
+      this.listed = "";
+    }
+    byId("training").hidden = this.tasks.length === 0;
+    byId<HTMLSelectElement>("task").replaceChildren(
+      says(new Option("", "", false, this.chosen === ""), { text: "noTask" }),
+      ...this.tasks.map(({ name, title }) => new Option(title, name, false, name === this.chosen)),
+    );
+    byId("task-line").hidden = this.tasks.length < 2;
+    this.update();
+    // the task that this session was started for
+    if (isNew && this.tasks.length === 1) this.lookAtStep(0, false);
+  }
+  tell(run: TaskRun): void {
+    const before = this.run;
+    this.run = run;
+    if (run.phase === "running" && (before?.phase !== "running" || before.run !== run.run)) {
+      this.debriefing = null;
+      this.toldRun = run.run;
+      // events of a run already in progress are not announced
+      this.toldEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
+      this.warning = { text: "", until_ms: -Infinity };
+      if (before && !this.isPlayed)
+        announce(words.taskBegun(this.tasks.find(({ name }) => name === run.task)?.title ?? ""));
+    }
+    if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.left !== run.run))
+      this.chosen = run.task;
+    this.tellEvents();
+    this.update();
+  }
+  debrief(debriefing: Debriefing): void {
+    this.debriefing = debriefing;
+    this.update();
+  }
+  /** Discards runs of another connection, which may belong to another session that counts from 1 again. */
+  beginAnew(): void {
+    this.run = this.debriefing = null;
+    this.shownRun = this.spokenRun = this.scopedRun = this.left = this.toldRun = this.toldEvents = 0;
+    this.plots = [];
+    this.update();
+  }
+
+  private choose(name: string): void {
+    this.chosen = name;
+    this.left = this.run?.run ?? 0;
+    this.listed = "";
+    this.looked = -1;
+    this.update();
+    if (this.task) this.lookAtStep(0);
+  }
+  private begin(): void {
+    if (this.task) void this.requests.once({ type: "task", begin: this.task.name });
+  }
+  /** Returns from the results to the briefing. */
+  private leave(): void {
+    this.left = this.run?.run ?? 0;
+    this.update();
+    byId("task-title").focus();
+  }
+
+  // ---- texts
+
+  private namesOf(labels: number[]): string {
+    if (this.session.quiz) return words.someStructure;
+    const names = labels.map((label) => readable(this.session.structureName(label) ?? words.unnamed(String(label))));
+    return names.length > 3 ? words.andMore(names.slice(0, 3).join(", "), String(names.length - 3)) : names.join(", ");
+  }
+  private stepText(step: TaskStep): string {
+    const {
+      force_N: [least, most],
+      kind,
+      coverage,
+      seen,
+    } = step;
+    const time = `${step.seconds} s`;
+    if (kind === "cover") return words.stepCover(`${Math.round(100 * coverage)} %`);
+    if (kind === "remove") return words.stepRemove(`${Math.round(100 * coverage)} %`);
+    if (kind === "visit") return words.stepVisit(time);
+    const touch =
+      most === null
+        ? words.stepTouchLeast(quantity(least, "N"), time)
+        : words.stepTouch(quantity(least, "N"), quantity(most, "N"), time);
+    return seen ? words.inScope(touch) : touch;
+  }
+  private rules(task: Task): string[] {
+    const band = ([least, most]: [number, number | null]) =>
+      most === null ? words.atLeast(quantity(least, "N")) : words.fromTo(quantity(least, "N"), quantity(most, "N"));
+    return [
+      ...task.forces.flatMap(({ labels, band_N, limit_N }) => [
+        ...(band_N ? [words.ruleBand(this.namesOf(labels), band(band_N))] : []),
+        ...(limit_N === null ? [] : [words.ruleLimit(this.namesOf(labels), quantity(limit_N, "N"))]),
+      ]),
+      ...task.protected.map(({ labels }) => words.ruleProtected(this.namesOf(labels))),
+      ...(task.answer_s === null ? [] : [words.ruleAnswer(`${task.answer_s} s`)]),
+      ...(task.time_limit_s === null ? [] : [words.ruleTime(`${task.time_limit_s} s`)]),
+      task.ends_with_steps ? words.ruleEndsItself : words.ruleEndsByYou,
+      words.ruleRow(String(task.in_a_row)),
+    ];
+  }
+  private eventText(task: Task, { kind, part, force_N }: TaskEvent): string {
+    if (kind === "step_done") return words.stepIsDone(task.steps[part]?.name ?? "");
+    if (kind === "over_limit")
+      return words.wasOver(
+        quantity(force_N, "N"),
+        this.namesOf(task.forces[part]?.labels ?? []),
+        quantity(task.forces[part]?.limit_N ?? 0, "N"),
+      );
+    if (kind === "protected")
+      return words.wasProtected(this.namesOf(task.protected[part]?.labels ?? []), quantity(force_N, "N"));
+    return kind === "unseen" ? words.wasUnseen(quantity(force_N, "N")) : words.taskOver;
+  }
+  private metricName({ name, labels }: TaskMetric): string {
+    const said = (words.metrics as Record<string, string>)[name] ?? name;
+    return labels.length > 0 ? words.ofStructures(said, this.namesOf(labels)) : said;
+  }
+  private metricValue({ name, unit }: TaskMetric, value: number | null): string {
+    if (value === null) return words.noFigure;
+    if (unit !== "1") return `${digits(value)} ${unit}`;
+    return name === "smoothness" || name === "economy" ? digits(value) : `${Math.round(1000 * value) / 10} %`;
+  }
+  private bandText(metric: TaskMetric): string {
+    const { at_least, at_most } = metric;
+    const said = (value: number) => this.metricValue(metric, value);
+    if (at_least !== null && at_most !== null) return words.fromTo(said(at_least), said(at_most));
+    return at_least !== null
+      ? words.atLeast(said(at_least))
+      : at_most !== null
+        ? words.atMost(said(at_most))
+        : words.doesNotCount;
+  }
+
+  /** Announces new events, each once. */
+  private tellEvents(): void {
+    const { run, task } = this;
+    if (!run || !task || run.run !== this.toldRun) return;
+    const all = run.events_before + run.events.length;
+    const fresh = Math.min(run.events.length, all - this.toldEvents);
+    if (fresh > 0) for (const event of run.events.slice(-fresh)) announce(this.eventText(task, event));
+    this.toldEvents = all;
+  }
+
+  private speak(): void {
+    this.listed = "";
+    this.shownRun = 0;
+    this.update();
+  }
+
+  // ---- display
+
+  /** Enables the controls that this viewer may use now. */
+  allow(): void {
+    const { connection, session } = this;
+    const isAnothers = session.state?.lesson.of_another === true;
+    const isAllowed = connection.allows("hand") && !isAnothers;
+    // the leader of a lesson needs no control of the device
+    const isOthers = session.state?.pointer_by === "viewer" && !connection.allows("lesson");
+    for (const id of ["task-begin", "task-end", "task-again"])
+      byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
+    const keeps = connection.allows("own_runs") || this.run?.keeps === true;
+    const note = this.isPlayed
+      ? words.taskPlayed
+      : connection.link === "connected" && !connection.allows("hand")
+        ? words.taskWatch
+        : isAnothers
+          ? words.lessonOfAnother
+          : isOthers
+            ? words.taskOthers
+            : keeps
+              ? words.taskKept
+              : words.taskNotKept;
+    write(byId("task-note"), note);
+  }
+
+  /** Shows the only permitted task, and whether names are shown. */
+  showLesson({ task }: Lesson): void {
+    if (task !== null && task !== this.chosen && this.tasks.some(({ name }) => name === task)) this.choose(task);
+    else this.update();
+  }
+
+  /** A recording is played, with the runs in it. */
+  private get isPlayed(): boolean {
+    return this.session.scene?.recording != null;
+  }
+
+  private update(): void {
+    const { run, task } = this;
+    const before = this.view;
+    const isRunning = run !== null && (run.phase === "running" || run.phase === "keeping");
+    const isOver =
+      this.debriefing !== null &&
+      run?.phase === "over" &&
+      this.debriefing.run === run.run &&
+      this.left !== run.run &&
+      this.debriefing.task === task?.name;
+    // once per run, because the user may have moved the scope since
+    if (isRunning && task?.scope && this.scopedRun !== run.run) {
+      this.scopedRun = run.run;
+      this.lookBy(task.scope);
+    }
+    this.view = !task ? "none" : isRunning ? "running" : isOver ? "debriefing" : "briefing";
+    const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
+    // browsers remove the focus from a button that is disabled while the run is being stored
+    this.tookFocus = run?.phase === "keeping" && hadFocus;
+    const isShown =
+      this.view === "debriefing" || this.session.state?.lesson.names === true || this.connection.allows("lesson");
+    this.hide(task?.quiz && !isShown ? task.to_find : null);
+
+    const { view } = this;
+    byId<HTMLSelectElement>("task").disabled = view === "running" || (this.session.state?.lesson.task ?? null) !== null;
+    byId<HTMLSelectElement>("task").value = task?.name ?? "";
+    for (const [ids, where] of [
+      [["task-briefing", "task-rules", "task-begin"], ["briefing"]],
+      [["task-time", "task-forces", "task-end"], ["running"]],
+      [["debriefing", "task-again", "task-other"], ["debriefing"]],
+      [
+        ["task-title", "task-steps", "task-note"],
+        ["briefing", "running", "debriefing"],
+      ],
+    ])
+      for (const id of ids) byId(id).hidden = !where.includes(view);
+    // a recording has no controls for runs
+    if (this.isPlayed) for (const id of ["task-begin", "task-end", "task-again", "task-other"]) byId(id).hidden = true;
+    if (task) this.showTask(task);
+    this.showWarning(task && view === "running" ? this.warningOf(task, run!) : []);
+    this.allow();
+    if (before !== view) {
+      this.session.touch();
+      // moves the focus on if its button is gone; the list of tasks stays in place
+      if (hadFocus && task && before !== "none")
+        byId(view === "running" && !this.isPlayed ? "task-end" : "task-title").focus();
+    }
+  }
+
+  private showTask(task: Task): void {
+    write(byId("task-title"), task.title);
+    write(byId("task-briefing"), task.briefing);
+    this.listSteps(task);
+    this.showSteps(task);
+    if (this.view === "running") this.showRun(task, this.run!);
+    if (this.view === "debriefing") this.showDebriefing(task, this.debriefing!);
+  }
+
+  private listSteps(task: Task): void {
+    const made = [task.name, this.session.quiz !== null, words.now].join();
+    if (made === this.listed) return;
+    this.listed = made;
+    byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));
+    byId("task-steps").replaceChildren(
+      ...task.steps.map((step, n) => {
+        const where = says(
+          element("button", { type: "button", className: "where" }),
+          { text: "where", label: "whereIs" },
+          step.name,
+        );
+        where.addEventListener("click", () => this.lookAtStep(n));
+        return element(
+          "li",
+          {},
+          element("span", { className: "mark", ariaHidden: "true" }),
+          element(
+            "span",
+            { className: "step" },
+            element("span", { className: "name" }, step.name),
+            element("span", { className: "state" }),
+            element("span", { className: "quiet" }, this.stepText(step)),
+            says(element("meter", { min: 0, max: 1, value: 0, hidden: true }), { label: "howFar" }, step.name),
+          ),
+          where,
+        );
+      }),
+    );
+    const bars = task.forces.map((force) => this.barOf(force));
+    byId("task-forces").replaceChildren(...bars.map(({ row }) => row));
+    this.bars = bars;
+  }
+  /** Bar of a force with its band and its limit. */
+  private barOf({ labels, band_N, limit_N }: TaskForce): {
+    said: HTMLElement;
+    bar: HTMLElement;
+    value: HTMLElement;
+    row: HTMLElement;
+  } {
+    const top = 1.25 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, 1.2 * (band_N?.[0] ?? 0), 0.4);
+    const percent = (force: number) => Math.min(100, (100 * force) / top);
+    const value = element("span", { className: "value" });
+    const bar = says(element("div", { className: "band" }, value), { label: "forceOn" }, this.namesOf(labels));
+    for (const [name, now] of [
+      ["role", "meter"],
+      ["aria-valuemin", "0"],
+      ["aria-valuemax", top.toFixed(2)],
+      ["aria-valuenow", "0"],
+    ] as const)
+      bar.setAttribute(name, now);
+    bar.dataset.top = String(top);
+    if (band_N) {
+      const zone = element("span", { className: "zone" });
+      zone.style.left = `${percent(band_N[0])}%`;
+      zone.style.right = `${100 - percent(band_N[1] ?? top)}%`;
+      bar.prepend(zone);
+    }
+    if (limit_N !== null) {
+      const limit = element("span", { className: "limit" });
+      limit.style.left = `${percent(limit_N)}%`;
+      bar.append(limit);
+    }
+    const said = element("span", { className: "said" });
+    return {
+      said,
+      bar,
+      value,
+      row: element(
+        "div",
+        {},
+        element("div", { className: "of" }, element("span", {}, this.namesOf(labels)), said),
+        bar,
+      ),
+    };
+  }
+
+  /** Index of the current step. */
+  private currentStep(task: Task): number {
+    const { run } = this;
+    if (!run || run.task !== task.name) return 0;
+    const open = task.steps.map((_, n) => n).filter((n) => !run.done[n]);
+    if (task.ordered) return open[0] ?? -1;
+    return open.reduce((best, n) => ((run.share[n] ?? 0) > (run.share[best] ?? 0) ? n : best), open[0] ?? -1);
+  }
+  private showSteps(task: Task): void {
+    const { run, view } = this;
+    const done = view === "running" && run ? run.done : view === "debriefing" ? this.debriefing!.done : [];
+    const current = view === "running" ? this.currentStep(task) : -1;
+    [...byId("task-steps").children].forEach((child, n) => {
+      const item = child as HTMLElement;
+      const state = done[n] ? "done" : n === current ? "current" : "open";
+      if (item.dataset.state !== state) {
+        item.dataset.state = state;
+        if (state === "current") item.setAttribute("aria-current", "step");
+        else item.removeAttribute("aria-current");
+        write(item.querySelector(".mark")!, done[n] ? "✓" : n === current ? "▶" : "○");
+      }
+      write(
+        item.querySelector(".state")!,
+        done[n] ? words.done : n === current ? words.now : view === "debriefing" ? words.notDone : "",
+      );
+      const meter = item.querySelector("meter")!;
+      meter.hidden = state !== "current";
+      meter.value = run?.share[n] ?? 0;
+    });
+    if (view === "running" && current >= 0 && current !== this.looked && this.looked >= 0) {
+      this.looked = current;
+      byId("task-steps").children[current]?.scrollIntoView({ block: "nearest" });
+    }
+  }
+
+  private showRun(task: Task, run: TaskRun): void {
+    const left =
+      task.time_limit_s === null ? "" : ` · ${words.timeLeft(seconds(Math.max(0, task.time_limit_s - run.time_s)))}`;
+    write(
+      byId("task-time"),
+      run.phase === "keeping" ? words.beingKept : `${words.underWay(seconds(run.time_s))}${left}`,
+    );
+    task.forces.forEach(({ band_N, limit_N }, n) => {
+      const { said, bar, value } = this.bars[n]!;
+      const force = run.forces_N[n] ?? 0;
+      const where =
+        limit_N !== null && force > limit_N
+          ? "limit"
+          : force < TOUCHED_N
+            ? "none"
+            : !band_N
+              ? "some"
+              : force < band_N[0]
+                ? "under"
+                : band_N[1] !== null && force > band_N[1]
+                  ? "over"
+                  : "in";
+      bar.dataset.where = where;
+      bar.setAttribute("aria-valuenow", Math.min(force, Number(bar.dataset.top)).toFixed(2));
+      value.style.width = `${Math.min(100, (100 * force) / Number(bar.dataset.top))}%`;
+      write(said, `${quantity(force, "N")} · ${words.inBand[where]}`);
+      bar.setAttribute("aria-valuetext", said.textContent ?? "");
+    });
+  }
+  private warningOf(task: Task, run: TaskRun): string[] {
+    const over = task.forces.flatMap(({ labels, limit_N }, n) =>
+      limit_N !== null && (run.forces_N[n] ?? 0) > limit_N
+        ? [words.isOver(this.namesOf(labels), quantity(limit_N, "N"))]
+        : [],
+    );
+    const touched = task.protected.flatMap(({ labels, limit_N }, n) =>
+      (run.protected_N[n] ?? 0) > limit_N ? [words.isProtected(this.namesOf(labels))] : [],
+    );
+    return [
+      ...over,
+      ...touched,
+      ...(run.unseen ? [words.isUnseen] : []),
+      ...(run.missing_s > 0 ? [words.ticksMissing(seconds(run.missing_s))] : []),
+    ];
+  }
+  private showWarning(warnings: string[]): void {
+    const now = performance.now();
+    if (warnings.length > 0)
+      this.warning = { text: warnings.map((one) => `⚠ ${one}`).join(" "), until_ms: now + WARNING_MS };
+    const isShown = this.view === "running" && now < this.warning.until_ms;
+    byId("task-warning").hidden = this.view !== "running";
+    write(byId("task-warning"), isShown ? this.warning.text : "");
+  }
+
+  private showDebriefing(task: Task, told: Debriefing): void {
+    if (this.shownRun === told.run) return;
+    this.shownRun = told.run;
+    const isNews = this.toldRun === told.run && this.spokenRun !== told.run;
+    byId("verdict").dataset.inBand = String(told.in_band);
+    const row = words.inARow(String(told.in_a_row), String(task.in_a_row));
+    const verdict = told.in_band ? `✓ ${words.runIn}` : `✗ ${words.runOut}`;
+    write(byId("verdict"), `${verdict} · ${told.in_a_row >= task.in_a_row ? words.passed : row}`);
+    write(
+      byId("verdict-more"),
+      [
+        words.tookAndEnded(seconds(told.time_s), words.endedBy[told.end]),
+        ...(told.missing_s > 0 ? [words.ticksMissing(seconds(told.missing_s))] : []),
+        told.kept !== null
+          ? words.keptAs(String(told.kept))
+          : told.not_kept
+            ? words.notKept(refusalText(told.not_kept))
+            : words.keptNowhere,
+        words.runsSoFar(String(told.runs)),
+        words.ticksOfRun(String(told.first_tick), String(told.last_tick)),
+      ].join(" "),
+    );
+
+    // of a run that was observed live
+    if (isNews) announce(byId("verdict").textContent ?? "");
+    this.spokenRun = told.run;
+    const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
+    byId("figures").replaceChildren(
+      says(element("caption"), { text: "figuresAbout" }),
+      element(
+        "thead",
+        {},
+        element("tr", {}, ...heads.map((head) => says(element("th", { scope: "col" }), { text: head }))),
+      ),
+      element(
+        "tbody",
+        {},
+        ...task.metrics.map((metric, n) => {
+          const { value, in_band, best } = told.metrics[n]!;
+          const counts = metric.at_least !== null || metric.at_most !== null;
+          const verdict = !counts
+            ? []
+            : [
+                element("span", {
+                  className: "verdict",
+                  textContent: in_band ? `✓ ${words.metricIn}` : `✗ ${words.metricOut}`,
+                }),
+              ];
+          const row = element(
+            "tr",
+            {},
+            element("th", { scope: "row" }, this.metricName(metric)),
+            element("td", {}, element("span", {}, this.metricValue(metric, value)), ...verdict),
+            element(
+              "td",
+              {},
+              element("span", {}, this.bandText(metric)),
+              ...(counts ? [element("span", { className: "quiet" }, metric.basis ?? words.notValidated)] : []),
+            ),
+            element("td", {}, best === null ? "–" : this.metricValue(metric, best)),
+          );
+          if (counts) row.dataset.inBand = String(in_band);
+          return row;
+        }),
+      ),
+    );
+    this.plotRun(task, told);
+
+    const events = told.events.slice(0, MOST_EVENTS);
+    const left = told.events.length - events.length + told.more_events;
+    byId("run-events").replaceChildren(
+      ...events.map((event) =>
+        element(
+          "li",
+          {},
+          element("span", { className: "mono" }, seconds(event.time_s)),
+          ` ${this.mark(event)} `,
+          this.eventText(task, event),
+        ),
+      ),
+      ...(left > 0 ? [element("li", { className: "quiet" }, words.moreEvents(String(left)))] : []),
+    );
+    byId("show-coverage-line").hidden = told.patches.length === 0;
+    this.session.touch();
+  }
+  private mark({ kind }: TaskEvent): string {
+    return { step_done: "✓", over_limit: "▲", protected: "■", unseen: "◌", ended: "●" }[kind];
+  }
+  /** Plots of each force of the task over time, or of the total force. */
+  private plotRun(task: Task, told: Debriefing): void {
+    const shown =
+      task.forces.length > 0
+        ? task.forces
+            .slice(0, 4)
+            .map((force, n) => ({ name: this.namesOf(force.labels), column: 5 + n, part: n, ...force }))
+        : [{ name: words.allTouched, column: 4, part: -1, labels: [], band_N: null, limit_N: null }];
+    const figures = shown.map(({ name }) => {
+      const canvas = says(element("canvas"), { label: "runPlotAbout" }, name);
+      canvas.setAttribute("role", "img");
+      return {
+        canvas,
+        figure: element("figure", {}, element("figcaption", {}, element("span", {}, words.runPlot(name))), canvas),
+      };
+    });
+    byId("run-plots").replaceChildren(...figures.map(({ figure }) => figure));
+    this.plots = shown.map(({ column, part, band_N, limit_N }, n) => {
+      const plot = new Plot(
+        figures[n]!.canvas,
+        ["--force"],
+        Math.max(told.time_s, 0.1),
+        1.2 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, band_N?.[0] ?? 0, 0.5),
+      );
+      plot.band = band_N && [band_N[0], band_N[1] ?? Infinity];
+      plot.limit = limit_N;
+      plot.marks = told.events
+        .filter(
+          (event) =>
+            event.kind === "step_done" ||
+            (event.kind === "over_limit" && event.part === part) ||
+            event.kind === "protected",
+        )
+        .slice(0, 200)
+        .map((event) => ({
+          time: event.time_s,
+          text: this.mark(event),
+          colour: event.kind === "step_done" ? "--good" : "--alert-text",
+        }));
+      for (const sample of told.samples) plot.push(sample[0]!, [sample[column] ?? 0]);
+      return plot;
+    });
+  }
+
+  /** Redraws the plots ten times a second, because theme and size may change. */
+  draw(): void {
+    if (this.view === "debriefing") for (const plot of this.plots) plot.draw();
+    if (this.view === "running" && performance.now() > this.warning.until_ms) this.showWarning([]);
+  }
+
+  // ---- in the volume
+
+  /**
+   * Turns the camera to the region of a step.
+   * @param isAsked  by the user, hence undoable
+   */
+  lookAtStep(n: number, isAsked = true): void {
+    const region = this.task?.regions[this.task.steps[n]?.region ?? -1];
+    this.looked = n;
+    if (region) this.volume.lookAt(region.middle_mm, region.radius_mm, region.outward, isAsked);
+    this.session.touch();
+  }
+  private drawMarks(...[frame, seen]: Parameters<VolumeView["drawMarks"]>): void {
+    const { task, view, debriefing } = this;
+    if (!task) return;
+    if (view !== "debriefing") {
+      const step = task.steps[view === "running" ? this.currentStep(task) : this.looked];
+      const region = step && task.regions[step.region];
+      if (region) drawRegion(frame, seen, region, step.name);
+      return;
+    }
+    if (!debriefing) return;
+    if (byId<HTMLInputElement>("show-coverage").checked) drawPatches(frame, seen, debriefing);
+    if (byId<HTMLInputElement>("show-way").checked) drawWay(frame, seen, debriefing, task.forces);
+    if (debriefing.to_find_mm) drawPlace(frame, seen, debriefing.to_find_mm, words.wasHere, true);
+    if (debriefing.answer_mm) drawPlace(frame, seen, debriefing.answer_mm, words.yourAnswer, false);
+  }
+}

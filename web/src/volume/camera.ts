@@ -1,0 +1,165 @@
+// Camera in World, so that the object appears as it is oriented at the device. Parallel projection, which keeps lengths
+// comparable and left on the left; perspective on demand.
+
+import {
+  add,
+  apply,
+  conjugate,
+  cross,
+  dot,
+  invert,
+  multiply,
+  normalize,
+  reject,
+  rotate,
+  scale,
+  sub,
+  turn,
+  type Affine,
+  type Quaternion,
+  type Vec3,
+} from "../base/geometry.js";
+
+export type Preset = "anterior" | "posterior" | "left" | "right" | "superior" | "inferior";
+/** Right and up directions of the picture, in the patient. */
+const PRESETS: Record<Preset, { right: Vec3; up: Vec3 }> = {
+  anterior: { right: [1, 0, 0], up: [0, 0, 1] },
+  posterior: { right: [-1, 0, 0], up: [0, 0, 1] },
+  left: { right: [0, 1, 0], up: [0, 0, 1] },
+  right: { right: [0, -1, 0], up: [0, 0, 1] },
+  superior: { right: [-1, 0, 0], up: [0, -1, 0] },
+  inferior: { right: [1, 0, 0], up: [0, -1, 0] },
+};
+
+/** Distance of the eye from the focus in perspective, in CSS pixels at the focus: a screen that subtends 35 degrees. */
+const EYE_PIXELS = 1100;
+
+export class Camera {
+  right: Vec3 = [1, 0, 0]; // World, unit
+  up: Vec3 = [0, 0, 1]; // World, unit
+  focus: Vec3 = [0, 0, 0]; // World, in the middle of the picture
+  mmPerPixel = 0.5; // at the focus
+  isPerspective = false;
+  private worldFromPatient: Affine = [
+    [1, 0, 0, 0],
+    [0, 1, 0, 0],
+    [0, 0, 1, 0],
+    [0, 0, 0, 1],
+  ];
+  private patientFromWorld = this.worldFromPatient;
+  private felt: Quaternion = [1, 0, 0, 0];
+
+  place(worldFromPatient: Affine): void {
+    this.worldFromPatient = worldFromPatient;
+    this.patientFromWorld = invert(worldFromPatient);
+  }
+  /** Rotation of the object; rounding of the same rotation is ignored, so that it causes no redraw. */
+  setRotation(felt: Quaternion): void {
+    if (felt.some((x, i) => Math.abs(x - this.felt[i]!) >= 1e-6)) this.felt = felt;
+  }
+
+  toWorld(p: Vec3): Vec3 {
+    return rotate(this.felt, apply(this.worldFromPatient, p));
+  }
+  toPatient(p: Vec3): Vec3 {
+    return apply(this.patientFromWorld, rotate(conjugate(this.felt), p));
+  }
+  directionToPatient(v: Vec3): Vec3 {
+    return turn(this.patientFromWorld, rotate(conjugate(this.felt), v));
+  }
+  directionToWorld(v: Vec3): Vec3 {
+    return rotate(this.felt, turn(this.worldFromPatient, v));
+  }
+  /** Direction towards the viewer, World. */
+  backward(): Vec3 {
+    return cross(this.right, this.up);
+  }
+
+  /** Distance of the eye from the focus, mm; the scale at the focus equals that of the parallel projection. */
+  get distance(): number {
+    return EYE_PIXELS * this.mmPerPixel;
+  }
+  /** Scale of a point relative to the focus. */
+  shrinkOf(p: Vec3): number {
+    if (!this.isPerspective) return 1;
+    // points beside or behind the eye are mapped far outside of the picture
+    return (
+      Math.max(this.distance - dot(sub(this.toWorld(p), this.focus), this.backward()), 1e-3 * this.distance) /
+      this.distance
+    );
+  }
+  /** Projection in pixels from the centre, y down. */
+  project(p: Vec3): [number, number] {
+    const d = sub(this.toWorld(p), this.focus);
+    const mm = this.mmPerPixel * this.shrinkOf(p);
+    return [dot(d, this.right) / mm, -dot(d, this.up) / mm];
+  }
+  /** Ray through a pixel: a line in the patient, unit direction away from the viewer. */
+  ray(x: number, y: number): { from: Vec3; into: Vec3 } {
+    const { focus, right, up, backward, eye } = this.inPatient();
+    const on = add(focus, add(scale(right, x * this.mmPerPixel), scale(up, -y * this.mmPerPixel)));
+    return eye ? { from: eye, into: normalize(sub(on, eye)) } : { from: on, into: scale(backward, -1) };
+  }
+  /** Point of the patient at a pixel, at the depth of `depthOf`. */
+  unproject(x: number, y: number, depthOf: Vec3): Vec3 {
+    const depth = dot(sub(this.toWorld(depthOf), this.focus), this.backward());
+    const mm = this.mmPerPixel * this.shrinkOf(depthOf);
+    const across = add(scale(this.right, x * mm), scale(this.up, -y * mm));
+    return this.toPatient(add(add(this.focus, across), scale(this.backward(), depth)));
+  }
+
+  /** Looks at the patient from a side, in the object's current rotation. */
+  look(preset: Preset): void {
+    this.right = normalize(this.directionToWorld(PRESETS[preset].right));
+    this.up = normalize(reject(this.directionToWorld(PRESETS[preset].up), this.right));
+  }
+  /** Looks against a unit direction of the patient, with superior up if possible. */
+  lookAlong(outward: Vec3): void {
+    const backward = this.directionToWorld(outward);
+    if (dot(backward, backward) < 0.5) return;
+    const candidates = (
+      [
+        [0, 0, 1],
+        [0, -1, 0],
+      ] as Vec3[]
+    ).map((up) => reject(this.directionToWorld(up), backward));
+    const up = candidates.find((one) => dot(one, one) > 0.02)!;
+    this.up = normalize(up);
+    this.right = normalize(cross(this.up, backward));
+  }
+  /** Orbits the camera about the focus, as if the object were dragged by a number of pixels. */
+  orbit(dx: number, dy: number): void {
+    const turned = this.dragged(-dx, -dy);
+    this.right = normalize(rotate(turned, this.right));
+    this.up = normalize(reject(rotate(turned, this.up), this.right));
+  }
+  pan(dx: number, dy: number): void {
+    this.focus = add(this.focus, add(scale(this.right, -dx * this.mmPerPixel), scale(this.up, dy * this.mmPerPixel)));
+  }
+  zoom(factor: number): void {
+    this.mmPerPixel = Math.min(5, Math.max(0.01, this.mmPerPixel / factor));
+  }
+
+  /** World rotation of an object that is dragged by a number of pixels. */
+  dragged(dx: number, dy: number): Quaternion {
+    const perPixel = 0.008; // rad
+    const about = (axis: Vec3, angle: number): Quaternion =>
+      [Math.cos(angle / 2), ...scale(axis, Math.sin(angle / 2))] as Quaternion;
+    return multiply(about(this.up, dx * perPixel), about(this.right, dy * perPixel));
+  }
+
+  /** Stand relative to the patient. */
+  inPatient(): { focus: Vec3; right: Vec3; up: Vec3; backward: Vec3; eye: Vec3 | null } {
+    return {
+      focus: this.toPatient(this.focus),
+      eye: this.isPerspective ? this.toPatient(add(this.focus, scale(this.backward(), this.distance))) : null,
+      right: this.directionToPatient(this.right),
+      up: this.directionToPatient(this.up),
+      backward: this.directionToPatient(this.backward()),
+    };
+  }
+  /** Copy of the current camera. */
+  copy(): Camera {
+    return Object.assign(new Camera(), this);
+  }
+}

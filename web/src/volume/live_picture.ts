@@ -1,0 +1,123 @@
+// Picture of the volume: coarse during motion, sharp at rest.
+
+import type { Picture } from "../drawing/picture.js";
+import { BACKGROUND, type Found, type View } from "./view.js";
+import type { VolumeRenderer } from "./volume_renderer.js";
+
+/** Pictures that take longer are drawn at a lower resolution during motion. */
+const SLOW_MS = 40;
+const STILL_AFTER_MS = 250;
+const COARSEST = 4;
+/** Estimated cost of a full-size picture without a graphics card, before the first one. */
+const FIRST_MS = 160;
+
+/** Camera of a picture, kept so that overlays match the picture displayed. */
+export interface Shot<Camera> {
+  camera: Camera;
+  /** @param reduction  screen pixels per picture pixel */
+  view(reduction: number): View;
+}
+
+export class LivePicture<Camera> {
+  /** The displayed picture. */
+  seen: { bitmap: ImageBitmap; found: Found; camera: Camera } | null = null;
+  private key = ""; // key of the latest request
+  private reduction: number;
+  private isWanted = false;
+  private sharp = false; // sharp picture displayed or requested
+  private asked: "" | "coarse" | "sharp" = ""; // picture in progress
+  private asks = 0;
+  private take: (() => Shot<Camera>) | null = null; // camera at the time of the call
+  private cost_ms: number; // of a full-size picture
+
+  /** @param isSquare  a centred square that fills the shorter side */
+  constructor(
+    private readonly picture: Picture,
+    private readonly renderer: VolumeRenderer,
+    private readonly isSoftware: boolean,
+    private readonly isSquare: boolean,
+    private readonly onSeen: () => void,
+  ) {
+    this.reduction = isSoftware ? 2 : 1;
+    // the first picture is needed soon
+    this.cost_ms = isSoftware ? FIRST_MS : 0;
+  }
+
+  /**
+   * To be called for every frame: requests a picture if needed.
+   * @param key  of the contents
+   * @param isHeld  the user is dragging: motion may resume at any moment
+   */
+  update(now: number, key: string, isHeld: boolean, take: () => Shot<Camera>): void {
+    const { renderer } = this;
+    this.take = take;
+    if (key !== this.key) {
+      this.key = key;
+      renderer.moved_ms = now;
+      this.isWanted = true;
+      this.sharp = false;
+    } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld && !renderer.isGivingWay)
+      this.isWanted = this.sharp = true; // first coarse, then sharp
+    this.ask();
+  }
+  private ask(): void {
+    if (
+      !this.isWanted ||
+      !this.take ||
+      !this.renderer.isLoaded ||
+      !(this.asked === "" || (this.asked === "sharp" && !this.sharp))
+    )
+      return;
+    this.isWanted = false;
+    void this.render(this.take());
+  }
+
+  /** Whether the displayed picture is sharp. */
+  get isSharp(): boolean {
+    return this.seen !== null && this.sharp && !this.isWanted && this.asked === "";
+  }
+  /** Resolution that is affordable during motion. */
+  private async render(shot: Shot<Camera>): Promise<void> {
+    const { ratio } = this.picture.frame();
+    const least = this.isSoftware ? Math.max(ratio, 1.5) : 1;
+    const coarse =
+      Math.max(1, this.cost_ms > SLOW_MS ? Math.min(COARSEST, Math.sqrt(this.cost_ms / SLOW_MS)) : 1) * this.reduction;
+    const total = Math.max(this.sharp ? 1 : coarse, least);
+    const isSharp = (this.sharp = total === least);
+    this.asked = isSharp ? "sharp" : "coarse";
+    const ask = ++this.asks;
+    const drawn = await this.renderer.draw({ ...shot.view(total / ratio), isFine: isSharp }, isSharp);
+    if (drawn) this.cost_ms = drawn.cost_ms * total * total;
+    if (ask === this.asks) {
+      this.asked = "";
+      if (!drawn) this.sharp = false;
+      // motion meanwhile: does not wait for the next frame
+      this.ask();
+    }
+    if (!drawn) return;
+    this.seen?.bitmap.close();
+    this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera };
+    this.show();
+    // the picture may have been hidden meanwhile, and has no size then
+    if (this.picture.isShown) this.onSeen();
+  }
+
+  /** Copies the displayed bitmap into the picture, or clears it. */
+  show(): void {
+    const { base } = this.picture;
+    const { width, height } = base.canvas;
+    base.fillStyle = `rgb(${BACKGROUND.map((x) => Math.round(255 * x)).join(" ")})`;
+    base.fillRect(0, 0, width, height);
+    if (!this.seen) return;
+    base.imageSmoothingQuality = "high";
+    const [w, h] = this.isSquare ? [Math.min(width, height), Math.min(width, height)] : [width, height];
+    base.drawImage(this.seen.bitmap, (width - w) / 2, (height - h) / 2, w, h);
+  }
+  /** Discards the picture after a loss of the graphics. */
+  lost(): void {
+    this.seen?.bitmap.close();
+    this.seen = null;
+    this.key = "";
+    this.show();
+  }
+}

@@ -1,0 +1,145 @@
+// Picking of surfaces with contact in pictures with depth, and the path of the tip to them.
+
+import { add, apply, besides, column, dot, length, scale, sub, turn, type Vec3 } from "../base/geometry.js";
+import type { Volumes } from "../protocol/scene.js";
+
+/** Predicate: whether contact forces act at a position. */
+export type IsFelt = (p: Vec3) => boolean;
+
+/** Distance before the surface from which the tip approaches, and penetration at the end, so that there is a force. */
+const OUTSIDE_MM = 3;
+const DEEP_MM = 0.5;
+/** Penetration permitted while the tip leaves its current contact. */
+const LEAVES_MM = 5;
+/** Detours towards the viewer until the path is clear; a tip below an obstacle first moves sideways. */
+const LIFTS_MM = [0, 3, 6, 12, 25, 50, 100, 200];
+const ASIDE_MM = [0, 6, 12, 25, 50];
+const SIDES = 8;
+
+/** Parameter range, mm, of a line within the bounding box of a volume; empty if to < from. */
+function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
+  const [at, by] = [apply(volumes.voxelFromPatient, from), turn(volumes.voxelFromPatient, into)];
+  let [begin, end] = [-Infinity, Infinity];
+  for (const axis of [0, 1, 2]) {
+    const ends = [-0.5, volumes.dims[axis]! - 0.5].map((side) => (side - at[axis]!) / (by[axis]! || 1e-12));
+    begin = Math.max(begin, Math.min(...ends));
+    end = Math.min(end, Math.max(...ends));
+  }
+  return [begin, end];
+}
+
+/**
+ * First surface with contact along a line.
+ * @param min_mm  start of the search
+ */
+export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
+  const [begin, end] = within(volumes, from, into);
+  const step = volumes.voxelSize / 3;
+  const at = (way: number) => add(from, scale(into, way));
+  for (let way = Math.max(begin, min_mm); way < end; way += step) {
+    if (!isFelt(at(way))) continue;
+    let [outside, inside] = [way - step, way];
+    for (let n = 0; n < 6; n++) {
+      const middle = (outside + inside) / 2;
+      if (isFelt(at(middle))) inside = middle;
+      else outside = middle;
+    }
+    return at(inside);
+  }
+  return null;
+}
+
+/** Path of the tip to the surface under a press: waypoints, the last of which has contact. */
+export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
+  const [outside, inside] = [sub(surface, scale(into, OUTSIDE_MM)), add(surface, scale(into, DEEP_MM))];
+  // @param leaves_mm  initial distance over which the tip may remain in contact
+  const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
+    const far = length(sub(b, a));
+    let hasLeft = false;
+    for (let way = 0; way < far; way += step_mm) {
+      const felt = isFelt(add(a, scale(sub(b, a), way / far)));
+      hasLeft ||= !felt;
+      if (felt && (hasLeft || way > leaves_mm)) return false;
+    }
+    return true;
+  };
+  if (isFree(tip, outside, LEAVES_MM)) return [outside, inside];
+  // never to the far side of a surface, which the proxy would not pass
+  const [first, second] = besides(into);
+  const least = Math.min(dot(tip, into), dot(outside, into));
+  const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));
+  for (const aside of ASIDE_MM) {
+    for (let side = 0; side < (aside > 0 ? SIDES : 1); side++) {
+      const angle = (2 * Math.PI * side) / SIDES;
+      const beside = add(tip, add(scale(first, aside * Math.cos(angle)), scale(second, aside * Math.sin(angle))));
+      if (!isFree(tip, beside, LEAVES_MM)) continue;
+      for (const lift of LIFTS_MM) {
+        const [a, b] = [lifted(beside, lift), lifted(outside, lift)];
+        if (isFree(beside, a, aside > 0 ? 0 : LEAVES_MM) && isFree(a, b) && isFree(b, outside))
+          return [beside, a, b, outside, inside];
+      }
+    }
+  }
+  const far = LIFTS_MM.at(-1)!;
+  return [lifted(tip, far), lifted(outside, far), outside, inside];
+}
+
+/** Height above the nearest surface with contact below a position. */
+export class Ground {
+  private readonly steps: { way: Vec3; far_mm: number }[] = []; // search offsets, nearest first
+  private readonly stride: number; // voxels between offsets
+  // cache by device number
+  private readonly ofTools = new Map<number, { at: string; found: ReturnType<Ground["below"]> }>();
+
+  constructor(
+    private readonly volumes: Volumes,
+    max_mm: number,
+    mostSteps = 40000,
+  ) {
+    const edges = [0, 1, 2].map((axis) => column(volumes.patientFromVoxel, axis));
+    const lengths = edges.map(length);
+    const all = lengths.reduce((product, edge) => (product * 2 * max_mm) / edge, 1);
+    const stride = (this.stride = Math.max(1, Math.ceil(Math.cbrt(all / mostSteps))));
+    const [ni, nj, nk] = lengths.map((edge) => Math.floor(max_mm / edge / stride)) as Vec3;
+    for (let k = -nk; k <= nk; k++)
+      for (let j = -nj; j <= nj; j++)
+        for (let i = -ni; i <= ni; i++) {
+          const way = [0, 1, 2].map(
+            (c) => stride * (i * edges[0]![c]! + j * edges[1]![c]! + k * edges[2]![c]!),
+          ) as Vec3;
+          if (length(way) <= max_mm) this.steps.push({ way, far_mm: length(way) });
+        }
+    this.steps.sort((a, b) => a.far_mm - b.far_mm);
+  }
+
+  /** Like `below`, which may take as long as a frame, but cached per device until the tool moves. */
+  belowTool(number: number, p: Vec3, isFelt: IsFelt): ReturnType<Ground["below"]> {
+    const at = p.join();
+    if (this.ofTools.get(number)?.at !== at) this.ofTools.set(number, { at, found: this.below(p, isFelt) });
+    return this.ofTools.get(number)!.found;
+  }
+  /** Invalidates the cache after a change of voxels. */
+  forget(): void {
+    this.ofTools.clear();
+  }
+
+  below(p: Vec3, isFelt: IsFelt): { foot: Vec3; height_mm: number } | null {
+    const { volumes } = this;
+    // from the voxel's centre, so that offsets hit centres of voxels
+    const middle = apply(volumes.patientFromVoxel, apply(volumes.voxelFromPatient, p).map(Math.round) as Vec3);
+    const met = this.steps.find(({ way }) => isFelt(add(middle, way)));
+    if (!met) return null;
+    // refines among the skipped voxels around the hit
+    let towards = sub(add(middle, met.way), p);
+    const size = 2 * this.stride - 1;
+    for (let n = 0; n < size ** 3; n++) {
+      const by = [n % size, Math.floor(n / size) % size, Math.floor(n / size ** 2)].map(
+        (x) => x - this.stride + 1,
+      ) as Vec3;
+      const other = sub(add(add(middle, met.way), turn(volumes.patientFromVoxel, by)), p);
+      if (length(other) < length(towards) && isFelt(add(p, other))) towards = other;
+    }
+    const height_mm = length(towards) - volumes.voxelSize / 2;
+    return height_mm > 0 ? { foot: add(p, scale(towards, height_mm / length(towards))), height_mm } : null;
+  }
+}

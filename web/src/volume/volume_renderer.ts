@@ -1,0 +1,377 @@
+// The page's interface to the renderer of the volume: a worker (volume_service.ts), or the page itself if the worker
+// cannot.
+
+import type { Displacement } from "../drawing/displacement.js";
+import { invert, type Vec3 } from "../base/geometry.js";
+import { fetchPart } from "../words/part.js";
+import { breathe, slicesOfPiece } from "../base/pieces.js";
+import { shrunkGrid, type Memory, type Volumes } from "../protocol/scene.js";
+import type { Session } from "../state/session.js";
+import type { Served } from "./served_pictures.js";
+import { coarsening, pieceOf, texelsFor, texelsOf } from "./texels.js";
+import { Found, type View } from "./view.js";
+import type { Answered, Asked, Port, Work } from "./volume_service.js";
+
+/** Pieces queued at the renderer. */
+const AHEAD = 2;
+/** Size of a piece that is downsampled, relative to one that is copied voxel by voxel. */
+const COARSE_PIECES = 4;
+
+export interface Drawn {
+  bitmap: ImageBitmap;
+  found: Found;
+  cost_ms: number;
+}
+
+export class VolumeRenderer {
+  work: Work = { texels: 0, looks: 0, pictures: 0 };
+  onLost: () => void = () => {};
+  /** The graphics can be restored, by `restore`. */
+  onRestorable: () => void = () => {};
+  /**
+   * The worker has thrown an error or was terminated.
+   * @param isReplaced  by another one, at most once, which `restore` fills
+   */
+  onFailed: (isReplaced: boolean) => void = () => {};
+  isInWorker = true;
+  /** Whether palpate renders it, for lack of WebGL 2. */
+  isServed = false;
+  /** Volume that palpate renders. */
+  served: () => Served | null = () => null;
+  isLoaded = false; // a volume is loaded
+  isCompiling = false; // compiling without a graphics card, which blocks all other drawing
+  version = ""; // changes when the volume or its appearance does
+  moved_ms = -Infinity; // time of the latest request with different contents
+  private givingWay = 0; // pending pictures that give way to newer requests
+  private port!: Port;
+  private nextId = 1;
+  private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
+  private readonly answers: Record<"ready" | "begun" | "put" | "restored", ((answer: Answered) => void)[]> = {
+    ready: [],
+    begun: [],
+    put: [],
+    restored: [],
+  };
+  private ready: Promise<Answered>;
+  private volumes: Volumes | null = null;
+  private loading: Promise<unknown> = Promise.resolve();
+  private edits = 0; // number of edits of voxels
+  private lookVersion = -1; // version at the renderer
+  private haze = "";
+  private factor: Vec3 = [1, 1, 1]; // voxels per texel, along each axis
+  private memory: Memory = { mostTexels: 0, mostSide: 0 };
+  private loads = 0;
+  private failures = 0; // of workers that had started
+  private displacement: Displacement | null = null;
+  private isEmpty = false; // the renderer's state is lost
+
+  constructor() {
+    this.ready = this.answer("ready");
+  }
+
+  /**
+   * Starts the worker; earlier requests wait. To be called after the first section is drawn, which needs neither the
+   * download nor the processor time.
+   */
+  begin(): void {
+    this.start();
+  }
+
+  private start(): void {
+    const worker = new Worker(new URL("./volume_worker.ts", import.meta.url), { type: "module" });
+    this.port = worker;
+    worker.onmessage = (event) => this.hear(event.data as Answered);
+    // a worker that cannot even be loaded
+    worker.onerror = () => void this.drawHere();
+    void this.ready.then((ready) => {
+      if (this.port !== worker) return;
+      worker.onerror = () => this.failed(worker);
+      // a terminated worker sends no message, but releases its lock
+      if (ready.type === "ready" && ready.held) void navigator.locks.request(ready.held, () => this.failed(worker));
+    });
+  }
+
+  /**
+   * Handles a failed worker. It is replaced once; rendering on the page instead might fail the same way and affect the
+   * emergency stop.
+   */
+  private failed(worker: Worker): void {
+    if (this.port !== worker || this.isDead) return;
+    worker.terminate();
+    this.failures += 1;
+    this.isLoaded = this.isCompiling = false;
+    this.isEmpty = true;
+    [this.lookVersion, this.haze] = [-1, ""];
+    if (!this.isDead) {
+      this.ready = this.answer("ready");
+      this.start();
+    }
+    // pending pictures will not come
+    this.loads += 1;
+    const { drawings, answers } = this;
+    for (const { done } of drawings.values()) done(null);
+    drawings.clear();
+    for (const type of ["begun", "put", "restored"] as const)
+      for (const done of answers[type].splice(0)) done({ type: "put" });
+    this.onFailed(!this.isDead);
+  }
+  private get isDead(): boolean {
+    return this.failures > 1;
+  }
+
+  /** Renders on the page itself. */
+  private async drawHere(): Promise<void> {
+    if (!this.isInWorker) return;
+    this.isInWorker = false;
+    (this.port as Worker).terminate();
+    const service = await fetchPart("volume", () => import("./volume_service.js"));
+    if (service) service.serve(this.openPort(), document.createElement("canvas"));
+    else await this.drawThere();
+  }
+  /** Lets palpate render, if the page cannot either. */
+  private async drawThere(): Promise<void> {
+    if (this.isServed) return;
+    this.isServed = true;
+    const pictures = await fetchPart("volume", () => import("./served_pictures.js"));
+    pictures?.servePictures(this.openPort(), () => this.served());
+  }
+  /**
+   * Replaces the port.
+   * @returns the service's end of the new one
+   */
+  private openPort(): Port {
+    const { port1, port2 } = new MessageChannel();
+    this.port = port1;
+    port1.onmessage = (event) => this.hear(event.data as Answered);
+    return port2;
+  }
+
+  private answer(type: keyof typeof this.answers): Promise<Answered> {
+    return new Promise((done) => this.answers[type].push(done));
+  }
+  private say(message: Asked, transfer: Transferable[] = []): void {
+    void this.ready.then(() => this.port.postMessage(message, transfer));
+  }
+  private hear(message: Answered): void {
+    switch (message.type) {
+      case "unable":
+        void (this.isInWorker ? this.drawHere() : this.drawThere());
+        break;
+      case "picture": {
+        const { view, done } = this.drawings.get(message.id)!;
+        const { drawn, cost_ms } = message;
+        this.drawings.delete(message.id);
+        this.work = message.work;
+        done(
+          drawn && {
+            bitmap: drawn.bitmap,
+            found: new Found(drawn.bytes, view, drawn.min_mm, drawn.extent_mm),
+            cost_ms,
+          },
+        );
+        break;
+      }
+      case "compiles":
+        this.isCompiling = true;
+        this.say({ type: "waits" });
+        break;
+      case "compiled":
+        this.isCompiling = false;
+        break;
+      case "lost":
+        this.isLoaded = this.isCompiling = false;
+        this.onLost();
+        break;
+      case "restorable":
+        this.onRestorable();
+        break;
+      default:
+        this.answers[message.type].shift()?.(message);
+    }
+  }
+
+  get isDrawing(): boolean {
+    return this.drawings.size > 0;
+  }
+
+  /** Loads a volume into the renderer, in pieces. */
+  load(volumes: Volumes, memory: Memory): void {
+    this.isLoaded = false;
+    this.loading = this.bring(volumes, memory).then((isWanted) => {
+      this.isLoaded ||= isWanted;
+      this.edits += 1;
+    });
+  }
+  /** Resolves when the latest volume is loaded. */
+  get loaded(): Promise<unknown> {
+    return this.loading;
+  }
+  /** @returns whether it is still the latest one */
+  private async bring(volumes: Volumes, memory: Memory): Promise<boolean> {
+    const load = ++this.loads;
+    [this.volumes, this.memory, this.isEmpty] = [volumes, memory, false];
+    if (this.isDead) return false;
+    for (let { mostTexels } = memory; ; mostTexels = Math.max(1, mostTexels / 2)) {
+      this.factor = coarsening(volumes.dims, volumes.edges, { ...memory, mostTexels });
+      const texelFromPatient = invert(shrunkGrid(volumes.patientFromVoxel, this.factor));
+      this.say({
+        type: "begin",
+        voxels: volumes.dims,
+        factor: this.factor,
+        hasScan: volumes.scan !== null,
+        texelFromPatient,
+      });
+      const begun = await this.answer("begun");
+      if (load !== this.loads) return false;
+      if (begun.type === "begun" && begun.fits) break;
+    }
+    await this.put([0, 0, 0], this.texels, load);
+    return load === this.loads;
+  }
+
+  /** Number of texels along each axis. */
+  get texels(): Vec3 {
+    return texelsFor(this.volumes?.dims ?? [0, 0, 0], this.factor);
+  }
+
+  /** Recomputes some texels from the current voxels. */
+  private async put(lo: Vec3, size: Vec3, load: number): Promise<void> {
+    const { factor } = this;
+    // downsampling repeats work at the borders of pieces, so pieces are larger there than for copying
+    const slices = COARSE_PIECES * slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
+    const step = Math.max(1, Math.min(Math.floor(slices / factor[2]), slicesOfPiece(size)));
+    const put: Promise<Answered>[] = [];
+    for (let z = lo[2]; z < lo[2] + size[2]; z += step) {
+      if (load !== this.loads || this.isDead) return;
+      const piece = pieceOf(
+        this.volumes!,
+        factor,
+        [lo[0], lo[1], z],
+        [size[0], size[1], Math.min(step, lo[2] + size[2] - z)],
+      );
+      this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
+      put.push(this.answer("put"));
+      // the next piece arrives before the current one is finished
+      if (put.length > AHEAD) await put.shift();
+      await breathe();
+    }
+    await Promise.all(put);
+  }
+
+  /** Updates the renderer after a change of a box of voxels. */
+  async update(lo: Vec3, size: Vec3): Promise<void> {
+    await this.loading;
+    const texels = texelsOf(lo, size, this.volumes!.dims, this.factor);
+    await this.put(texels.lo, texels.size, this.loads);
+    this.edits += 1;
+  }
+
+  /** Sets the deformation; null: none. */
+  async displace(displacement: Displacement | null): Promise<void> {
+    this.displacement = displacement;
+    this.edits += 1;
+    if (this.isDead) return;
+    const by = displacement && { nodes: displacement.nodes, mm: displacement.mm.slice() };
+    this.say({ type: "displace", by }, by ? [by.mm.buffer] : []);
+    await this.answer("put");
+  }
+  /** Updates a box of its nodes. */
+  async updateDisplacement(lo: Vec3, size: Vec3): Promise<void> {
+    if (!this.displacement || this.isDead) return;
+    this.say({ type: "putDisplacement", lo, size, mm: this.displacement.box(lo, size) });
+    await this.answer("put");
+    this.edits += 1;
+  }
+
+  /** Sends the current looks if they have changed. */
+  follow(session: Session): void {
+    if (this.lookVersion !== session.lookVersion) {
+      this.lookVersion = session.lookVersion;
+      this.setLooks(session.palette());
+    }
+    const haze = session.scanInVolume > 0 ? JSON.stringify([session.storedWindow(), session.scanInVolume]) : "";
+    if (haze !== this.haze) {
+      this.haze = haze;
+      this.setHaze(session.storedWindow(), session.scanInVolume);
+    }
+    this.version = `${this.lookVersion} ${haze} ${this.edits}`;
+  }
+
+  /** @param rgba  256 colours: 0 nothing, then the structures in order; alpha is the opacity */
+  private setLooks(rgba: Uint8Array<ArrayBuffer>): void {
+    this.say({ type: "looks", rgba });
+  }
+  /**
+   * Sets the scan around the structures.
+   * @param window  in stored values
+   * @param strength  0 to 1
+   */
+  private setHaze(window: [number, number], strength: number): void {
+    this.say({ type: "haze", window, strength });
+  }
+
+  /**
+   * @param givesWay  to the next request
+   * @returns null if it gave way or the graphics were lost
+   */
+  draw(view: View, givesWay: boolean): Promise<Drawn | null> {
+    const id = this.nextId++;
+    if (this.isDead) return Promise.resolve(null);
+    return new Promise((done) => {
+      const isDrawn = (drawn: Drawn | null) => {
+        if (givesWay) this.givingWay -= 1;
+        done(drawn);
+      };
+      if (givesWay) this.givingWay += 1;
+      this.drawings.set(id, { view, done: isDrawn });
+      this.say({ type: "draw", id, view, givesWay });
+    });
+  }
+
+  /** Whether a pending picture would give way to a request. */
+  get isGivingWay(): boolean {
+    return this.givingWay > 0;
+  }
+
+  /**
+   * Picture that does not give way.
+   * @throws Error if the graphics were lost
+   */
+  async drawn(view: View): Promise<Drawn> {
+    const drawn = await this.draw(view, false);
+    if (!drawn) throw new Error("The graphics were lost.");
+    return drawn;
+  }
+
+  /** Pixels of a picture: RGBA by rows from the top. */
+  async pixels(view: View): Promise<Uint8ClampedArray> {
+    const drawn = await this.drawn(view);
+    const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true })!;
+    [copy.canvas.width, copy.canvas.height] = [view.width, view.height];
+    copy.drawImage(drawn.bitmap, 0, 0);
+    drawn.bitmap.close();
+    return copy.getImageData(0, 0, view.width, view.height).data;
+  }
+
+  /** @returns whether the graphics are restored and were not lost again meanwhile */
+  async restore(): Promise<boolean> {
+    await this.loading;
+    const { failures } = this;
+    if (!this.isEmpty) {
+      this.say({ type: "restore" });
+      await this.answer("restored");
+      this.isLoaded = failures === this.failures;
+      this.edits += 1;
+    } else if (this.volumes) {
+      this.load(this.volumes, this.memory);
+      await this.loading;
+      await this.displace(this.displacement);
+    }
+    return failures === this.failures;
+  }
+
+  /** For tests: loses and restores the graphics like a browser. */
+  lose(restores: boolean): void {
+    this.say({ type: "lose", restores });
+  }
+}

@@ -1,0 +1,211 @@
+// Rendering of the volume on request: in a worker, so that no picture blocks the page, or on the page itself if a
+// worker has no WebGL 2. Pictures are drawn in short bands, so that neither the page's other pictures, which the same
+// graphics card draws, nor newer requests wait for a whole one.
+
+import type { Nodes } from "../protocol/yields.js";
+import { Displacement } from "../drawing/displacement.js";
+import { Field } from "./field.js";
+import type { Affine, Vec3 } from "../base/geometry.js";
+import { breathe } from "../base/pieces.js";
+import type { Piece } from "./texels.js";
+import type { View } from "./view.js";
+import { Caster } from "./volume_caster.js";
+
+export type Asked =
+  | { type: "waits" } // the page draws nothing until "compiled"
+  | { type: "begin"; voxels: Vec3; factor: Vec3; hasScan: boolean; texelFromPatient: Affine }
+  | { type: "put"; piece: Piece }
+  | { type: "displace"; by: { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null }
+  | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
+  | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
+  | { type: "haze"; window: [number, number]; strength: number }
+  | { type: "draw"; id: number; view: View; givesWay: boolean } // to a newer one
+  | { type: "restore" }
+  | { type: "lose"; restores: boolean };
+
+/** Counters, for tests. */
+export interface Work {
+  texels: number;
+  looks: number;
+  pictures: number;
+}
+
+export type Answered =
+  | { type: "ready"; held: string } // a lock that is let go when nobody answers any more; or ""
+  | { type: "unable"; why: string }
+  | { type: "compiles" } // as soon as the page "waits"
+  | { type: "compiled" }
+  | { type: "begun"; fits: boolean }
+  | { type: "put" }
+  | {
+      type: "picture";
+      id: number;
+      drawn: { bitmap: ImageBitmap; bytes: Uint8Array; min_mm: number; extent_mm: number } | null;
+      cost_ms: number;
+      work: Work;
+    } // null: it gave way
+  | { type: "lost" }
+  | { type: "restorable" }
+  | { type: "restored" };
+
+export interface Port {
+  postMessage(message: unknown, transfer: Transferable[]): void;
+  onmessage: ((event: MessageEvent) => void) | null;
+}
+
+/** Target duration of a band, during which other drawing waits. */
+const BAND_MS = 16;
+const LEAST_ROWS = 4;
+
+class Service {
+  private readonly queue: Extract<Asked, { type: "draw" }>[] = [];
+  private field: Field | null = null;
+  private isDrawing = false;
+  private readonly pixel_ms = { fine: Infinity, coarse: Infinity }; // durations per pixel of the latest bands
+  private readonly waiting: (() => void)[] = []; // callbacks for "waits"
+  private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
+  private readonly extension: WEBGL_lose_context | null;
+
+  constructor(
+    private readonly port: Port,
+    private readonly caster: Caster,
+    held: string,
+  ) {
+    const { canvas } = caster;
+    this.extension = (canvas.getContext("webgl2") as WebGL2RenderingContext).getExtension("WEBGL_lose_context");
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault(); // requests restoration
+      this.say({ type: "lost" });
+    });
+    canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
+    port.onmessage = (event) => this.hear(event.data as Asked);
+    this.say({ type: "ready", held });
+  }
+
+  private say(message: Answered, transfer: Transferable[] = []): void {
+    this.port.postMessage(message, transfer);
+  }
+
+  private hear(asked: Asked): void {
+    const { caster } = this;
+    switch (asked.type) {
+      case "waits":
+        this.waiting.shift()?.();
+        break;
+      case "begin":
+        this.say({ type: "begun", fits: this.begin(asked) });
+        break;
+      case "put":
+        this.field!.put(asked.piece);
+        caster.upload(asked.piece.lo, asked.piece.size);
+        this.work.texels += asked.piece.size.reduce((a, b) => a * b);
+        this.say({ type: "put" });
+        break;
+      case "displace":
+        caster.displace(asked.by && new Displacement(asked.by.nodes, asked.by.mm));
+        this.say({ type: "put" });
+        break;
+      case "putDisplacement":
+        caster.putDisplacement(asked.lo, asked.size, asked.mm);
+        this.say({ type: "put" });
+        break;
+      case "looks":
+        caster.setLooks(asked.rgba);
+        this.work.looks += 1;
+        break;
+      case "haze":
+        caster.setHaze(asked.window, asked.strength);
+        break;
+      case "draw":
+        this.queue.push(asked);
+        void this.draw();
+        break;
+      case "restore":
+        void caster.restore().then(() => this.say({ type: "restored" }));
+        break;
+      case "lose":
+        if (asked.restores) this.extension?.restoreContext();
+        else this.extension?.loseContext();
+        break;
+    }
+  }
+
+  /** Resolves when the page has paused its drawing for a long compilation. */
+  private pageWaits(): Promise<void> {
+    this.say({ type: "compiles" });
+    return new Promise((done) => this.waiting.push(done));
+  }
+
+  /** @returns whether memory suffices, here and on the graphics card */
+  private begin({ voxels, factor, hasScan, texelFromPatient }: Extract<Asked, { type: "begin" }>): boolean {
+    try {
+      this.field = new Field(voxels, factor, hasScan);
+    } catch (error) {
+      if (error instanceof RangeError) return false;
+      throw error;
+    }
+    return this.caster.begin(this.field, texelFromPatient);
+  }
+
+  private async draw(): Promise<void> {
+    if (this.isDrawing) return;
+    this.isDrawing = true;
+    for (let asked = this.queue.shift(); asked; asked = this.queue.shift()) await this.picture(asked);
+    this.isDrawing = false;
+  }
+
+  /** Compiles the shader of a view; all other drawing waits for that. */
+  private async compile(view: View): Promise<void> {
+    await this.pageWaits();
+    if (!this.caster.isLost && this.field) {
+      this.caster.aim(view);
+      this.caster.band(view, 0, 1);
+    }
+    this.say({ type: "compiled" });
+  }
+
+  private async picture({ id, view, givesWay }: Extract<Asked, { type: "draw" }>): Promise<void> {
+    const { caster } = this;
+    const isVoid = () => caster.isLost || !this.field || (givesWay && this.queue.length > 0);
+    const kind = view.isFine ? "fine" : "coarse";
+    let cost_ms = 0;
+    let from = 0;
+    while (from < view.height && !isVoid()) {
+      if (from === 0) {
+        if (!caster.isCompiled(view)) await this.compile(view);
+        if (isVoid()) break;
+        caster.aim(view);
+      }
+      const rows = Math.max(LEAST_ROWS, Math.floor(BAND_MS / (this.pixel_ms[kind] * view.width)));
+      const to = Math.min(view.height, from + rows);
+      const took_ms = caster.band(view, from, to);
+      const pixel_ms = took_ms / ((to - from) * view.width);
+      this.pixel_ms[kind] = this.pixel_ms[kind] < Infinity ? 0.5 * (this.pixel_ms[kind] + pixel_ms) : pixel_ms;
+      cost_ms += took_ms;
+      from = to;
+      if (from < view.height) await breathe();
+    }
+    const isWhole = from >= view.height && !caster.isLost;
+    const drawn = isWhole ? await caster.finish(view) : null;
+    if (drawn) this.work.pictures += 1;
+    this.say(
+      { type: "picture", id, drawn, cost_ms, work: { ...this.work } },
+      drawn ? [drawn.bitmap, drawn.bytes.buffer] : [],
+    );
+  }
+}
+
+/**
+ * Handles requests at a port by drawing on a canvas.
+ * @param held  name of a lock that proves that it is alive, or ""
+ */
+export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {
+  let caster: Caster;
+  try {
+    caster = new Caster(canvas);
+  } catch (error) {
+    port.postMessage({ type: "unable", why: (error as Error).message } satisfies Answered, []);
+    return;
+  }
+  new Service(port, caster, held);
+}

@@ -1,0 +1,579 @@
+// Picture of the volume in the orientation of the object, with the tool over it. The volume is rendered only when its
+// appearance changes, in a worker (volume_renderer.ts); the tool, its trail and its force are drawn over it for every
+// pose.
+
+import { Camera, type Preset } from "./camera.js";
+import type { History } from "../state/history.js";
+import {
+  add,
+  dot,
+  length,
+  orientationLetters,
+  scale,
+  sub,
+  multiply,
+  normalizeQuaternion,
+  spread,
+  type Plane,
+  type Quaternion,
+  type Vec3,
+} from "../base/geometry.js";
+import { boxSection, drawHeight, drawPlane, drawShaft, type InVolume } from "../drawing/in_volume.js";
+import { LivePicture } from "./live_picture.js";
+import {
+  drawAge,
+  drawCube,
+  drawForceBar,
+  drawLetters,
+  drawScale,
+  drawSide,
+  drawTool,
+  drawTrail,
+  text,
+  touchedText,
+  type Frame,
+  type Projection,
+} from "../drawing/overlay.js";
+import { drawNoGoInVolume, drawNoGoWarning } from "../drawing/no_go_marks.js";
+import { Picture } from "../drawing/picture.js";
+import { drawPlanInVolume } from "../drawing/plan_marks.js";
+import type { PointerDevice } from "../state/pointer.js";
+import { memory_GB } from "../base/screen.js";
+import type { Memory } from "../protocol/scene.js";
+import type { Session } from "../state/session.js";
+import { firstFelt, Ground, wayTo } from "./touch.js";
+import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
+import type { VolumeRenderer } from "./volume_renderer.js";
+import { Flag, type DevicePose } from "../protocol/wire.js";
+
+/** Interval of rotation requests; the loop interpolates between them. */
+const ROTATION_INTERVAL_MS = 100;
+/** Limit without a graphics card, beyond which motion would stall. */
+const SOFTWARE_TEXELS = 1.2e6;
+/** Maximum height of a tool above a surface at which it is displayed. */
+const MOST_HEIGHT_MM = 20;
+/** Clipping in front of the tip: a half-space, or a hole that widens towards the viewer. */
+export type Cutting = "none" | "plane" | "hole";
+const HOLE_RADIUS_MM = 8;
+const HOLE_WIDENING = 0.4;
+
+/** Stand of the camera in World, mm, with its extent across the picture's shorter side. */
+interface Stand {
+  right: Vec3;
+  up: Vec3;
+  focus: Vec3;
+  across_mm: number;
+}
+
+export class VolumeView {
+  readonly picture = new Picture("volume");
+  readonly camera = new Camera();
+  turnsObject = false; // dragging rotates the object instead of the camera
+  cutting: Cutting = "none";
+  isWhole = false; // full resolution, also without a graphics card
+  /** Planes whose outlines are drawn in the volume. */
+  planes: () => { plane: Plane; colour: string }[] = () => [];
+  showsPlanes = false;
+  /** Further overlays, below the tool. */
+  drawMarks: (frame: Frame, seen: Projection & InVolume) => void = () => {};
+  private readonly live: LivePicture<Camera>;
+  private ground: Ground | null = null;
+  private over_ms = -Infinity; // time of the latest drawing of the tool
+  private size = 0; // shorter side of the picture
+  private rotation: Quaternion | null = null; // requested rotation
+  private rotationSent: Quaternion | null = null;
+  private gesture = 0; // undo group of rotations and camera movements
+  private isOpen = false; // the camera has been placed, by default or by the user
+  private held: Vec3 | null = null;
+  private plans = false; // presses create or move trajectories
+  private readonly pointers = new Map<number, [number, number]>();
+
+  constructor(
+    private readonly session: Session,
+    private readonly renderer: VolumeRenderer,
+    readonly isSoftware: boolean,
+    private readonly mostSide: number,
+    private readonly pointer: PointerDevice,
+    private readonly history: History,
+    private readonly turnTo: (rotation: Quaternion, gesture: number) => void,
+  ) {
+    this.live = new LivePicture(this.picture, renderer, isSoftware, false, () => this.drawOver());
+    history.part(
+      "camera",
+      () => this.stand,
+      (to) => (this.stand = to),
+    );
+    this.listen();
+    window.setInterval(() => this.sendRotation(), ROTATION_INTERVAL_MS);
+  }
+
+  /** Limits of the volume's texture, which takes 6 bytes per texel, and the same in the worker. */
+  private get memory(): Memory {
+    const memory = memory_GB();
+    const most = memory <= 2 ? 2e6 : memory <= 4 ? 8e6 : 64e6;
+    return { mostTexels: this.isSoftware && !this.isWhole ? SOFTWARE_TEXELS : most, mostSide: this.mostSide };
+  }
+  /** Loads the volume into the renderer. */
+  load(): void {
+    if (this.session.volumes) this.renderer.load(this.session.volumes, this.memory);
+  }
+
+  sceneChanged(): void {
+    this.camera.place(this.session.scene!.world_from_patient);
+    this.isOpen = false;
+    this.ground = new Ground(this.session.volumes!, MOST_HEIGHT_MM);
+    this.load();
+    this.reset();
+  }
+  lost(): void {
+    this.live.lost();
+  }
+  reset(): void {
+    const { volumes, pose } = this.session;
+    if (!volumes) return;
+    if (pose) this.camera.setRotation(pose.rotation);
+    this.camera.focus = this.camera.toWorld(volumes.centre);
+    const { clientWidth, clientHeight } = this.picture.surface;
+    if (clientWidth > 0) this.camera.mmPerPixel = (0.7 * volumes.size) / Math.min(clientWidth, clientHeight);
+    this.camera.look("anterior");
+    this.session.touch();
+  }
+  /** Extent across the shorter side of the picture, mm; 0 before it was shown. */
+  get across_mm(): number {
+    return this.camera.mmPerPixel * this.size;
+  }
+  set across_mm(mm: number) {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    // a hidden picture keeps its size
+    this.size = Math.min(clientWidth, clientHeight) || this.size;
+    if (this.size > 0 && mm > 0) this.camera.mmPerPixel = mm / this.size;
+  }
+  look(preset: Preset): void {
+    this.moveCamera(() => this.camera.look(preset));
+  }
+  /**
+   * Looks at a position from outside, zoomed to a region of a given radius.
+   * @param outward  unit; [0, 0, 0]: from the current direction
+   * @param isNoted  as an undo step
+   */
+  lookAt(place: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
+    const { camera, session } = this;
+    if (!session.volumes) return;
+    const move = () => {
+      if (session.pose) camera.setRotation(session.pose.rotation);
+      camera.lookAlong(outward);
+      camera.focus = camera.toWorld(place);
+      this.across_mm = Math.min(0.7 * session.volumes!.size, Math.max(5 * radius_mm, 60));
+    };
+    if (isNoted) return this.moveCamera(move);
+    move();
+    this.isOpen = true;
+    session.touch();
+  }
+  /** @param gesture  changes by one control with the same gesture are one undo step */
+  private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
+    this.isOpen = true;
+    this.history.change(by, move, gesture);
+    this.session.touch();
+  }
+
+  get stand(): Stand {
+    const {
+      camera: { right, up, focus },
+      across_mm,
+    } = this;
+    return { right, up, focus, across_mm };
+  }
+  set stand({ right, up, focus, across_mm }: Stand) {
+    this.isOpen = true;
+    Object.assign(this.camera, { right, up, focus });
+    this.across_mm = across_mm;
+    this.session.touch();
+  }
+
+  /**
+   * Requests a picture if needed, and draws the tool over the displayed one.
+   * @param min_ms  minimum interval between drawings of the tool
+   */
+  draw(now: number, min_ms = 0): void {
+    if (this.ask(now) && (min_ms === 0 || now - this.over_ms > min_ms)) this.drawOver();
+  }
+  /** @returns whether it is visible */
+  ask(now: number): boolean {
+    const { session, picture, camera } = this;
+    const resized = picture.fit();
+    if (!picture.isShown || !session.volumes || !session.scene) return false;
+    if (resized) {
+      this.over_ms = -Infinity;
+      this.live.show();
+      // keeps the extent when the picture's size changes
+      const size = Math.min(picture.surface.clientWidth, picture.surface.clientHeight);
+      if (this.size === 0) this.reset();
+      else camera.mmPerPixel *= this.size / size;
+      this.size = size;
+    }
+    if (session.pose) camera.setRotation(session.pose.rotation);
+    if (session.pose && !this.isOpen) {
+      // the object's rotation is known only now
+      this.isOpen = true;
+      this.reset();
+    }
+    const frame = picture.frame();
+
+    this.renderer.follow(session);
+    const cut = this.cut();
+    const key = JSON.stringify([
+      camera.inPatient(),
+      camera.mmPerPixel,
+      frame.width,
+      frame.height,
+      this.renderer.version,
+      cut,
+    ]);
+    this.live.update(now, key, this.pointers.size > 0, () => ({
+      camera: camera.copy(),
+      view: (reduction) => viewOf(camera, frame.width / frame.ratio, frame.height / frame.ratio, reduction, cut),
+    }));
+    return true;
+  }
+
+  /** Clipping for the current position of the tool. */
+  private cut(): Cut | null {
+    const { session, cutting } = this;
+    const device = session.pose?.devices[0];
+    if (!device || cutting === "none") return null;
+    const at = session.toolAt(device);
+    if (cutting === "plane") return { at, radius_mm: 0, widening: Infinity, kept: 0 };
+    return {
+      at,
+      radius_mm: HOLE_RADIUS_MM,
+      widening: HOLE_WIDENING,
+      kept: session.scene!.structures.findIndex(({ label }) => label === device.label) + 1,
+    };
+  }
+  private isTakenAway(p: Vec3): boolean {
+    const cut = this.cut();
+    if (!cut) return false;
+    const { eye, backward } = this.camera.inPatient();
+    const towards = eye ? scale(sub(eye, cut.at), 1 / length(sub(eye, cut.at))) : backward;
+    const from = sub(p, cut.at);
+    const height = dot(from, towards);
+    return (
+      height > 0 &&
+      length(sub(from, scale(towards, height))) < cut.radius_mm + cut.widening * height &&
+      this.session.volumes!.structureAt(p) !== cut.kept - 1
+    );
+  }
+
+  /** Camera of the displayed picture. */
+  private get shown(): Camera {
+    return this.live.seen?.camera ?? this.camera;
+  }
+  private projection(): Projection & InVolume {
+    const { width, height, ratio } = this.picture.frame();
+    const camera = this.shown;
+    const pixelsPerMm = (p: Vec3) => ratio / camera.mmPerPixel / camera.shrinkOf(p);
+    return {
+      pixel: (p) => {
+        const [x, y] = camera.project(p);
+        return [width / 2 + x * ratio, height / 2 + y * ratio];
+      },
+      direction: (v) => {
+        const world = camera.directionToWorld(v);
+        return [dot(world, camera.right), -dot(world, camera.up)];
+      },
+      pixelsPerMm,
+      clearness: () => 1,
+      hides: (p, slack_mm) => this.live.seen?.found.hides(p, slack_mm) === true,
+    };
+  }
+  get isSharp(): boolean {
+    return this.live.isSharp;
+  }
+  /** Position of a point in the displayed picture, in canvas pixels. */
+  pixelOf(p: Vec3): [number, number] {
+    return this.projection().pixel(p);
+  }
+  private readonly isFelt = (p: Vec3): boolean => {
+    const { scene, volumes } = this.session;
+    const place = volumes!.structureAt(p);
+    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
+  };
+
+  /** Updates the picture after a change of voxels. */
+  voxelsChanged(): void {
+    this.ground?.forget();
+  }
+
+  /** Draws the tool with occlusion, dashed behind solids, and its height above the surface in free space. */
+  private drawToolIn(projection: Projection & InVolume, device: DevicePose): void {
+    const { session } = this;
+    const frame = this.picture.frame();
+    const tool = session.toolAt(device);
+    const { radius_mm } = session.heldBy(device);
+    // the tool lies at surfaces, which the picture has smoothed
+    const slack_mm = radius_mm + 1.5 * session.volumes!.voxelSize;
+    const ground =
+      device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.belowTool(device.number, tool, this.isFelt);
+    if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
+    drawTool(frame, session, device, {
+      ...projection,
+      clearness: () => (projection.hides(tool, slack_mm) ? 0.45 : 1),
+      capsule: (from, to, radii_mm, colour) =>
+        drawShaft(frame, projection, from, to, radii_mm, colour, 1.5 * session.volumes!.voxelSize),
+    });
+  }
+
+  private drawOver(): void {
+    this.over_ms = performance.now();
+    const { session } = this;
+    const frame = this.picture.frame();
+    const projection = this.projection();
+    frame.context.clearRect(0, 0, frame.width, frame.height);
+    drawNoGoInVolume(frame, projection, session, session.volumes!);
+    drawPlanInVolume(frame, projection, session.plans);
+    this.drawMarks(frame, projection);
+    const device = session.pose?.devices[0];
+    if (device) {
+      for (const { plane, colour } of this.showsPlanes ? this.planes() : [])
+        drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);
+      drawTrail(frame, session, projection);
+      for (const each of session.drawn) this.drawToolIn(projection, each);
+      text(
+        frame,
+        touchedText(session, device),
+        12 * frame.ratio,
+        40 * frame.ratio,
+        12,
+        session.isFresh ? "#eef3f5" : "#a4adb3",
+        "left",
+        "top",
+      );
+      if (session.scene!.device.input === "pointer") drawForceBar(frame, session, device);
+    }
+    const camera = this.shown;
+    const right = camera.directionToPatient(camera.right);
+    const down = scale(camera.directionToPatient(camera.up), -1);
+    drawLetters(frame, orientationLetters(right, down), session.scene!.oriented, true);
+    if (session.scene!.oriented) {
+      drawCube(frame, (v) => {
+        const world = camera.directionToWorld(v);
+        return [dot(world, camera.right), dot(world, camera.up), dot(world, camera.backward())];
+      });
+    }
+    // no common scale in perspective
+    if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
+    drawSide(frame, session.scene!);
+    drawNoGoWarning(frame, session, 60);
+    drawAge(frame, session);
+  }
+
+  private async viewAt(width: number, height: number, mmPerPixel: number): Promise<View> {
+    await this.renderer.loaded;
+    this.renderer.follow(this.session);
+    const camera = this.camera.copy();
+    camera.mmPerPixel = mmPerPixel;
+    return viewOf(camera, width, height, 1, this.cut());
+  }
+  /**
+   * Full-size picture of the volume, rendered on request: RGBA by rows from the top.
+   * @param isFine  with the smoothness of pictures at rest
+   */
+  async pixels(width: number, height: number, mmPerPixel: number, isFine = true): Promise<Uint8ClampedArray> {
+    return this.renderer.pixels({ ...(await this.viewAt(width, height, mmPerPixel)), isFine });
+  }
+  /** 1 where a press on that picture's pixel would hit a solid. */
+  async met(width: number, height: number, mmPerPixel: number): Promise<number[]> {
+    const { bitmap, found } = await this.renderer.drawn({
+      ...(await this.viewAt(width, height, mmPerPixel)),
+      isFine: true,
+    });
+    bitmap.close();
+    return Array.from({ length: width * height }, (_, n) =>
+      found.at(((n % width) + 0.5) / width, (Math.floor(n / width) + 0.5) / height) ? 1 : 0,
+    );
+  }
+  /** 1 where the volume covers the background. */
+  async silhouette(
+    width: number,
+    height: number,
+    mmPerPixel: number,
+  ): Promise<{ width: number; height: number; seen: number[] }> {
+    const data = await this.pixels(width, height, mmPerPixel);
+    const ground = BACKGROUND.map((x) => Math.round(255 * x));
+    const seen = Array.from({ length: width * height }, (_, i) =>
+      [0, 1, 2].some((c) => Math.abs(data[4 * i + c]! - ground[c]!) > 28) ? 1 : 0,
+    );
+    return { width, height, seen };
+  }
+
+  private turnObject(dx: number, dy: number): void {
+    const now = this.rotation ?? this.session.pose?.rotation ?? [1, 0, 0, 0];
+    this.rotation = normalizeQuaternion(multiply(this.camera.dragged(dx, dy), now));
+  }
+  private sendRotation(): void {
+    if (!this.rotation || this.rotation === this.rotationSent) return;
+    this.rotationSent = this.rotation;
+    this.turnTo(this.rotation, this.gesture);
+    // the next rotation continues from the object's current one
+    if (this.pointers.size === 0) this.rotation = null;
+  }
+  private patientAt(at: [number, number], depthOf: Vec3): Vec3 {
+    const { width, height, ratio } = this.picture.frame();
+    return this.camera.unproject((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio, depthOf);
+  }
+
+  /**
+   * Leads the tip to the first unclipped surface with contact under a press, or to the tip's own depth if there is
+   * none.
+   */
+  private holdUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
+    const { session } = this;
+    const volumes = session.volumes!;
+    const { width, height, ratio } = this.picture.frame();
+    const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
+    const surface = firstFelt(
+      volumes,
+      (p) => this.isFelt(p) && !this.isTakenAway(p),
+      from,
+      into,
+      this.camera.isPerspective ? 0 : -Infinity,
+    );
+    const way = surface ? wayTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
+    this.held = way.at(-1)!;
+    // planes follow the contact
+    session.follow = true;
+    session.cross = null;
+    this.pointer.hold(this.held, isFinger, way.slice(0, -1));
+  }
+  /** First visible, unclipped surface under a press. */
+  private shownUnder(at: [number, number]): Vec3 | null {
+    const { looks, volumes } = this.session;
+    const { width, height, ratio } = this.picture.frame();
+    const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
+    const isShown = (p: Vec3): boolean => {
+      const place = volumes!.structureAt(p);
+      return place !== null && looks[place]?.visible === true && !this.isTakenAway(p);
+    };
+    return firstFelt(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
+  }
+  /** Distance from a position on the screen to where a point is drawn; CSS pixels. */
+  private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
+    const { ratio } = this.picture.frame();
+    return (p) => {
+      const [px, py] = this.pixelOf(p);
+      return Math.hypot(px - x, py - y) / ratio;
+    };
+  }
+  private letGo(): void {
+    if (!this.held) return;
+    this.held = null;
+    this.pointer.release();
+  }
+
+  private listen(): void {
+    const { session, picture } = this;
+    const surface = picture.surface;
+    surface.addEventListener("contextmenu", (event) => event.preventDefault());
+    surface.addEventListener("pointerdown", (event) => {
+      surface.setPointerCapture(event.pointerId);
+      surface.focus({ preventScroll: true });
+      this.pointers.set(event.pointerId, picture.at(event));
+      if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
+      const tip = session.pose?.devices[0]?.tip;
+      if (
+        session.tool === "touch" &&
+        this.pointer.isTaken &&
+        event.button === 0 &&
+        !this.turnsObject &&
+        tip &&
+        this.pointers.size === 1
+      ) {
+        this.holdUnder(picture.at(event), tip, event.pointerType === "touch");
+      } else if (session.tool === "plan" && event.button === 0 && this.pointers.size === 1) {
+        const at = this.shownUnder(picture.at(event));
+        this.plans = at !== null;
+        if (at) session.plans.press(at, this.pixelsFrom(picture.at(event)));
+      } else if (this.pointers.size > 1) {
+        if (this.plans) session.plans.drop();
+        this.plans = false;
+        this.letGo();
+      }
+    });
+    surface.addEventListener("pointermove", (event) => {
+      const at = picture.at(event);
+      const before = this.pointers.get(event.pointerId);
+      if (!before) return;
+      const { ratio } = picture.frame();
+      const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
+      if (this.pointers.size === 2) {
+        const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
+        this.moveCamera(() => {
+          this.camera.zoom(spread(other, before, at));
+          this.camera.pan(dx / 2, dy / 2);
+        }, this.gesture);
+      } else if (this.plans) {
+        const surfaceAt = this.shownUnder(at);
+        if (surfaceAt) session.plans.move(surfaceAt);
+      } else if (this.held) {
+        this.held = this.patientAt(at, this.held);
+        this.pointer.move(this.held);
+      } else if (event.buttons & 2) this.moveCamera(() => this.camera.zoom(Math.exp(-dy / 150)), this.gesture);
+      else if (event.buttons & 4 || session.tool === "pan" || event.shiftKey)
+        this.moveCamera(() => this.camera.pan(dx, dy), this.gesture);
+      else if (this.turnsObject || event.altKey) this.turnObject(dx, dy);
+      else this.moveCamera(() => this.camera.orbit(dx, dy), this.gesture);
+      this.pointers.set(event.pointerId, at);
+      session.touch();
+    });
+    const up = (event: PointerEvent) => {
+      this.pointers.delete(event.pointerId);
+      this.letGo();
+      if (this.plans) {
+        this.plans = false;
+        const at = event.type === "pointerup" ? this.shownUnder(picture.at(event)) : null;
+        if (at) session.plans.release(at, this.pixelsFrom(picture.at(event)));
+      }
+      // the latest request is sent at the next interval
+      if (this.rotation === this.rotationSent) this.rotation = null;
+      session.touch();
+    };
+    surface.addEventListener("pointerup", up);
+    surface.addEventListener("pointercancel", up);
+    surface.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        if (this.held) {
+          const backward = this.camera.directionToPatient(this.camera.backward());
+          this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes!.voxelSize));
+          this.pointer.move(this.held);
+          session.touch();
+          // a sequence of wheel events is one step
+        } else this.moveCamera(() => this.camera.zoom(Math.exp(-event.deltaY / 500)), this.history.gesture, "wheel");
+      },
+      { passive: false },
+    );
+    surface.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey) return;
+      const by: Record<string, [number, number]> = {
+        ArrowLeft: [-12, 0],
+        ArrowRight: [12, 0],
+        ArrowUp: [0, -12],
+        ArrowDown: [0, 12],
+      };
+      const way = by[event.key];
+      // holding a key down is one step
+      if (!event.repeat) this.gesture = ++this.history.gesture;
+      const move = (change: () => void) => this.moveCamera(change, this.gesture);
+      if (way && (event.altKey || this.turnsObject)) this.turnObject(...way);
+      else if (way) move(() => this.camera.orbit(...way));
+      else if (event.key === "+" || event.key === "=") move(() => this.camera.zoom(1.2));
+      else if (event.key === "-") move(() => this.camera.zoom(1 / 1.2));
+      else if (event.key === "Home") move(() => this.reset());
+      else return;
+      event.preventDefault();
+      session.touch();
+    });
+  }
+}

@@ -1,0 +1,66 @@
+// Current texts of the page. Elements name their messages, so that a change of language only rewrites them.
+
+import { write } from "../base/dom.js";
+import { en, type Words } from "./en.js";
+
+export type { Words };
+/** Loaders of the languages; English is always available, in case others cannot be loaded. */
+export const LANGUAGES = {
+  en: async () => en,
+  de: async () => (await import("./de.js")).de,
+} satisfies Record<string, () => Promise<Words>>;
+export type Language = keyof typeof LANGUAGES;
+
+/** Texts in the current language. */
+export let words: Words = en;
+
+/** Messages without parameters, and those with a name as parameter. */
+export type Message = { [K in keyof Words]: Words[K] extends string ? K : never }[keyof Words];
+export type MessageAbout = { [K in keyof Words]: Words[K] extends (name: string) => string ? K : never }[keyof Words];
+
+/** Parts of an element that show messages, and the data attributes that name these. */
+const PLACES = {
+  text: { names: "words", set: (target: HTMLElement, said: string) => write(target, said) },
+  title: { names: "wordsTitle", set: (target: HTMLElement, said: string) => (target.title = said) },
+  label: { names: "wordsLabel", set: (target: HTMLElement, said: string) => (target.ariaLabel = said) },
+  placeholder: {
+    names: "wordsPlaceholder",
+    set: (target: HTMLElement, said: string) => ((target as HTMLInputElement).placeholder = said),
+  },
+} as const;
+type Says = Partial<Record<keyof typeof PLACES, Message>>;
+type SaysAbout = Partial<Record<keyof typeof PLACES, Message | MessageAbout>>;
+
+/** @param about  name that the messages are about */
+export function says<E extends HTMLElement>(target: E, messages: Says): E;
+export function says<E extends HTMLElement>(target: E, messages: SaysAbout, about: string): E;
+export function says<E extends HTMLElement>(target: E, messages: SaysAbout, about?: string): E {
+  for (const [place, message] of Object.entries(messages))
+    target.dataset[PLACES[place as keyof typeof PLACES].names] = message;
+  if (about !== undefined) target.dataset.about = about;
+  read(target);
+  return target;
+}
+
+function read(target: HTMLElement): void {
+  for (const { names, set } of Object.values(PLACES)) {
+    const message = target.dataset[names];
+    if (message === undefined) continue;
+    const said = words[message as Message | MessageAbout];
+    set(target, typeof said === "string" ? said : said(target.dataset.about ?? ""));
+  }
+}
+
+let wanted: Language = "en";
+/** Loads a language and switches to it, unless another one has been requested meanwhile. */
+export async function speak(language: Language): Promise<void> {
+  wanted = language;
+  const fetched = await LANGUAGES[language]();
+  if (wanted !== language) return;
+  words = fetched;
+  document.documentElement.lang = language;
+  for (const target of document.querySelectorAll<HTMLElement>(
+    "[data-words], [data-words-title], [data-words-label], [data-words-placeholder]",
+  ))
+    read(target);
+}
