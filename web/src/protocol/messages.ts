@@ -49,10 +49,7 @@ export interface Tissue {
   rests_on: number[]; // labels of supporting structures
 }
 /** Tissue properties that can change during a session. */
-export type TissueState = Pick<
-  Tissue,
-  "stiffness_N_per_mm" | "static_friction" | "friction" | "viscosity_N_s_per_mm"
->;
+export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "friction" | "viscosity_N_s_per_mm">;
 
 /** Cone between two balls, in the tool's frame; a capsule where the radii are equal. */
 export interface Capsule {
