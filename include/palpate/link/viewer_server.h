@@ -42,8 +42,8 @@ struct ViewedStructure {
   LabelId label = 0;
   std::string name;
   Rgb colour;
-  int tissue = -1;              ///< Index of its tissue; -1: none
-  std::vector<LabelId> within;  ///< Labels of the structures in which it is nested (Model::enclosing)
+  int tissue = -1;                   ///< Index of its tissue; -1: none
+  std::vector<LabelId> within = {};  ///< Labels of the structures in which it is nested (Model::enclosing)
 };
 /// Limitation of the model (Caveat).
 struct ViewedCaveat {
