@@ -97,14 +97,14 @@ TEST(Lint, WhatIsMendedIsGone) {
   for (const LintFinding& finding : report->findings)
     EXPECT_FALSE(finding.severity == LintSeverity::kFault && lint_kind(finding.kind).is_mended)
         << finding.sentence;
-  // counts say how much changed
+  // the counts of the mends equal the number of changed voxels
   std::size_t changed = 0, said = 0;
   for (std::size_t n = 0; n < before.layers[0].voxels().size(); ++n)
     changed += before.layers[0].voxels()[n] != one.labels.layers[0].voxels()[n];
   for (const LintMend& mend : mended->mends) said += mend.voxels;
   EXPECT_GT(changed, 0u);
   EXPECT_EQ(changed, said);
-  // and again nothing is left to do
+  // a second call changes nothing
   const auto again = mended_labels(one.labels);
   ASSERT_TRUE(again.ok());
   EXPECT_TRUE(again->mends.empty());

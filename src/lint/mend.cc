@@ -13,7 +13,7 @@ using internal::Islands;
 using internal::RunVolume;
 using internal::VoxelRun;
 
-/// The values beside some components, by the number of faces.
+/// Number of faces that each wanted component shares with each neighbouring value, by component.
 std::map<std::uint32_t, std::map<LabelId, std::size_t>> neighbours_of(const RunVolume& runs,
                                                                       const std::vector<bool>& wanted) {
   std::map<std::uint32_t, std::map<LabelId, std::size_t>> neighbours;
@@ -29,7 +29,7 @@ class LayerMender {
  public:
   LayerMender(MendedLabels& mended, std::size_t layer) : mended_(mended), layer_(layer) {}
 
-  /// Mends once. @return whether something changed
+  /// One pass over the layer. @return whether something changed
   Result<bool> pass(int workers, const Progress& progress) {
     Volume<LabelId>& voxels = mended_.labels.layers[layer_];
     const GridGeometry& grid = voxels.geometry();
@@ -114,7 +114,7 @@ Result<MendedLabels> mended_labels(LabelMap labels, int threads, const Progress&
   const int workers = worker_count(threads, std::max(1, mended.labels.geometry().dims[2]));
   for (std::size_t layer = 0; layer < mended.labels.layers.size(); ++layer) {
     LayerMender mender(mended, layer);
-    // a hole that opens where an island was is seen by the next pass
+    // removing an island may create a hole, which the next pass fills
     constexpr int kMaxPasses = 16;
     for (int pass = 0; pass < kMaxPasses; ++pass) {
       const auto changed = mender.pass(workers, progress);

@@ -9,7 +9,7 @@
 #include "lint/study.h"
 #include "palpate/volume/overlaps.h"
 
-/// Checks of what the list of structures says: names, sides, overlaps.
+/// Checks that use the list of structures: names, sides, overlaps.
 namespace palpate::internal {
 namespace {
 
@@ -34,13 +34,13 @@ std::optional<NamedSide> side_of_word(const std::string& word) {
   return std::nullopt;
 }
 
-/// A structure of the left and its partner of the right.
+/// A structure on the left side and its counterpart on the right.
 struct SidePair {
   LabelId left = 0, right = 0;
 };
 
 std::vector<SidePair> pairs_of(const LintStudy& study) {
-  // by name with the side left out and its place marked
+  // by name, with the word for the side replaced by *
   std::map<std::string, std::array<std::vector<LabelId>, 2>> sides;
   std::vector<LabelId> of_left, of_right;
   for (const SegmentStatistics& s : study.statistics) {
@@ -58,7 +58,7 @@ std::vector<SidePair> pairs_of(const LintStudy& study) {
   std::vector<SidePair> pairs;
   for (const auto& [rest, both] : sides)
     if (both[0].size() == 1 && both[1].size() == 1) pairs.push_back({both[0][0], both[1][0]});
-  // organs that lie on one side of everybody, where each is there once
+  // organs that lie on the same side in everybody, if each occurs once
   if (of_left.size() == 1 && of_right.size() == 1) pairs.push_back({of_left[0], of_right[0]});
   return pairs;
 }
@@ -120,7 +120,7 @@ void check_sides(LintStudy& study) {
               "sides cannot be told: no structure and its partner are named left and right");
     return;
   }
-  // centroids nearer than this along the patient's left-right axis do not say which side is which
+  // minimum distance of the centroids along the patient's left-right axis that decides which side is which
   constexpr double kApart_mm = 2;
   std::vector<LabelId> wrong;
   double max_mm = 0;

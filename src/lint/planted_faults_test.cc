@@ -18,7 +18,7 @@ struct Counts {
   int planted = 0, found = 0;
 };
 
-/// Plants each kind into `maps` maps; a kind for which a map has no room is tried in the next.
+/// Plants each kind of fault into `maps` maps; if there is no space for it in a map, the next one is tried.
 void expect_found(const std::function<LintCase(unsigned)>& make, int maps, double share) {
   const unsigned seed = test::test_seed();
   std::cout << "seed " << seed << '\n';
@@ -65,7 +65,7 @@ TEST(PlantedFaults, TwentyOfEachKindAreFoundInKnees) {
   expect_found(test::knee_case, 20, 0.95);
 }
 
-/// Faults and warnings of a map, a line each.
+/// Faults and warnings of a map, one per line.
 std::vector<std::string> alarms_in(const LintReport& report, const std::set<LintKind>& but = {}) {
   std::vector<std::string> alarms;
   for (const LintFinding& finding : report.findings)
@@ -96,8 +96,8 @@ TEST(PlantedFaults, TwentyCleanOrgansRaiseAtMostOneAlarm) {
   expect_at_most_one_alarm(test::organs_case, 20);
 }
 
-// The knee is cut off at both ends, its joint spaces are a voxel wide and the rims of its cartilages taper
-// off: these findings are true.
+// The knee is cut off at both ends, its joint spaces are one voxel wide and the rims of its cartilages taper
+// off, so these findings are correct.
 TEST(PlantedFaults, CleanKneesRaiseAtMostOneAlarm) {
   expect_at_most_one_alarm(test::knee_case, 5,
                            {LintKind::kCutByBorder, LintKind::kNarrowGap, LintKind::kOneVoxelSheet});

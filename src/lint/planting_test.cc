@@ -72,7 +72,7 @@ std::optional<Index> free_box(LintCase& one, Random& random, int radius) {
   return std::nullopt;
 }
 
-/// A place in a structure of which a box of that radius is whole, and the structure.
+/// A random voxel whose surrounding box of that radius lies within one structure, and that structure.
 std::optional<std::pair<Index, LabelId>> inner_box(LintCase& one, Random& random, int radius) {
   const auto& dims = one.labels.geometry().dims;
   for (int attempt = 0; attempt < 20000; ++attempt) {
@@ -115,7 +115,7 @@ Planted one_voxel_sheet(LintCase& one, Random& random) {
   return std::vector{id};
 }
 
-/// From a place deep in a structure along an axis: the first free voxel, where enough room follows.
+/// The first free voxel along an axis from a voxel deep in a structure, if enough free space follows.
 struct WayOut {
   Index surface;
   LabelId id;
@@ -155,7 +155,7 @@ Planted neck(LintCase& one, Random& random) {
 Planted open_cavity(LintCase& one, Random& random) {
   const auto way = way_out(one, random, 4, 0, 0);
   if (!way) return std::nullopt;
-  // the cavity's centre: along the way back in
+  // centre of the cavity, on the same line inside the structure
   constexpr int kRadius = 3;
   const int depth = kRadius + 2 + whole(random, 0, 1);
   const Index centre = plus(way->surface, way->axis, -way->step * depth);
@@ -224,7 +224,7 @@ Planted seam(LintCase& one, Random& random) {
         label_at(one, at) =
             is_inside(one, from) ? before.labels.layers.front().at(from[0], from[1], from[2]) : LabelId{0};
       }
-  // whichever structures cross the plane
+  // any structure that crosses the plane
   return std::vector<LabelId>();
 }
 
@@ -297,7 +297,7 @@ Planted cut_by_border(LintCase& one, Random& random) {
 Planted overlap(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 3);
   if (!inside) return std::nullopt;
-  // a ball around a place at the structure's surface
+  // a ball centred on the surface of the structure
   Index at = inside->first;
   const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
   while (is_inside(one, at, 6) && label_at(one, at) == inside->second) ++at[axis];

@@ -11,36 +11,38 @@ namespace palpate::internal {
 namespace {
 
 constexpr std::size_t kPatch_voxels = 12;
-// a patch counts from this area and this share of its structure, or from the larger area alone
+// a patch is reported if it has this area and this fraction of its structure, or the larger area, or
+// kSheetShare
 constexpr double kPatch_mm2 = 30, kPatchShare = 0.05, kLargePatch_mm2 = 100;
-// from this share on a fault
+// fraction of the structure from which a sheet is a fault
 constexpr double kSheetShare = 0.2;
-// a bulge's, and a cavity's, least size without its outermost voxels
+// minimum size of a bulge or of a cavity, after erosion by one voxel
 constexpr std::size_t kCore_voxels = 12;
 constexpr double kCore_mm3 = 10;
-// A structure is thick where its largest part keeps this fraction of its voxels without the outermost ones.
+// A structure counts as thick if the largest component that remains after erosion by one voxel has this
+// fraction of its voxels.
 constexpr double kThickShare = 0.25;
 constexpr double kOneAround = 0.95;
 constexpr double kCut_mm2 = 5;
 constexpr int kSeamWindow = 3;
 constexpr double kSeamShare = 0.05;
-/// How much more a cross-section changes at a seam than in the slices around.
+/// Ratio of the change of a cross-section at a seam to the change in the slices around it.
 struct SeamRatios {
   double over_median, over_most;
 };
-// where several structures change in one plane, and where one does
+// thresholds for a plane in which several structures change, and in which one does
 constexpr SeamRatios kSharedSeam{3, 1.5}, kLoneSeam{4, 2};
 constexpr std::uint32_t kSeam_voxels = 20, kLoneSeam_voxels = 40;
 
 constexpr std::int32_t kNobody = -1, kSeveral = -2;
 
-/// The one value around a component, after another neighbour of it.
+/// Updates the value around a component with a further neighbour: kSeveral if they differ.
 std::int32_t with_neighbour(std::int32_t around, LabelId neighbour) {
   return around == kNobody || around == neighbour ? neighbour : kSeveral;
 }
 
-/// A structure's cross-sections: by axis and slice its voxels, and the faces between a slice and the next
-/// that separate it from something else.
+/// Cross-sections of a structure, by axis and slice: their number of voxels, and the number of faces between
+/// a slice and the next that separate the structure from another value.
 struct Sections {
   std::array<std::vector<std::uint32_t>, 3> area, change;
 
@@ -52,7 +54,7 @@ struct Sections {
   }
 };
 
-/// All that the checks of one layer share.
+/// State shared by the checks of one layer.
 struct Layer {
   LintStudy& study;
   std::size_t number;
@@ -137,7 +139,7 @@ void report_sheets(Layer& layer, RunVolume& thin) {
     const double share =
         static_cast<double>(sum.voxels) / static_cast<double>(study.statistics_of(id)->voxels);
     const double area = static_cast<double>(sum.voxels) * voxel_mm2;
-    // a voxel of the largest patch near its middle
+    // the voxel of the largest patch that is nearest to the centre of its bounding box
     const Component& patch = patches[sum.patch];
     std::array<int, 3> voxel = patch.first;
     double nearest = std::numeric_limits<double>::infinity();
@@ -162,13 +164,14 @@ void report_sheets(Layer& layer, RunVolume& thin) {
   }
 }
 
-/// The labels around a pocket of free space, by the number of looks from within that end at them.
+/// Labels around a pocket of free space, by the number of short axis-parallel rays from within it that hit
+/// them.
 struct Around {
   std::map<LabelId, std::size_t> count;
   std::size_t all = 0;
 
   void look(const RunVolume& runs, std::array<int, 3> at, std::size_t axis, int step) {
-    // without its outermost voxels a round pocket is up to two voxels smaller on each side
+    // erosion shrinks a round pocket by up to two voxels on each side
     constexpr int kFarthest = 4;
     for (int n = 0; n < kFarthest; ++n) {
       at[axis] += step;
@@ -182,7 +185,7 @@ struct Around {
   }
 };
 
-/// Whether a component has a voxel whose 26 neighbours belong to it.
+/// Whether a component contains a voxel together with all its 26 neighbours.
 bool has_inner_voxel(const RunVolume& runs, const Component& component, std::uint32_t node) {
   const auto holds = [&](int first, int last, int j, int k) {
     const VoxelRun* run = runs.find(first, j, k);
@@ -209,7 +212,7 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
   const auto whole_of = [&](const Component& core) {
     return layer.runs.find(core.first[0], core.first[1], core.first[2])->node;
   };
-  // by component of the layer the largest core
+  // largest core of each component of the layer
   std::map<std::uint32_t, std::uint32_t> largest;
   for (std::uint32_t n = 0; n < cores.size(); ++n) {
     if (cores[n].value == 0) continue;
@@ -236,7 +239,7 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
     if (core.value != 0) {
       const std::uint32_t whole = whole_of(core);
       const std::uint32_t main = largest.at(whole);
-      // what is thin everywhere, such as a vessel or a cartilage, has passages as thin as itself
+      // a structure that is thin everywhere, such as a vessel or a cartilage, has passages as thin as itself
       const bool is_thick = static_cast<double>(cores[main].voxels) >=
                             kThickShare * static_cast<double>(layer.components[whole].voxels);
       if (n != main && is_thick && is_large(core) && has_inner_voxel(inner, cores[main], main))
@@ -290,7 +293,7 @@ std::vector<Sections> sections_of(const Layer& layer) {
         Sections* sections = of(run.value);
         if (sections == nullptr) continue;
         const auto length = static_cast<std::uint32_t>(run.length());
-        // the area along i as differences, summed below
+        // the area along i is accumulated as differences and summed below
         ++sections->area[0][static_cast<std::size_t>(run.first)];
         --sections->area[0][static_cast<std::size_t>(run.last) + 1];
         sections->area[1][static_cast<std::size_t>(j)] += length;
@@ -308,8 +311,8 @@ std::vector<Sections> sections_of(const Layer& layer) {
   return all;
 }
 
-/// Whether slices from `low` to `high` mostly repeat the one before, with jumps between them; the height of a
-/// step in slices, or 0.
+/// Detects terraces: slices from `low` to `high` that mostly repeat the previous one, with jumps between
+/// them. Returns the median height of a step in slices; 0: no terraces.
 int step_of_terraces(const std::vector<std::uint32_t>& change, int low, int high) {
   std::vector<int> jumps;
   int still = 0;
@@ -392,8 +395,7 @@ void report_sections(Layer& layer) {
         if (!exceeds(kSharedSeam) || here < kSeamShare * std::min(one, other)) continue;
         Plane& plane = seams[a][p];
         plane.structures.push_back(id);
-        // where a cross-section shifts, its area stays; where a part of the structure ends in a flat face, it
-        // does not
+        // a shifted cross-section keeps its area; a part of the structure that ends in a flat face does not
         plane.stands_alone = exceeds(kLoneSeam) && here >= kLoneSeam_voxels &&
                              2 * (std::max(one, other) - std::min(one, other)) < here;
         plane.voxels += here;

@@ -8,17 +8,17 @@
 #include "lint/study.h"
 #include "lint/voxel_bits.h"
 
-/// Checks of the space around structures: gaps, the tool's access, air.
+/// Checks of the space around structures: gaps, access of the tool, air.
 namespace palpate::internal {
 namespace {
 
 constexpr double kGap_mm2 = 20;
-// Of the columns around a place in a gap, this many voxels to each side, this fraction is in the gap as well;
-// a crevice along a line of contact is narrower.
+// minimum fraction of the neighbouring columns, up to this number of voxels to each side, that must be in
+// the gap as well; a crevice along a line of contact is narrower
 constexpr int kGapAside = 2;
 constexpr double kGapFilled = 0.6;
 
-/// Free voxels between two labels along an axis.
+/// A run of free voxels between two labels along an axis.
 struct GapSpan {
   std::array<int, 3> first;
   std::uint8_t axis;
@@ -32,7 +32,7 @@ struct GapSpan {
   }
 };
 
-/// Scans rows of voxels along one axis; `most` is the longest gap in voxels.
+/// Scans successive rows of voxels along one axis for gaps of at most `most` voxels.
 class GapScan {
  public:
   GapScan(int lines, int most) : last_(static_cast<std::size_t>(lines)), most_(most) { restart(); }
@@ -60,7 +60,7 @@ class GapScan {
   int most_;
 };
 
-/// The longest free run that is narrower than the tool, in voxels.
+/// Length in voxels of the longest free run that is narrower than the tool.
 int longest_gap(double tool_radius_mm, double spacing_mm) {
   return static_cast<int>(std::ceil(2 * tool_radius_mm / spacing_mm - 1e-9)) - 1;
 }
@@ -114,7 +114,7 @@ Result<std::vector<GapSpan>> find_spans(LintStudy& study, const Volume<LabelId>&
   return all;
 }
 
-/// Whether a span lies within a gap and not in a crevice: most columns beside it are in the gap too.
+/// Whether a span lies in a gap and not in a crevice: most columns around it are in the gap too.
 bool is_wide(const GapSpan& span, const VoxelBits& gap) {
   const std::size_t u = span.axis == 0 ? 1 : 0, v = span.axis == 2 ? 1 : 2;
   int filled = 0;
@@ -137,7 +137,7 @@ bool is_wide(const GapSpan& span, const VoxelBits& gap) {
   return filled >= kGapFilled * kColumns;
 }
 
-/// Voxels of a set that is connected by faces with the outermost layer of the grid.
+/// Voxels of the components (by faces) of a set that reach the outermost layer of the grid.
 VoxelBits connected_with_border(const VoxelBits& set) {
   RunVolume runs = set.runs();
   const std::vector<Component> components = connect(runs);
@@ -149,8 +149,9 @@ VoxelBits connected_with_border(const VoxelBits& set) {
   return out;
 }
 
-/// Structures that a tool's ball reaches from outside, by id.
-/// @param hard  by id: what it cannot pass through
+/// Structures that a ball with the radius of the tool can touch when it comes from outside the volume, by
+/// id.
+/// @param hard  by id: structures that the ball cannot pass through
 Result<std::vector<bool>> reached(const LintStudy& study, const RunVolume& runs,
                                   const std::vector<bool>& hard, const ProgressSpan& span) {
   const double radius_mm = study.options.tool_radius_mm, widest_mm = study.grid.spacing_mm.maxCoeff();
@@ -160,8 +161,9 @@ Result<std::vector<bool>> reached(const LintStudy& study, const RunVolume& runs,
     for (int j = 0; j < dims[1]; ++j)
       for (const VoxelRun& run : runs.row(j, k))
         if (run.value != 0 && hard[run.value]) obstacles.set_run(run.first, run.last, j, k);
-  // An obstacle's surface lies half a voxel before its centre, and the tool's centre up to half a voxel
-  // beside the one of a voxel: together a quarter on average between passages of odd and even width.
+  // An obstacle's surface lies half a voxel outside the centres of its voxels, and the tool's centre up to
+  // half a voxel away from the centre of a voxel. On average over passages of odd and even width the two
+  // amount to a quarter of a voxel.
   const double blocked_mm = radius_mm + 0.25 * study.grid.min_spacing_mm();
   auto blocked =
       obstacles.dilated(blocked_mm, study.grid.spacing_mm, study.workers, study.progress, span.part(0, 0.4));
@@ -183,8 +185,9 @@ Result<std::vector<bool>> reached(const LintStudy& study, const RunVolume& runs,
 }
 
 struct AirLimit {
-  double below = -std::numeric_limits<double>::infinity();  ///< scan values of air
-  bool is_hounsfield = false;                               ///< of CT; in other scans bone may be as dark
+  double below = -std::numeric_limits<double>::infinity();  ///< Scan values below this are air
+  bool is_hounsfield = false;                               ///< Whether the scan is a CT; in other scans
+                                                            ///< bone may be as dark as air
 };
 
 AirLimit air_limit(const Volume<float>& scan) {
@@ -320,7 +323,7 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
       const std::size_t first = study.grid.offset(0, j, k);
       for (int i = 0; i < dims[0]; ++i) {
         const float value = scan.voxels()[first + static_cast<std::size_t>(i)];
-        // what is not finite lies outside the scan, and is no air
+        // values that are not finite lie outside the scan and do not count as air
         if (!(value < limit)) tissue.set(i, j, k);
         if (std::isfinite(value)) continue;
         const LabelId label = flat.voxels()[first + static_cast<std::size_t>(i)];
@@ -336,7 +339,7 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
   air->invert();
   RunVolume runs = air->runs();
   const std::vector<Component> components = connect(runs);
-  // air around the body comes to an edge of the volume; that of an airway cut by a face does not
+  // the air around the body reaches an edge of the volume; the air of an airway cut by a face does not
   std::vector<bool> is_outer(components.size());
   const auto ends = [&](int at, int axis) {
     return at == 0 || at == dims[static_cast<std::size_t>(axis)] - 1;

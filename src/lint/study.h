@@ -7,16 +7,17 @@
 #include "lint/voxel_runs.h"
 #include "palpate/lint/lint.h"
 
-/// What the checks of lint() share.
+/// State and helpers shared by the checks of lint().
 namespace palpate::internal {
 
-/// An island is smaller than this fraction of its structure's largest component, and than this volume.
+/// An island has less than this fraction of the voxels of its structure's largest component, and at most
+/// this volume.
 inline constexpr double kIslandShare = 0.02, kIsland_mm3 = 1000;
-/// An enclosed cavity below this fraction of the volume of the structure around it, and below this volume, is
-/// a hole; a larger one may be anatomy.
+/// An enclosed cavity of at most this fraction of the volume of the structure around it, and at most this
+/// volume, is a hole; a larger one may be anatomy.
 inline constexpr double kHoleShare = 0.02, kHole_mm3 = 1000;
 
-/// The label map under study, and the findings so far.
+/// Label map being checked, and the findings so far.
 struct LintStudy {
   LintStudy(const LabelMap& labels, const LintOptions& options, const Progress& progress);
 
@@ -29,12 +30,12 @@ struct LintStudy {
   std::vector<LintFinding> findings;
 
   const SegmentStatistics* statistics_of(LabelId id) const;
-  /// "liver", or "label 7".
+  /// Name of a structure: "liver", or "label 7" if it has none.
   std::string name_of(LabelId id) const;
-  /// "liver, spleen and 3 more"
+  /// Names of at most five structures: "liver, spleen and 3 more".
   std::string names_of(const std::vector<LabelId>& ids) const;
   Point<Patient> place_of(const std::array<int, 3>& voxel) const;
-  /// Area of a face across an axis, mm2.
+  /// Area of a voxel face perpendicular to an axis, mm2.
   double face_mm2(std::size_t axis) const;
 
   struct Found {
@@ -47,21 +48,22 @@ struct LintStudy {
            std::string sentence);
 };
 
-/// "12.3 mm2", three digits.
+/// Value with its unit, to three significant digits: "12.3 mm2".
 std::string figure(double value, std::string_view unit);
-/// "1 voxel", "2 voxels"
+/// Count with its noun: "1 voxel", "2 voxels".
 std::string counted(std::size_t count, std::string_view noun);
 
-/// A name as it is compared: lower case, words of letters and digits with a space between.
+/// Canonical form of a name for comparison: lower case, runs of other characters than letters and digits
+/// replaced by one space.
 std::string plain_name(const std::string& name);
 
-/// Components of a layer that are islands, by their numbers, and cavities that a single structure encloses.
+/// Islands of a layer, by component number, and its cavities that a single structure encloses.
 struct Islands {
   std::vector<std::uint32_t> islands;
   struct Cavity {
     std::uint32_t component;
-    LabelId around;  ///< the value
-    bool is_hole;    ///< small enough for a hole
+    LabelId around;  ///< Value of the enclosing structure
+    bool is_hole;    ///< Whether it is within the limits of a hole
   };
   std::vector<Cavity> cavities;
 };
@@ -70,9 +72,9 @@ Islands islands_and_cavities(const RunVolume& runs, const std::vector<Component>
 
 // ---- the checks; each adds its findings. Errors: kInterrupted.
 
-/// Islands, holes, sheets, necks, open cavities, seams, terraces, what the border cuts; of one layer.
+/// Islands, holes, sheets, necks, open cavities, seams, terraces and cuts by the border, in one layer.
 Result<void> check_shapes(LintStudy& study, std::size_t layer, const ProgressSpan& span);
-/// @param flat  one segment id for each voxel
+/// @param flat  segment id of each voxel; overlapping layers are flattened
 Result<void> check_leaks(LintStudy& study, const Volume<LabelId>& flat);
 Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
 Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);

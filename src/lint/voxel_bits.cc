@@ -48,7 +48,7 @@ void VoxelBits::invert() {
 
 Result<VoxelBits> VoxelBits::dilated(double radius_mm, const Eigen::Vector3d& spacing_mm, int workers,
                                      const Progress& progress, const ProgressSpan& span) const {
-  // rows of the ball: how far it reaches along i at each offset along j and k
+  // rows of the ball: half-length along i, in voxels, at each offset along j and k
   constexpr double kRounding_mm = 1e-9;
   struct BallRow {
     int j, k;
@@ -68,7 +68,7 @@ Result<VoxelBits> VoxelBits::dilated(double radius_mm, const Eigen::Vector3d& sp
       ball.push_back({j, k, reach});
       most = std::max(most, reach);
     }
-  // the set dilated along i by each of these reaches
+  // the set dilated along i by each half-length
   std::vector<VoxelBits> along{*this};
   for (std::size_t reach = 1; reach <= most; ++reach) {
     if (progress.stopped()) return Progress::interrupted();

@@ -7,7 +7,7 @@
 
 #include "lint/voxel_runs.h"
 
-/// A set of voxels, one bit each, for morphology with balls: 64 voxels at a time.
+/// A set of voxels with one bit per voxel, for morphology with balls: 64 voxels per operation.
 namespace palpate::internal {
 
 class VoxelBits {
@@ -18,16 +18,16 @@ class VoxelBits {
   bool at(int i, int j, int k) const { return (row(j, k)[i >> 6] >> (i & 63) & 1) != 0; }
   void set(int i, int j, int k) { row(j, k)[i >> 6] |= std::uint64_t{1} << (i & 63); }
   void set_run(int first, int last, int j, int k);
-  /// Whether a voxel first ... last of a row is in the set.
+  /// Whether any of the voxels first ... last of a row is in the set.
   bool any(int first, int last, int j, int k) const;
   bool empty() const;
   void invert();
 
-  /// Voxels whose centre lies at most `radius_mm` from that of a voxel of the set. Axes count as
-  /// perpendicular. Errors: kInterrupted.
+  /// Dilation by a ball: all voxels whose centre is within `radius_mm` of the centre of a voxel of the set.
+  /// Grid axes are assumed perpendicular. Errors: kInterrupted.
   Result<VoxelBits> dilated(double radius_mm, const Eigen::Vector3d& spacing_mm, int workers,
                             const Progress& progress, const ProgressSpan& span) const;
-  /// The set as runs of background, which faces connect.
+  /// Run-length form of the set, with value 0, so that connect() joins by faces.
   RunVolume runs() const;
 
  private:

@@ -7,7 +7,8 @@
 namespace palpate::internal {
 namespace {
 
-// Joins runs of equal value that touch across two rows; `slack` 1 lets edges and corners touch.
+// Joins runs of equal value that touch across two rows. Labels touch by faces, edges and corners; background
+// only by faces, which the rows share if `faces_share_row`.
 void join_touching(std::span<const VoxelRun> now, std::span<const VoxelRun> before, bool faces_share_row,
                    DisjointSets& sets) {
   std::size_t begin = 0;
@@ -24,7 +25,7 @@ void join_touching(std::span<const VoxelRun> now, std::span<const VoxelRun> befo
 
 constexpr int kSlabSlices = 16;
 
-/// The 2 x 2 x 2 cubes between two slices that are of one value, and the squares of one slice.
+/// Tests for uniform 2 x 2 x 2 cubes between two slices, and for uniform 2 x 2 squares within a slice.
 class Cubes {
  public:
   explicit Cubes(const Volume<LabelId>& labels)
@@ -41,7 +42,8 @@ class Cubes {
     return labels_.voxels().data() + labels_.geometry().offset(0, j, k);
   }
 
-  // Squares with corners (i, j) ... (i + 1, j + 1) of slice k, for i and j from -1; row by row.
+  // For each square with corners (i, j) ... (i + 1, j + 1) of slice k, with i and j from -1, whether its
+  // voxels are equal; in row order.
   void squares(int k, std::vector<std::uint8_t>& out) const {
     for (int j = -1; j < ny_; ++j) {
       const LabelId *a = row(j, k), *b = row(j + 1, k);
@@ -53,7 +55,7 @@ class Cubes {
     }
   }
 
-  // Cubes between slices k and k + 1, of the squares of both.
+  // For each cube between slices k and k + 1, whether its voxels are equal; from the squares of both slices.
   void cubes(int k, const std::vector<std::uint8_t>& below, const std::vector<std::uint8_t>& above,
              std::vector<std::uint8_t>& out) const {
     for (int j = -1; j < ny_; ++j) {

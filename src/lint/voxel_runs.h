@@ -11,26 +11,26 @@
 #include "palpate/volume/slices.h"
 #include "palpate/volume/volume.h"
 
-/// Label volumes as runs along i. Everything that depends on borders alone costs their number, not the number
-/// of voxels.
+/// Run-length encoding of label volumes along i. The cost of operations on borders grows with the number of
+/// runs, not with the number of voxels.
 namespace palpate::internal {
 
 struct VoxelRun {
-  int first, last;         ///< i, inclusive
-  LabelId value;           ///< 0: background
-  std::uint32_t node = 0;  ///< index into Components::all, after connect()
+  int first, last;         ///< Indices along i, inclusive
+  LabelId value;           ///< Label value; 0: background
+  std::uint32_t node = 0;  ///< Index into the result of connect(), which sets it
 
   int length() const { return last - first + 1; }
 };
 
-/// Runs of equal value, row by row. Rows may have gaps (a mask).
+/// Runs of equal value, in row order. Rows may have gaps where a mask excludes voxels.
 class RunVolume {
  public:
   explicit RunVolume(const std::array<int, 3>& dims)
       : dims_(dims), slices_(static_cast<std::size_t>(dims[2])) {}
 
   const std::array<int, 3>& dims() const { return dims_; }
-  /// Runs of a row, ascending; none outside the grid.
+  /// Runs of a row, in ascending order; empty outside the grid.
   std::span<const VoxelRun> row(int j, int k) const {
     if (j < 0 || k < 0 || j >= dims_[1] || k >= dims_[2]) return {};
     const Slice& slice = slices_[static_cast<std::size_t>(k)];
@@ -38,11 +38,11 @@ class RunVolume {
     return {slice.runs.data() + slice.row_start[n], slice.row_start[n + 1] - slice.row_start[n]};
   }
   std::span<VoxelRun> slice(int k) { return slices_[static_cast<std::size_t>(k)].runs; }
-  /// The run that holds a voxel of the grid, or null in a gap.
+  /// Run that contains a voxel of the grid; null in a gap.
   const VoxelRun* find(int i, int j, int k) const;
 
-  /// Appends the next row of a slice; slices may be filled by different threads.
-  /// @param mask  voxels that count, one byte each; null: all
+  /// Appends the next row of a slice. Different slices may be filled by different threads.
+  /// @param mask  included voxels, one byte each; null: all
   void append_row(int k, const LabelId* values, const std::uint8_t* mask);
 
  private:
@@ -54,26 +54,27 @@ class RunVolume {
   std::vector<Slice> slices_;
 };
 
-/// Of a whole volume, background included.
+/// Encodes a whole volume, background included. Errors: kInterrupted.
 Result<RunVolume> runs_of(const Volume<LabelId>& labels, int workers, const Progress& progress,
                           const ProgressSpan& span);
 
-/// A connected component of one value. Labels are connected by faces, edges and corners (26 neighbours),
-/// background by faces.
+/// A connected component of one value. Labels are 26-connected (faces, edges and corners), background is
+/// 6-connected (faces).
 struct Component {
   LabelId value = 0;
   std::size_t voxels = 0;
-  std::array<int, 3> first{0, 0, 0};                      ///< its first voxel in memory's order
-  std::array<int, 3> box_min{0, 0, 0}, box_max{0, 0, 0};  ///< inclusive
-  bool at_border = false;                                 ///< it has a voxel on the grid's outermost layer
+  std::array<int, 3> first{0, 0, 0};                      ///< First voxel in memory order
+  std::array<int, 3> box_min{0, 0, 0}, box_max{0, 0, 0};  ///< Bounding box, inclusive
+  bool at_border = false;                                 ///< Whether it has a voxel on the outermost layer
+                                                          ///< of the grid
 };
 
-/// Components of a run volume; each run's `node` is set. Ordered by their first run.
+/// Connected components of a run volume, ordered by their first run; sets `node` of each run.
 std::vector<Component> connect(RunVolume& runs);
 
-/// Calls visit(axis, a, b, faces, voxel) for faces between runs of different value: `b` follows `a` along
-/// `axis`, they share `faces` faces, the first of which lies below the voxel (indices) of `b`. Needs runs
-/// without gaps.
+/// Calls visit(axis, a, b, faces, voxel) for each pair of adjacent runs of different value: `b` follows `a`
+/// along `axis` and shares `faces` faces with it, the first of which is the lower face of `voxel` (indices)
+/// of `b`. Runs must have no gaps.
 template <class Visit>
 void for_each_face(const RunVolume& runs, const Visit& visit) {
   const auto sweep = [&](int axis, std::span<const VoxelRun> before, std::span<const VoxelRun> now, int j,
@@ -97,11 +98,10 @@ void for_each_face(const RunVolume& runs, const Visit& visit) {
     }
 }
 
-/// Morphology with a cube: which voxels no 2 x 2 x 2 cube of their own label covers, and which have 26
-/// neighbours of their own value. Outside the grid its border is repeated.
+/// Morphology with a cube. Outside the grid its border is repeated.
 struct CubeMorphology {
-  RunVolume thin;   ///< labels alone
-  RunVolume inner;  ///< labels and background
+  RunVolume thin;   ///< Labelled voxels that no 2 x 2 x 2 cube of their own label covers
+  RunVolume inner;  ///< Voxels, labelled or background, whose 26 neighbours all have their value
 };
 Result<CubeMorphology> cube_morphology(const Volume<LabelId>& labels, int workers, const Progress& progress,
                                        const ProgressSpan& span);

@@ -32,7 +32,7 @@ TEST(VoxelRuns, ComponentsAreThoseOfAFlood) {
     const Volume<LabelId> labels = random_blobs(random, {7, 6, 5});
     RunVolume runs = *internal::runs_of(labels, 1, {}, {"runs"});
     const std::vector<Component> components = connect(runs);
-    // a flood from every voxel, by faces for background and by all neighbours for labels
+    // flood fill from every voxel: 6-connected for background, 26-connected for labels
     std::vector<int> flooded(labels.voxels().size(), -1);
     const auto& grid = labels.geometry();
     int count = 0;
@@ -74,7 +74,7 @@ TEST(VoxelRuns, CubesAreThoseOfEveryVoxelsNeighbours) {
   std::mt19937 random(test::test_seed());
   for (int round = 0; round < 5; ++round) {
     Volume<LabelId> labels = random_blobs(random, {9, 8, 35});
-    // thicken, so that there are cubes
+    // magnify the pattern so that it contains uniform cubes
     for (int k = 0; k < 35; ++k)
       for (int j = 0; j < 8; ++j)
         for (int i = 0; i < 9; ++i) labels.at(i, j, k) = labels.at(i / 3 * 3, j / 3 * 3, k / 3 * 3);

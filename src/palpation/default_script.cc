@@ -13,11 +13,11 @@ namespace {
 
 // minimum force of a press step
 constexpr double kMinPress_N = 0.05;
-// force of a press, and the fraction of the greatest force of a structure that it has at most
+// force of a press, and its maximum as a fraction of the greatest force that the structure gives
 constexpr double kPress_N = 1, kPressOfMost = 0.6;
 // depth of a press, as a fraction of the structure's thickness there, and its bounds
 constexpr double kPressOfThickness = 0.4, kShallowest_mm = 1.5, kDeepest_mm = 10;
-// structures that are examined for a way to them
+// maximum number of structures examined for a free path to them
 constexpr std::size_t kMaxExamined = 24;
 
 bool has_every_structure(const Model& model, const Script& script) {
@@ -39,7 +39,7 @@ std::vector<LabelId> largest_felt(const Model& model) {
   return labels;
 }
 
-// length of the line inwards that lies within a structure, from its surface on
+// length of the inward line from the surface on that lies within the structure
 double thickness_mm(const Model& model, LabelId structure, const Point<Patient>& surface,
                     const Vector<Patient>& inward) {
   constexpr double kMost_mm = 100;
@@ -55,7 +55,7 @@ double thickness_mm(const Model& model, LabelId structure, const Point<Patient>&
   return way_mm;
 }
 
-// the greatest force of a descent on a place, and the depth at which it ends
+// greatest force of a descent at a place, and the depth at which it ends
 struct ReachedForce {
   double force_N = 0, depth_mm = 0;
 };
@@ -111,7 +111,7 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
       script.limitations.push_back(model.name_of(label) + " is not palpated: " + places.why_none);
       continue;
     }
-    // the hand takes the first place whose surface it meets
+    // the simulated hand uses the first place at which it meets the surface
     ReachedForce reached;
     for (const TouchPlace& place : places.places) {
       reached = force_reached(model, parameters, script.rate_hz, label, place);
@@ -135,7 +135,7 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
     add(LeaveStep{});
   }
   if (palpated > 0) {
-    // lines of the text that a recording holds
+    // step lines refer to the text that a recording stores
     const auto text = parse_script(script_text(script), script.source);
     PALPATE_CHECK(text.ok());
     script.lines = text->lines;

@@ -35,7 +35,7 @@ struct ContactProperty {
   ValueRange range;             ///< Permitted values
 };
 
-/// In the order of the members of ContactProperties.
+/// All contact properties, in the order of the members of ContactProperties.
 inline constexpr std::array<ContactProperty, 4> kContactProperties{
     {{&ContactProperties::stiffness_N_per_mm,
       "stiffness_N_per_mm",

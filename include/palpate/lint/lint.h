@@ -40,27 +40,27 @@ enum class LintKind : std::uint8_t {
   kUnreachable,
 };
 
-/// The one description of a kind, from which words, JSON, page and manual follow.
+/// Description of a kind of finding. Texts, JSON, page and manual are derived from it.
 struct LintKindInfo {
   LintKind kind;
-  std::string_view key;         ///< "one_voxel_sheet"
-  std::string_view title;       ///< "Sheet one voxel thick"
-  std::string_view definition;  ///< when it is reported, with thresholds; a sentence
-  std::string_view effect;      ///< what it does to touch; a clause without a full stop
-  std::string_view remedy;      ///< how to mend it; an imperative without a full stop
-  bool is_mended = false;       ///< mended_labels() can mend it
+  std::string_view key;         ///< Identifier in JSON: "one_voxel_sheet"
+  std::string_view title;       ///< Title in texts: "Sheet one voxel thick"
+  std::string_view definition;  ///< Condition under which it is reported, with thresholds; full sentences
+  std::string_view effect;      ///< Consequence for touch; a clause without a full stop
+  std::string_view remedy;      ///< Remedy; an imperative without a full stop
+  bool is_mended = false;       ///< Whether mended_labels() can mend it
 };
 /// All kinds, in the order of LintKind.
 std::span<const LintKindInfo> lint_kinds();
 const LintKindInfo& lint_kind(LintKind kind);
 
-/// The kinds as a Markdown table: the one of docs/guide/lint.md.
+/// Markdown table of the kinds, which is the one in docs/guide/lint.md.
 std::string lint_kind_table();
 
 enum class LintSeverity : std::uint8_t {
-  kFault,       ///< wrong in any patient
-  kWarning,     ///< may be anatomy or intended, and touch suffers from it
-  kCannotTell,  ///< undecided: what would decide it is missing
+  kFault,       ///< Wrong in any patient
+  kWarning,     ///< May be anatomy or intended, but impairs touch
+  kCannotTell,  ///< Undecided: the input that would decide it is missing
 };
 /// "fault", "warning", "cannot tell"
 std::string_view in_words(LintSeverity severity);
@@ -68,62 +68,64 @@ std::string_view in_words(LintSeverity severity);
 struct LintFinding {
   LintKind kind = LintKind::kIslands;
   LintSeverity severity = LintSeverity::kFault;
-  std::vector<LabelId> structures;      ///< segment ids; empty: the whole label map
-  double quantity = 0;                  ///< in `unit`
-  std::string_view unit;                ///< "mm3", "mm2", "mm", "%" or "" for a number
-  std::size_t voxels = 0;               ///< affected; 0 where a finding has none
-  std::optional<Point<Patient>> place;  ///< centre of an affected voxel
-  std::array<int, 3> voxel{0, 0, 0};    ///< the same as indices, where there is a place
-  std::string sentence;                 ///< what was found, with figures; without a full stop
+  std::vector<LabelId> structures;      ///< Segment ids; empty: the whole label map
+  double quantity = 0;                  ///< Measured value in `unit`
+  std::string_view unit;                ///< "mm3", "mm2", "mm", "%", or "" for a number
+  std::size_t voxels = 0;               ///< Number of affected voxels; 0 if the finding has none
+  std::optional<Point<Patient>> place;  ///< Centre of an affected voxel; empty: the finding has no place
+  std::array<int, 3> voxel{0, 0, 0};    ///< Indices of that voxel; valid if `place` is set
+  std::string sentence;                 ///< Description with figures; without a full stop
 };
 
-/// A: nothing but what cannot be told. B: warnings. C: faults of one kind. D: faults of several kinds.
+/// Grade of a structure. A: nothing but undecided findings. B: warnings. C: faults of one kind. D: faults of
+/// several kinds.
 struct StructureGrade {
   LabelId id = 0;
-  std::string name;  ///< "label 7" where it has none
+  std::string name;  ///< "label 7" if it has none
   std::size_t voxels = 0;
   double volume_mm3 = 0;
   char grade = 'A';
-  int faults = 0, warnings = 0, undecided = 0;  ///< number of findings
+  int faults = 0, warnings = 0, undecided = 0;  ///< Numbers of findings
 };
 
 struct LintReport {
-  std::vector<LintFinding> findings;       ///< faults first, then by kind
-  std::vector<StructureGrade> structures;  ///< ascending id
-  /// The grade that nine of ten structures reach, and no better than C where a fault concerns the whole map.
+  std::vector<LintFinding> findings;       ///< Sorted by severity, faults first, then by kind
+  std::vector<StructureGrade> structures;  ///< In ascending order of id
+  /// Grade that at least nine of ten structures reach; C at best if a fault concerns the whole map.
   char grade = 'A';
 
   std::size_t count(LintSeverity severity) const;
 };
 
 struct LintOptions {
-  double tool_radius_mm = 1;            ///< of the tool for which gaps and access are measured; above 0
-  bool oriented = true;                 ///< false: the files do not say how the grid lies in the patient
-  const Volume<float>* scan = nullptr;  ///< any grid; null: findings that need it cannot be told
-  /// Whether a structure of that name is too stiff to push a tool through, empty where that is unknown;
-  /// without a function it is unknown of every structure.
+  double tool_radius_mm = 1;            ///< Tool radius for gaps and access; above 0, at most 12
+  bool oriented = true;                 ///< false: the files do not state the grid's orientation
+  const Volume<float>* scan = nullptr;  ///< Scan on any grid; null: findings that need it are undecided
+  /// Whether a structure of that name is too stiff for a tool to pass through; empty: unknown. Without a
+  /// function it is unknown for every structure.
   std::function<std::optional<bool>(const std::string& name)> is_hard;
-  int threads = 0;  ///< 0: one for each processor; results do not depend on it
+  int threads = 0;  ///< Number of threads; 0: one per processor. Results do not depend on it.
 };
 
+/// Checks a label map and grades its structures.
 /// Errors: kBadInput for a tool radius that is not above 0 and at most 12 mm; kInterrupted.
 Result<LintReport> lint(const LabelMap& labels, const LintOptions& options, const Progress& progress = {});
 
-/// One change that mended_labels() made.
+/// A change made by mended_labels(), summed per kind and structure.
 struct LintMend {
   LintKind kind = LintKind::kIslands;
-  LabelId structure = 0;   ///< segment id
-  std::size_t parts = 0;   ///< islands or holes; 0 for a name
-  std::size_t voxels = 0;  ///< that changed
-  std::string name;        ///< the new name, of names
+  LabelId structure = 0;   ///< Segment id
+  std::size_t parts = 0;   ///< Number of islands or holes; 0 for a name
+  std::size_t voxels = 0;  ///< Number of changed voxels
+  std::string name;        ///< New name, if a name was changed
 };
 struct MendedLabels {
   LabelMap labels;
   std::vector<LintMend> mends;
 };
-/// Mends what needs no decision: islands take the value that most of their neighbours have, holes that of the
-/// structure around them, empty and duplicate names become unique. Grid, layers and values stay. What lint()
-/// reports as islands, holes, no_name or duplicate_name faults is gone afterwards.
+/// Mends the faults that need no decision: an island takes the value that shares the most faces with it, a
+/// hole the value of the structure around it, and empty and duplicate names become unique. Grid, layers and
+/// values stay. Faults that lint() reports as islands, holes, no_name or duplicate_name are gone afterwards.
 /// Errors: kInterrupted.
 Result<MendedLabels> mended_labels(LabelMap labels, int threads = 0, const Progress& progress = {});
 
