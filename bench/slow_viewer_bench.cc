@@ -53,7 +53,7 @@ struct ViewersReport {
   std::uint64_t poses = 0, missed = 0, stuck_connections = 0;
   double age_p50_ms = 0, age_p99_ms = 0;
   std::uint64_t downloaded_bytes = 0, volumes = 0;
-  double first_load_p50_ms = 0;  // of the downloading viewers, until scan and labels are complete
+  double first_load_p50_ms = 0;  // time until a downloading viewer has scan and labels
 };
 
 struct Session {

@@ -1,7 +1,7 @@
 #pragma once
 
-// What nearly every test includes, precompiled (palpate_precompiled_headers in cmake/module.cmake). Each test
-// still includes what it uses: tools/check_alone compiles without this.
+// Headers used by nearly every test, precompiled (palpate_precompiled_headers in cmake/module.cmake). Each
+// test still includes what it uses: tools/check_alone compiles without this.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -25,7 +25,7 @@
 namespace palpate::app {
 namespace {
 
-// of the current run; global because a signal handler accesses them
+// state of the current run; global because a signal handler accesses it
 std::atomic<bool> stop_requested{false}, stop_heard{false};
 sem_t wake_up;  // posted when a stop is requested, and when the run ends
 

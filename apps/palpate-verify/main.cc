@@ -6,7 +6,8 @@
 #include "apps/command/surroundings.h"
 #include "verify.h"
 
-// `palpate verify`, which palpate becomes by execv(): its arguments are those after the verb
+// `palpate verify`: palpate replaces itself by this program through execv(), with the arguments after the
+// verb
 int main(int argc, char** argv) {
   palpate::app::sanitise_environment();
   std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);

@@ -50,7 +50,7 @@ int verify(const VerifyOptions& options, Console& console) {
     if (!taken) return console.fail(taken.error());
     claimed = *std::move(taken);
   }
-  // its own small volumes are no scene that anybody opens again
+  // the small volumes of the suite are not worth caching: nobody opens these scenes again
   set_cache({});
   const auto report = run_suite(options.suite, options.suite_options, console.progress(), console.warn());
   if (!report) return console.fail(report.error());

@@ -11,8 +11,8 @@ struct LoadedScene;
 
 namespace palpate::app {
 
-/// The study of a scene's scan, where identifiers are to be kept. Errors: there is no scan, or it is no
-/// DICOM.
+/// DICOM study of the scan of a scene, if identifiers are to be kept; empty otherwise. Errors: the scene has
+/// no scan, or the scan is not DICOM.
 Result<std::optional<DicomAttachment>> attachment_of(const LoadedScene& loaded, bool keep_identifiers);
 
 }  // namespace palpate::app

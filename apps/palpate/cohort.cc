@@ -33,12 +33,12 @@ struct CohortOptions {
   int jobs = 0;
   std::vector<std::string> sbatch;
   bool recordings = false;
-  // of the processes that this verb starts
+  // for the processes that this verb starts
   int number = 0;
   bool inside = false;
   std::vector<std::string> passed,
-      passed_to_verb;      // options of the program and of the verb that they get too
-  std::string results_by;  // those of them that change results
+      passed_to_verb;      // options of the program and of the verb that are passed on
+  std::string results_by;  // passed options that change results
 };
 
 constexpr const char* kProgram = PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ")";
@@ -52,12 +52,12 @@ Result<std::vector<CohortCase>> cases_of(const CohortOptions& options) {
   return cases;
 }
 
-/// What a case's key says of the program.
-std::string force_source(const CohortOptions& options) {
+/// Program version and options that enter the key of a case.
+std::string made_by(const CohortOptions& options) {
   return kProgram + options.results_by;
 }
 
-/// Whether a result is there that need not be made anew.
+/// Whether a valid result exists, so that the case need not run again.
 bool is_done(const CohortOptions& options, int number, const std::string& key) {
   if (key.empty()) return false;
   const auto result = find_case(options.folder, number, key);
@@ -66,7 +66,7 @@ bool is_done(const CohortOptions& options, int number, const std::string& key) {
          (!options.recordings || fs::is_regular_file(case_folder(options.folder, number) / "run.h5", failed));
 }
 
-/// The command line that runs one case, but for its number.
+/// Command line that runs one case, without the number of the case.
 Result<std::vector<std::string>> command_of(const CohortOptions& options) {
   std::error_code failed;
   const fs::path self = fs::read_symlink("/proc/self/exe", failed);
@@ -87,7 +87,7 @@ Result<std::vector<std::string>> command_of(const CohortOptions& options) {
 
 // ---- one case -------------------------------------------------------------------------------------------
 
-/// Why a process that left no result has ended, without its files' names.
+/// Reason why a process ended without a result; the names of its files are removed.
 std::string fault_of(const EndedProcess& ended, const CohortCase& one, const CohortOptions& options) {
   if (ended.signal > 0) {
     const char* name = ::sigabbrev_np(ended.signal);
@@ -95,7 +95,7 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
            (name ? "SIG" + std::string(name) : std::to_string(ended.signal)) +
            (ended.signal == SIGKILL ? ": killed, or out of memory" : "");
   }
-  // the first line of what it said last
+  // first line of its last error message
   std::string said = ended.said;
   for (const std::string_view before : {"palpate: error: ", "palpate: bug: "})
     if (const auto at = said.rfind(before); at != said.npos) {
@@ -108,7 +108,7 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
   return said.empty() ? code : code + ": " + without_names(said, one, options.folder);
 }
 
-/// In a process of its own, which another one looks after: whatever becomes of it, there is a result.
+/// Runs one case in a child process, so that a result is written even if that process crashes.
 int run_number(const CohortOptions& options, Console& console) {
   const auto cases = cases_of(options);
   if (!cases) return console.fail(cases.error());
@@ -118,19 +118,19 @@ int run_number(const CohortOptions& options, Console& console) {
   const Progress progress = console.progress();
   if (options.inside) {
     const auto result =
-        run_case(one, options.number, options.folder, {force_source(options), options.recordings}, progress);
+        run_case(one, options.number, options.folder, {made_by(options), options.recordings}, progress);
     return result ? kExitOk : console.fail(result.error());
   }
   std::error_code failed;
   const fs::path folder = case_folder(options.folder, options.number);
   fs::create_directories(folder, failed);
-  // of a file that nobody writes: two runs do not work on one case
+  // lock for the case, on a file that is never written: two runs must not process one case
   const auto claimed = claim_output(folder / "case");
   if (!claimed) return console.fail(claimed.error());
   const fs::path result = folder / "result.json";
-  const auto key = case_key(one, force_source(options), progress);
+  const auto key = case_key(one, made_by(options), progress);
   if (!key && key.error().kind == ErrorKind::kInterrupted) return console.fail(key.error());
-  // another job has done it meanwhile
+  // another job has finished the case in the meantime
   if (key && is_done(options, options.number, *key)) return kExitOk;
   fs::remove(result, failed);
   CohortOptions inside = options;
@@ -148,12 +148,12 @@ int run_number(const CohortOptions& options, Console& console) {
 
 // ---- all of them ----------------------------------------------------------------------------------------
 
-/// The cases' keys, each empty where a file of it cannot be read.
+/// Keys of the cases; empty for a case with a file that cannot be read.
 Result<std::vector<std::string>> keys_of(const std::vector<CohortCase>& cases, const CohortOptions& options,
                                          const Progress& progress) {
   std::vector<std::string> keys;
   for (std::size_t n = 0; n < cases.size(); ++n) {
-    auto key = case_key(cases[n], force_source(options), progress);
+    auto key = case_key(cases[n], made_by(options), progress);
     if (!key && key.error().kind == ErrorKind::kInterrupted) return key.error();
     keys.push_back(key ? *std::move(key) : "");
     progress.report("looking at the cases' files",
@@ -180,8 +180,8 @@ bool lies_in(const fs::path& what, const fs::path& folder) {
   return std::ranges::mismatch(outer, inner).in1 == outer.end();
 }
 
-/// That the folder of the results is none of the data: they would change what the next run reads, or replace
-/// it.
+/// Checks that the folder of the results contains none of the data: the results would change what the next
+/// run reads, or replace it.
 Result<void> check_folder(const CohortOptions& options, const std::vector<CohortCase>& cases,
                           std::vector<fs::path>& inputs) {
   const auto refuse = [&](const CohortCase& one, const std::string& why) {
@@ -252,7 +252,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
     for (std::size_t n = 0; n < count; ++n)
       cohort.results[n] = find_case(options.folder, static_cast<int>(n) + 1, (*keys)[n]);
   };
-  // done is what has a result without a fault, of the same inputs and program
+  // numbers of the cases without a fault-free result of the same inputs and program
   const auto left = [&] {
     collect();
     std::vector<int> numbers;
@@ -264,7 +264,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
   if (numbers.size() < count)
     console.note(std::to_string(count - numbers.size()) + " of " + std::to_string(count) +
                  " cases are done already");
-  // what is told of a fault is that of this run
+  // faults of earlier runs are removed, so that only those of this run are reported
   for (const int number : numbers) {
     fs::remove(case_folder(options.folder, number) / "result.json", failed);
     cohort.results[static_cast<std::size_t>(number - 1)].reset();
@@ -273,7 +273,8 @@ int run_cohort(const CohortOptions& options, Console& console) {
   auto command = command_of(options);
   if (!command) return console.fail(command.error());
   std::set<int> told;
-  // of the case's own looking after that could leave no result: the disk is full, another run has the case
+  // faults of processes that could not leave a result, by case: the disk is full, or another run has locked
+  // the case
   std::map<int, std::string> reasons;
   const auto tell = [&](int number) {
     const auto n = static_cast<std::size_t>(number - 1);

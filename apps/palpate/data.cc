@@ -37,7 +37,7 @@ const char* source_word(DataSource source) {
   return "";
 }
 
-// the files of a data set, one a line, for people and for `cut -f2`
+// files of a data set, one per line, readable and suitable for `cut -f2`
 void print_files(const LocalData& data) {
   std::cout << "labels\t" << data.labels.string() << '\n';
   if (data.scan) std::cout << "scan\t" << data.scan->string() << '\n';
@@ -76,12 +76,12 @@ void print_json() {
     }
     sets.push_back(std::move(set));
   }
-  // a path may hold any bytes; JSON holds UTF-8
+  // a path may contain any bytes; JSON is UTF-8
   std::cout << sets.dump(2) << '\n';
 }
 
 Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& console) {
-  // what it could not be felt with is nothing that a picture shows
+  // the picture does not need touchable tissue
   const auto loaded = load_scene_or_data_set({name}, console.progress());
   if (!loaded) return loaded.error();
   const Model& model = *loaded->model;
@@ -89,7 +89,8 @@ Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& c
   return volume_thumbnail(model, kPicture_px, console.progress());
 }
 
-/// A picture of each that is here or can be made; one that cannot be drawn does not stop the others.
+/// Writes a page with a picture of each data set that is available or can be generated. A data set that
+/// cannot be drawn does not stop the others.
 int write_data_page(const DataOptions& options, Console& console) {
   const auto claimed = claim_output(options.page, {});
   if (!claimed) return console.fail(claimed.error());
@@ -97,7 +98,7 @@ int write_data_page(const DataOptions& options, Console& console) {
   page.program = PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ")";
   for (const auto& entry : catalog()) {
     const auto data = locate(entry.name);
-    // no path of this machine: a page is passed on
+    // without a path of this machine, because the page may be passed on
     DataPage::Set set{entry.name, entry.summary, entry.licence, data ? "here" : state(entry, data), "", {}};
     if (data || entry.source == DataSource::kGenerated) {
       auto picture = picture_of(entry.name, console);

@@ -11,7 +11,7 @@
 namespace palpate::app {
 namespace {
 
-// a driver whose checks are fine and that has found something
+// state of a driver; empty if its checks pass and a device is connected
 const char* state_of(const DeviceReport& report) {
   for (const DeviceCheck& check : report.checks)
     if (!check.fine) return "not ready: palpate doctor says what is missing";

@@ -41,7 +41,7 @@ Json report_json(const DoctorReport& report) {
             {"on_time", timer.on_time}}}};
 }
 
-// each line of a cure below the one before it
+// prints a remedy with its lines aligned
 void print_cure(const std::string& cure) {
   std::size_t from = 0;
   const char* head = "what to do: ";
@@ -111,7 +111,7 @@ void add_doctor(CLI::App& app, Run& run) {
       "docs/reference/doctor.md says more; docs/reference/devices.md what each device needs.");
   verb->callback([options, &run] {
     run = [options](Console& console) -> int {
-      // a weight that the device carries adds to what the trial pushes with
+      // the weight that the device compensates would add to the force of the trial
       if (!options->hold.empty() && !options->about_devices.held_masses.empty())
         return console.fail({ErrorKind::kUsage, "carries a weight, and --hold is 1 N at most", "--held-mass",
                              "leave it out: hold the device as it comes"});

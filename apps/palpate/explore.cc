@@ -47,10 +47,10 @@ struct ExploreArguments {
   std::string task, learner;
   std::optional<std::filesystem::path> plan;
   std::filesystem::path records;
-  bool keeps_runs = false;  // in these
+  bool keeps_runs = false;  // whether runs are added to `records`
 };
 
-// the claims of what is written: the recording, the supervisor's log
+// claims the output files: the recording and the log of the supervisor
 Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (std::ranges::find(options.devices, kPointer) != options.devices.end() && options.no_viewer)
@@ -95,7 +95,8 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   return claims;
 }
 
-// @param address  becomes that of the page
+// function that starts the viewer server; empty without viewers
+// @param address  set to the URL of the page
 std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const ExploreArguments& options,
                                                                      Console& console, FaultLines& faults,
                                                                      std::string& address) {
@@ -119,7 +120,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   session.repeat = options.repeat;
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
   session.supervisor_log = options.supervisor_log.value_or("");
-  // the live line asks, and a key answers
+  // questions appear in the live line and are answered by a key
   session.asks_here = keys.active() && ::isatty(console.streams().err) == 1 && !console.quiet;
   session.request = [&keys, &faults, &console] {
     faults.show_next(console);
@@ -151,7 +152,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   return session;
 }
 
-// what a hand feels of each tissue where that is not what the scene gives it
+// notes the rendered stiffness of each tissue if the workspace makes it differ from that of the scene
 void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
   const double factor = RenderedStiffness(loaded.scene.workspace).at_device(1);
   if (factor == 1) return;
@@ -177,7 +178,7 @@ void note_scheduling(const ExploreStatus& status, bool asked, Console& console) 
     console.note("  ticks may come late; docs/guide/explore.md says how to grant what was refused");
 }
 
-// the most serious reason why the force is not what the tissue gives
+// most serious reason why the force differs from that of the tissue
 std::string state_of(std::uint32_t flags, bool pointer) {
   struct Word {
     std::uint32_t flag;
@@ -205,14 +206,14 @@ std::string state_of(std::uint32_t flags, bool pointer) {
   return "";
 }
 
-// what whoever looks at it may do about a stop
+// how to recover from a stop
 std::string cure_of(const ExploreStatus& status) {
   if (!status.stop) return "";
   if (status.rearmed_in_page) return ": see page";
   return ": r rearms" + (status.arming_code.empty() ? "" : ", page: " + status.arming_code);
 }
 
-// how wrong a tracked tip's place may be, and what was left over at the points
+// expected error of the position of a tracked tip, and residual error at the registration points
 std::string tip_error_text(const ViewedNavigation& navigation) {
   char text[80];
   if (navigation.tip)
@@ -223,9 +224,9 @@ std::string tip_error_text(const ViewedNavigation& navigation) {
   return text;
 }
 
-// What is usual, the structure in what is left, and on the right what is not usual, the most serious first.
-// Where all of it does not fit, times give way, then what is less serious: whoever is stopped must read how
-// to go on.
+// Live line: regular values on the left, then the structure in the remaining space, then irregular states on
+// the right, the most serious first. If there is not enough space the times are dropped first, then the less
+// serious states, because the operator must be able to read how to recover from a stop.
 std::string live_line(const ExploreStatus& status, std::size_t columns) {
   constexpr std::size_t kMaxColumns = 99, kMinForStructure = 8;
   columns = std::min(columns, kMaxColumns);
@@ -238,7 +239,7 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   std::snprintf(force, sizeof force, "%.2f/%.2f N  ", status.force_N, status.limit_N);
   const std::size_t for_structure = status.stop ? 1 : kMinForStructure;
   std::string unusual = state_of(status.flags, status.rearmed_in_page) + cure_of(status);
-  // shown all the time, and before it whatever stops
+  // shown permanently, after the reason for a stop
   if (status.navigation) unusual += tip_error_text(*status.navigation);
   const auto add = [&](const std::string& part) {
     const std::size_t beside = columns_of(force) + for_structure + columns_of(unusual);
@@ -262,10 +263,10 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   return line + fitted(status.structure, std::max(for_structure, left)) + unusual;
 }
 
-// notes at the first call, then the live line; a recording that ends is told once, and so is each method that
-// could not be made ready
-// @param said     gets what is known before it begins, sentence by sentence
-// @param tracked  becomes how wrong a tracked tip's place was foretold to be last
+// prints notes at the first call, then the live line; reports once that a recording ended, and each method
+// that could not be prepared
+// @param said     collects the warnings printed at the start, one per line
+// @param tracked  set to the latest error estimate of a tracked tip
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
                                                      const std::string& address, std::string& said,
                                                      std::optional<ViewedNavigation>& tracked,
@@ -334,7 +335,7 @@ void print_loop(const LoopHealth& health, const std::vector<TickingThread>& thre
   std::printf("%llu late: steal %llu, page fault %llu, pre-emption %llu, run queue %llu, unknown %llu\n",
               u(late.total()), u(late.steal), u(late.page_fault), u(late.preemption), u(late.run_queue),
               u(late.unknown));
-  // the first is the one that ticked
+  // the first entry is the thread that ran the ticks
   for (std::size_t n = 1; n < threads.size(); ++n)
     std::printf("%s: %llu updates, %llu late, %s\n", threads[n].device.c_str(), u(threads[n].updates),
                 u(threads[n].late.total()), threads[n].scheduler.c_str());
@@ -342,7 +343,8 @@ void print_loop(const LoopHealth& health, const std::vector<TickingThread>& thre
               u(health.stalls));
 }
 
-// in how many ticks the force was changed or withheld, and why; a pointer that nobody presses is at rest
+// prints the number of ticks in which the force was changed or withheld, by reason; a pointer that is not
+// pressed counts as at rest
 void print_changed(const RecordingSummary& s, bool pointer) {
   const std::pair<const char*, std::uint64_t> counts[] = {{"clamped", s.clamped},
                                                           {"thermal", s.thermal},
@@ -379,7 +381,7 @@ void print(const ExploreResult& result, bool pointer) {
   std::printf("run hash %016llx\n", u(result.summary.run_hash));
 }
 
-// at the tip's last place
+// prints the error estimate at the last position of the tip
 void print_tip_error(const ViewedNavigation& navigation) {
   if (navigation.tip)
     std::printf("tracked tip wrong by %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
@@ -390,7 +392,7 @@ void print_tip_error(const ViewedNavigation& navigation) {
   std::printf("left over at the points %.3f mm (FRE)\n", navigation.fre_mm);
 }
 
-// a script that repeats meets the same trouble again and again
+// limits the number of warnings, because a repeating script causes the same trouble in each repetition
 void warn_of_trouble(std::vector<std::string> trouble, const std::string& said, Console& console) {
   constexpr std::size_t kMost = 10;
   std::erase_if(trouble, [&](const std::string& one) { return said.find(one) != std::string::npos; });
@@ -416,7 +418,7 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
                      ", and measures another scene here");
     training.tasks.push_back(*std::move(task));
     training.have_to_fit = true;
-    // a person begins when ready, by a page or a key
+    // a person starts the task when ready, from the page or by a key
     training.begins_at_once = options.devices.front() == kSimulatedHand || options.no_viewer;
   } else if (!loaded.data_set.empty() && !options.no_viewer) {
     for (const EmbeddedFile& file : embedded_tasks()) {
@@ -439,8 +441,8 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
   return training;
 }
 
-// whose runs are kept: the session's learner's, those of whoever comes with a learner's token, and those that
-// a teacher chooses
+// checks the records of all learners whose runs may be stored: the learner of the session, those with a
+// learner's token, and those that a teacher selects
 Result<void> check_learners(ExploreArguments& options, Console& console) {
   std::vector<std::string> learners;
   if (!options.learner.empty()) learners.push_back(options.learner);
@@ -458,7 +460,7 @@ Result<void> check_learners(ExploreArguments& options, Console& console) {
   return options.keeps_runs ? check_records(options.records, learners, console) : Result<void>();
 }
 
-// title and figures of each run
+// prints the title and figures of each run
 void print_runs(const std::vector<FinishedRun>& runs, const TrainingOptions& training) {
   for (const FinishedRun& finished : runs) {
     const auto offered = std::ranges::find(training.tasks, finished.run.task, &OfferedTask::name);
@@ -484,7 +486,7 @@ int explore_target(ExploreArguments options, Console& console) {
   const Progress progress = console.progress();
   const auto loaded = load_target(options.source, console);
   if (!loaded) return console.fail(loaded.error());
-  // where nothing is felt yet, it can be looked at: by who has the page open
+  // a scene without touchable tissue can still be viewed in the page
   const auto felt = require_touchable_tissue(*loaded);
   if (!felt && (options.script || options.no_viewer)) return console.fail(felt.error());
   if (!felt) console.note("nothing in it is felt yet: the page shows it, and no hand touches it");
@@ -502,9 +504,9 @@ int explore_target(ExploreArguments options, Console& console) {
   auto training = training_of(options, *loaded, console);
   if (!training) return console.fail(training.error());
 
-  // stopped in the background, a device would hold its last force
+  // a suspended process would leave the device at its last force
   const ScopedSignals unstoppable({SIGTSTP, SIGTTIN, SIGTTOU}, SIG_IGN);
-  // a terminal that vanishes takes its keys with it; a hand is not let go of for that
+  // if the terminal closes, the session continues without keys: the device must not be released for that
   const ScopedSignals without_terminal({SIGHUP}, SIG_IGN);
   std::optional<Keys> keys(std::in_place, console.streams().in);
   std::string address, said;
@@ -513,7 +515,7 @@ int explore_target(ExploreArguments options, Console& console) {
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
   session.training = *training;
-  // one that a session is for; of those that a page offers, any may be begun
+  // task for which the session was started; from the tasks that a page offers any may be started
   if (training->have_to_fit) session.run.task = recorded_task(training->tasks.front(), loaded->data_set);
   session.plan = plan;
   session.navigation = options.navigation;
@@ -539,7 +541,7 @@ int explore_target(ExploreArguments options, Console& console) {
     return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
                          "look at its connection and power; what was felt until then is kept"});
   if (options.recording) console.note("recording: " + options.recording->string());
-  // who ends a session has seen what it did
+  // a session ended by the user is a success: its outcome was visible
   const bool in_band =
       options.task.empty() || (!result->runs.empty() && result->runs.back().run.score.in_band);
   return (result->failed_steps == 0 && in_band) || result->stopped_by_user ? kExitOk : kExitLimit;

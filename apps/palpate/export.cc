@@ -19,8 +19,8 @@ namespace palpate::app {
 namespace {
 
 struct ExportOptions {
-  std::filesystem::path source;  ///< recording or labels
-  SceneSource made_with;         ///< of a recording; of labels the target is their scan
+  std::filesystem::path source;  ///< Recording or label map
+  SceneSource made_with;         ///< Scene of the recording; for a label map its target is the scan
   std::filesystem::path output;
   bool keep_identifiers = false;
 };
@@ -36,10 +36,10 @@ Result<void> write_exported(const ExportOptions& options, const LabelMap& labels
   return write_labels(options.output, labels);
 }
 
-// ---- labels, as they are ------------------------------------------------------------------------
+// ---- label maps ---------------------------------------------------------------------------------
 
-// Labels of one patient must not get another one's name: those that name their images have to name these, and
-// all have to lie where these are.
+// Labels must not be exported with the identity of another patient: labels that reference their images must
+// reference this study, and all must lie within its scan.
 Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const std::filesystem::path& scan,
                                             Console& console) {
   const auto study = find_study(scan, options.source, options.made_with.volume, console.progress());
@@ -102,7 +102,7 @@ int export_label_map(const ExportOptions& options, Console& console) {
   return kExitOk;
 }
 
-// ---- of a recording -----------------------------------------------------------------------------
+// ---- recordings ---------------------------------------------------------------------------------
 
 int export_labels(const ExportOptions& options, const RecordingSource& recording, Console& console) {
   const Progress progress = console.progress();
@@ -166,13 +166,13 @@ int export_paths(const ExportOptions& options, const RecordingSource& recording,
   return kExitOk;
 }
 
-/// Labels and the scan that they were made on, which may be named in either order.
+/// Identifies which of the two files is the scan and which the label map; they may be given in either order.
 Result<void> order_labels_and_scan(ExportOptions& options) {
   SceneSource& with = options.made_with;
   if (with.segmentation)
     return Error{ErrorKind::kUsage, "more files than a scan and a label map", with.segmentation->string(),
                  "palpate export LABELS STUDY"};
-  // --labels and --scan say of the two files, LABELS STUDY, what they are
+  // --labels and --scan state what the two files LABELS STUDY are
   if (with.target.empty() || read_as() != ReadAs::kByContent) return {};
   auto files = identify_scan_and_labels(with.target, options.source, with.names);
   if (!files) return files.error();
@@ -185,7 +185,7 @@ int run_export(ExportOptions options, Console& console) {
   if (options.keep_identifiers && !ends_in(options.output, ".dcm"))
     return console.fail({ErrorKind::kUsage, "identifiers are kept in DICOM alone", "--keep-identifiers",
                          "write a file that ends in .dcm, or leave it out"});
-  // of two files neither of which is a recording, one that is missing is a volume that is missing
+  // if neither file is a recording, a missing file is reported as a missing volume
   std::error_code unknown;
   const bool is_missing = !std::filesystem::exists(options.source, unknown);
   const bool labels = is_volume(options.source) || is_structure_set(options.source) ||

@@ -28,7 +28,7 @@ AnatomicalPlane plane_of(const std::string& name) {
   return name == "sagittal" ? AnatomicalPlane::kSagittal : AnatomicalPlane::kAxial;
 }
 
-// where a hand would touch the first structure that it can
+// point where an approach would touch the first reachable structure
 Result<Point<Patient>> place_to_look(const Model& model) {
   for (const Segment& segment : model.segments) {
     if (!model.is_felt(segment.id)) continue;
@@ -39,7 +39,7 @@ Result<Point<Patient>> place_to_look(const Model& model) {
                "say where to look with --at"};
 }
 
-// which option a refused place or spacing came from
+// names the option from which a refused position or spacing came
 Error at_option(Error error) {
   if (error.where == "centre") error.where = "--at";
   if (error.where == "spacing") error.where = "--arrows";
@@ -55,7 +55,7 @@ int draw_forces(const ForcesOptions& options, Console& console) {
   const Progress progress = console.progress();
   const auto loaded = load_felt_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
-  // where the tip has been decides the proxy's force: there is no field of it
+  // the force of the proxy depends on the path of the tip, so it has no force field
   const ForceMethod of_scene = loaded->scene.force.method;
   const ForceMethod method =
       options.method.value_or(of_scene == ForceMethod::kProxy ? ForceMethod::kTrilinear : of_scene);

@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t kMaxFile_bytes = 1 << 20;
 
-// in a light grip, and after the delay of a usual USB device
+// simulated device in a light grip, with the delay of a typical USB device
 std::unique_ptr<DeviceDriver> simulated() {
   constexpr double kDelay_s = 0.002;
   SimulatedDevice device(*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"), kDelay_s);
@@ -35,18 +35,18 @@ Error not_armed(const std::string& name) {
           "run it at a terminal, hold the tip and press a"};
 }
 
-/// Somebody's word who holds it. Errors: kUsage without a terminal to ask at, or for another key;
-/// kInterrupted.
+/// Asks for confirmation that somebody holds the device. Errors: kUsage without a terminal, or for any other
+/// key; kInterrupted.
 Result<void> arm(const std::string& name, Console& console) {
   Keys keys(console.streams().in);
-  // who cannot read what it does agrees to nothing
+  // without a visible prompt there is no informed consent
   if (!keys.active() || !::isatty(console.streams().err)) return not_armed(name);
   std::fprintf(
       stderr,
       "Hold the tip lightly, in free air, at one place, and keep holding it. It pushes with up to 1 N for\n"
       "up to 15 s, and may buzz at the end. Letting go ends nothing: Ctrl-C does.\n"
       "a arms it, any other key does not.\n");
-  // what was typed before is no answer
+  // discards keys typed before the prompt
   ::tcflush(console.streams().in, TCIFLUSH);
   const Progress progress = console.progress();
   while (!progress.stopped()) {
@@ -61,7 +61,7 @@ Result<void> keep(const HeldHandFigures& figures) {
   if (!hands) return hands.error();
   (*hands)[figures.device] = figures;
   const std::string text = held_hands_text(*hands);
-  // one that is refused would end every session
+  // a stored entry that cannot be parsed would make every session fail
   if (const auto again = parse_held_hands(text, held_hands_file().string()); !again)
     return Error{ErrorKind::kUnavailable, "what was measured is nothing that a device has", figures.device,
                  "try again; nothing was kept"};
@@ -122,7 +122,7 @@ int hold_by_hand(const DeviceRegistry& known, const std::string& name, double ra
   const DeviceVendor* maker = known.find(name);
   const bool is_simulated = name == kSimulatedHand;
   if (!is_simulated && !maker) return console.fail(check_devices({name}, known).error());
-  // a file that cannot be read would be lost
+  // an unreadable file would be overwritten
   if (const auto kept = kept_held_hands(); !kept) return console.fail(kept.error());
   std::unique_ptr<DeviceDriver> driver = is_simulated ? simulated() : maker->make();
   if (auto opened = driver->open(false); !opened) return console.fail(opened.error());

@@ -9,14 +9,15 @@
 
 namespace palpate::app {
 
-/// What was measured on this machine by this user: palpate/held-hands.txt among their data.
+/// File with the results of this user's `doctor --hold` measurements on this machine: palpate/held-hands.txt
+/// in the user's data folder.
 std::filesystem::path held_hands_file();
-/// Empty where nothing was measured. Errors: those of reading it.
+/// Stored measurements; empty if there are none. Errors: those of reading the file.
 Result<HeldHands> kept_held_hands();
-/// The same makers, whose drivers say what was measured of their devices.
+/// The same registry, with drivers that report the measured hand of their devices.
 DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& hands, double rate_hz);
 
-/// `palpate doctor --hold NAME`: returns the exit code.
+/// Implements `palpate doctor --hold NAME`; returns the exit code.
 int hold_by_hand(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
                  Console& console);
 

@@ -29,7 +29,7 @@ struct HoldOptions {
   bool json = false;
 };
 
-// the claim of the picture, where one is wanted
+// claims the picture file, if one is requested
 Result<std::optional<OutputClaim>> check_hold(const HoldOptions& options) {
   using Claim = std::optional<OutputClaim>;
   if (options.at.empty() == options.voxel.empty())
@@ -65,7 +65,8 @@ std::vector<ForceMethod> methods_of(const HoldOptions& options, const LoadedScen
   return methods;
 }
 
-// The gain with which the stiffest tissue is felt as this part of what is recommended.
+// Force gain at which the rendered stiffness of the stiffest tissue is the requested fraction of the
+// recommended stiffness.
 Result<double> force_gain(const HoldOptions& options, const Hold& hold, const Model& model,
                           const Progress& progress) {
   if (!options.stiffness) return 1.0;
@@ -82,7 +83,7 @@ std::string heading_of(const Hold& hold, const Model& model) {
   return text;
 }
 
-// why a tip that is quiet may be so
+// state of the held tip, with the circumstance that may explain it
 const char* state_of(const HeldTip& held) {
   if (held.inside) return "uncoupled: begun inside";
   if (held.wedged) return held.quiet() ? "quiet, wedged" : "not quiet, wedged";

@@ -30,15 +30,15 @@ struct InfoOptions {
   bool identifiers = false, keep_identifiers = false;
 };
 
-// what `info` found out about a file
+// result of `info` for a file
 struct Info {
   VolumeHeader header;
-  std::string evidence;  // why it was taken as a scan or as labels; empty where that was said
+  std::string evidence;  // evidence for the classification as scan or labels; empty if it was stated
   double lowest = 0, highest = 0;
-  std::optional<LabelFile> labels;  // nothing for a scan
+  std::optional<LabelFile> labels;  // empty for a scan
   std::vector<SegmentStatistics> statistics;
   std::vector<int> empty_slices;
-  std::vector<Leaks> leaks;  // of all labels together
+  std::vector<Leaks> leaks;  // leaks of all labels
 };
 
 // --- labels or scan -------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ std::string joined(const std::vector<std::string>& texts) {
   return text;
 }
 
-/// What a person should know before trusting the file, a sentence each.
+/// Irregularities that a user should know before trusting the file, one sentence each.
 std::vector<std::string> oddities(const Info& info) {
   std::vector<std::string> odd;
   if (!info.header.has_geometry)
@@ -158,7 +158,7 @@ std::vector<std::string> oddities(const Info& info) {
     if (info.labels->labels.find(s.id)->name.empty())
       unnamed.push_back(std::to_string(s.id) + " (" + std::to_string(s.voxels) + ")");
 
-  // the label with most stray voxels first
+  // labels with the most stray voxels first
   const auto stray_voxels = [](const SegmentStatistics& s) { return s.voxels - s.largest_component_voxels; };
   std::vector<SegmentStatistics> by_strays = info.statistics;
   std::stable_sort(by_strays.begin(), by_strays.end(),
@@ -188,7 +188,7 @@ std::vector<std::string> oddities(const Info& info) {
   return odd;
 }
 
-// --- for people -----------------------------------------------------------------------------------------
+// --- text output ----------------------------------------------------------------------------------------
 
 void print_geometry(std::ostream& out, const Info& info) {
   const GridGeometry& g = info.header.geometry;
@@ -220,7 +220,7 @@ void print_geometry(std::ostream& out, const Info& info) {
                   "            ");
 }
 
-// a row of the table of labels
+// prints a row of the table of labels
 void print_row(std::ostream& out, const std::string& id, const std::string& name, std::size_t name_width,
                const std::string& voxels, const std::string& volume, const std::string& box,
                const std::string& components) {
@@ -264,9 +264,9 @@ void print_text(std::ostream& out, const Info& info) {
   for (const std::string& sentence : odd) print_wrapped(out, sentence, "  - ", "    ");
 }
 
-// --- for programs ---------------------------------------------------------------------------------------
+// --- JSON output ----------------------------------------------------------------------------------------
 
-// plain numbers of anything that can be walked through
+// copy of an iterable as a vector
 template <class Values>
 std::vector<typename std::decay_t<decltype(*std::begin(std::declval<const Values&>()))>> list(
     const Values& values) {
@@ -326,11 +326,11 @@ Json json_of(const Info& info) {
 }
 
 void print_json(std::ostream& out, const Info& info) {
-  // a name in another encoding than UTF-8 is shown as far as it can be
+  // bytes of names that are not UTF-8 are replaced
   out << json_of(info).dump(2) << '\n';
 }
 
-// --- what feeling it takes ------------------------------------------------------------------------------
+// --- memory of a scene ----------------------------------------------------------------------------------
 
 Json memory_json(const SceneMemory& memory) {
   return {{"peak", memory.peak()},       {"stays", memory.stays()},           {"labels", memory.model.labels},
@@ -354,7 +354,7 @@ int run_info_of_scene(const InfoOptions& options, Console& console) {
   return kExitOk;
 }
 
-// --- what a folder of DICOM holds -----------------------------------------------------------------------
+// --- volumes of a DICOM folder --------------------------------------------------------------------------
 
 Json volumes_json(const VolumeList& list) {
   Json volumes = Json::array();
@@ -376,7 +376,7 @@ void print_volumes(std::ostream& out, const VolumeList& list) {
   for (const std::string& note : list.notes) print_wrapped(out, note, "  - ", "    ");
 }
 
-// All of them; where one alone can be used, that one is told of in full too.
+// Lists all volumes; if exactly one is usable, it is described in full as well.
 int run_info_of_dicom(const InfoOptions& options, Console& console) {
   const auto list = list_volumes(options.file, console.progress());
   if (!list) return console.fail(list.error());
@@ -405,7 +405,7 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
   return kExitOk;
 }
 
-// --- what a file carries of the patient --------------------------------------------------------------------
+// --- patient identifiers --------------------------------------------------------------------------------
 
 Json identifiers_json(const IdentifierReport& report) {
   Json rows = Json::array();

@@ -38,7 +38,7 @@ std::vector<std::filesystem::path> input_files(const SceneSource& source) {
   }
   if (what.empty()) return files;
   add_input(what, files);
-  // what is wrong with a scene is told where it is used
+  // errors of a scene are reported when it is loaded
   if (const auto scene = load_scene(what))
     for (const auto& file : {scene->scan, scene->labels, scene->names})
       if (file) add(scene->resolve(*file));

@@ -18,7 +18,7 @@
 namespace palpate::app {
 namespace {
 
-/// NAME=VALUE of one option, each name once.
+/// Values of an option of the form NAME=VALUE; each name once unless `repeats`.
 class Named {
  public:
   static Result<Named> parse(const char* option, const std::vector<std::string>& said,
@@ -40,13 +40,13 @@ class Named {
     }
     return named;
   }
-  /// In order, where one name may come several times.
+  /// All values in order, for an option whose names may repeat.
   const std::vector<std::string>& all() const { return all_; }
   std::string text(const std::string& name) const {
     const auto found = values_.find(name);
     return found == values_.end() ? "" : found->second;
   }
-  /// Errors: kUsage for what is no number from 0 to `most`.
+  /// Value as a number; empty if it is not given. Errors: kUsage if it is not a number from 0 to `most`.
   Result<std::optional<double>> number(const char* option, const std::string& name, double most) const {
     const std::string said = text(name);
     if (said.empty()) return std::optional<double>();
@@ -66,7 +66,7 @@ class Named {
 constexpr double kMaxHeld_kg = 1;
 constexpr std::size_t kMaxResult_bytes = std::size_t{1} << 24;
 
-// where the tracker is; nothing where nobody said
+// address of the tracker; empty if it is not given
 Result<TrackerAddress> tracker_of(const DeviceOptions& options) {
   if (options.tracker.empty()) return TrackerAddress{};
   const auto address = parse_tracker_address(options.tracker);

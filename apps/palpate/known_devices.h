@@ -13,38 +13,38 @@
 
 namespace palpate::app {
 
-/// What a user says about a tracker's stream.
+/// Options for the stream of a tracker.
 struct StreamOptions {
-  std::string transform, reference;  ///< as TrackerSettings has them
-  std::filesystem::path tip;         ///< what palpate pivot has written
+  std::string transform, reference;  ///< Members of TrackerSettings with these names
+  std::filesystem::path tip;         ///< File written by palpate pivot
 };
-/// `--transform`, `--reference`.
+/// Adds `--transform` and `--reference`.
 void add_stream_options(CLI::App& verb, StreamOptions& options);
-/// `--tip`.
+/// Adds `--tip`.
 void add_tip_option(CLI::App& verb, StreamOptions& options);
-/// Errors: those of reading the file, of parse_tip().
+/// Reads a file written by palpate pivot. Errors: those of reading the file and of parse_tip().
 Result<ToolTip> read_tip(const std::filesystem::path& file);
 
-/// What a user says about devices, as NAME=VALUE each, and about a tracked tool.
+/// Options for devices, each as NAME=VALUE, and for a tracked tool.
 struct DeviceOptions {
-  std::vector<std::string> libraries;    ///< the file of a maker's library
-  std::vector<std::string> held_masses;  ///< kg that is held at a device's end
-  /// a name by which its maker's setup knows a device, several of one maker
+  std::vector<std::string> libraries;    ///< Library file of a vendor
+  std::vector<std::string> held_masses;  ///< Mass of the end effector, kg
+  /// Name of a device in the setup of its vendor; may be repeated for several devices of one vendor
   std::vector<std::string> configs;
   std::string tracker;  ///< HOST:PORT
   StreamOptions stream;
-  std::filesystem::path registration;  ///< what palpate register has written
+  std::filesystem::path registration;  ///< File written by palpate register
 };
-/// `--library`, `--held-mass`, `--device-config`, `--tracker`.
+/// Adds `--library`, `--held-mass`, `--device-config` and `--tracker`.
 void add_device_options(CLI::App& verb, DeviceOptions& options);
 
-/// The tracked tool of which a user says where it is and how it is registered; null: of none.
-/// Errors: kUsage where something of it is not said, and those of its files.
+/// Tracked tool with its tracker and registration; null: no tracked tool was given.
+/// Errors: kUsage if some of its options are missing, and those of its files.
 Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& options);
 
-/// The drivers that this program has: whoever adds one adds it here, and nowhere else.
-/// @param navigation  of the tracked tool, which can be felt with then
-/// Errors: kUsage for a name that is none, or a value that is none.
+/// Registry of the drivers of this program. A new driver is added here and nowhere else.
+/// @param navigation  tracked tool; if set, it is available as a device
+/// Errors: kUsage for an unknown device name or an invalid value.
 Result<DeviceRegistry> known_devices(const DeviceOptions& options = {},
                                      const std::shared_ptr<const Navigation>& navigation = nullptr);
 

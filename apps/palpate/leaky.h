@@ -8,7 +8,8 @@
 
 namespace palpate::app {
 
-/// "leaky, ...: skull 12 (one at 1.5, -20.0, 33.0 mm LPS), ...", the leakiest first.
+/// List of the leaks of structures, largest number first: "leaky, ...: skull 12 (one at 1.5, -20.0, 33.0 mm
+/// LPS), ...".
 std::string leaky_text(std::vector<Leaks> leaks, const std::function<std::string(LabelId)>& name_of);
 
 }  // namespace palpate::app

@@ -33,12 +33,12 @@ namespace fs = std::filesystem;
 struct LintVerbOptions {
   SceneSource source;
   double tool_radius_mm = LintOptions{}.tool_radius_mm;
-  std::optional<std::string> json;  ///< "-": standard output
+  std::optional<std::string> json;  ///< File; "-": standard output
   std::optional<fs::path> page, fix;
 };
 
-/// What a structure's name says of whether a tool can be pushed through it: presets without a modulus (bone,
-/// cartilage of a joint) do not yield.
+/// Whether a structure of that name is too stiff for a tool to pass through; empty: unknown. Presets without
+/// a modulus (bone, joint cartilage) do not deform.
 std::optional<bool> is_hard_by_name(const std::string& name) {
   const PresetMatch match = match_preset(name);
   if (match.is_hollow) return false;
@@ -53,7 +53,7 @@ struct NamedOutput {
   fs::path file;
 };
 
-/// Claims every file that will be written. Errors: those of claim_output, and two outputs in one file.
+/// Claims all output files. Errors: those of claim_output, and two outputs to one file.
 Result<std::vector<OutputClaim>> claim_outputs(const LintVerbOptions& options) {
   const std::vector<fs::path> inputs = input_files(options.source);
   std::vector<NamedOutput> outputs;
@@ -129,7 +129,7 @@ void print_report(std::ostream& out, const LintReport& report) {
   }
 }
 
-// --- for programs ---------------------------------------------------------------------------------------
+// --- JSON output ----------------------------------------------------------------------------------------
 
 Json lint_json(const LintReport& report, const LintVerbOptions& options, const LabelMap& labels,
                const std::vector<LintMend>& mends) {
@@ -184,7 +184,7 @@ Json lint_json(const LintReport& report, const LintVerbOptions& options, const L
 
 // --- the page -------------------------------------------------------------------------------------------
 
-/// What a section needs of a model: labels and scan, and nothing that takes preparing.
+/// Model with labels and scan only, which is sufficient for drawing sections without preparation.
 Model model_to_draw(const SceneVolumes& volumes, const Volume<float>* scan_on_grid) {
   Model model;
   model.labels = label_bricks(volumes.labels->flattened());
@@ -195,8 +195,8 @@ Model model_to_draw(const SceneVolumes& volumes, const Volume<float>* scan_on_gr
   return model;
 }
 
-/// Width of a finding's picture, mm: of what is small a few dozen voxels, of what is large its surroundings
-/// too.
+/// Width of the picture of a finding, mm: a few dozen voxels for small findings, including the surroundings
+/// for large ones.
 double width_of(const LintFinding& finding, const GridGeometry& grid) {
   constexpr double kVoxelsAcross = 48, kLeast_mm = 12, kMost_mm = 100, kWhole_mm = 140;
   switch (finding.kind) {
@@ -216,7 +216,7 @@ double width_of(const LintFinding& finding, const GridGeometry& grid) {
 
 constexpr int kPanelPixels = 300, kPanelGap = 4;
 
-/// A ring around the centre of a panel, with a dark rim.
+/// Draws a ring with a dark rim around the centre of a panel.
 void draw_ring(Image& picture, int left) {
   constexpr double kRadius = 24, kHalfWidth = 1.3, kRim = 1.5;
   constexpr Rgb kRing{255, 221, 64}, kDark{0, 0, 0};
@@ -235,8 +235,9 @@ void draw_ring(Image& picture, int left) {
     }
 }
 
-/// Axial, coronal and sagittal section through a finding's place side by side. Its first structure is orange,
-/// every other one of it blue, and the rest is grey; a finding of the whole map leaves them their colours.
+/// Axial, coronal and sagittal section through the position of a finding, side by side. The first structure
+/// of the finding is orange, its other structures are blue, and the rest is grey. For a finding about the
+/// whole map all structures keep their colours.
 Image picture_of(const LintFinding& finding, Model model, double width_mm) {
   constexpr Rgb kFirst{240, 116, 28}, kFurther{46, 134, 240}, kOther{112, 118, 124};
   if (!finding.structures.empty())
@@ -251,7 +252,7 @@ Image picture_of(const LintFinding& finding, Model model, double width_mm) {
   picture.height = kPanelPixels;
   picture.rgb.assign(3 * static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height),
                      255);
-  // so that a page of many pictures stays small
+  // limits the size of a page with many pictures
   SectionStyle style;
   style.grey_levels = 32;
   int left = 0;

@@ -21,25 +21,25 @@ namespace {
 using ToolMarkers = Transform<Tracker, TrackedTool>;
 
 constexpr auto kLook = std::chrono::milliseconds(30);
-// poses that wait for whoever looks: some seconds of a fast tracker
+// capacity of the pose queue: some seconds of a fast tracker
 constexpr std::size_t kMaxWaiting = 4096;
-// another pose of a pivot calibration turned the tool by so much
+// minimum rotation between successive poses of a pivot calibration
 constexpr double kAnotherPose_rad = 1 * std::numbers::pi / 180;
 constexpr std::size_t kEnoughPoses = 200, kFewestPoses = 6;
 constexpr double kEnoughTurn_deg = 15;
-// of a trace, from one place to the next, and how many
+// minimum distance between traced points, and their number
 constexpr double kTraceStep_mm = 1;
 constexpr std::size_t kTracePlaces = 100;
 constexpr double kTooNearTold_s = 3;
 
-/// A tracker's stream, whose poses wait here.
+/// Stream of a tracker with a queue of its poses.
 class LivePoses {
  public:
   LivePoses(const TrackerSettings& settings, Console& console)
       : console_(console), stream_(settings, [this](const MarkersPose& pose) { take(pose); }) {}
 
   Result<void> open() { return stream_.open(3, console_.progress()); }
-  /// Those that came since the last call; says what is wrong where none do.
+  /// Poses received since the last call. Warns once about trouble with the stream.
   std::deque<MarkersPose> next() {
     const auto trouble = stream_.trouble();
     const std::string wrong = trouble ? trouble->message() : "";
@@ -141,7 +141,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
       const Point<Tracker> at = pose.tracker_from_tool * tip.at;
       const double time_s = 1e-9 * static_cast<double>(pose.at_ns);
       if (touches.taken().size() == asked) {
-        // led over the structure
+        // tracing over the structure
         if (out.traced.size() < kTracePlaces && !out.traced.empty() &&
             (at - out.traced.back()).norm() >= kTraceStep_mm)
           out.traced.push_back(at);

@@ -9,27 +9,29 @@
 #include "palpate/navigation/touches.h"
 #include "verb.h"
 
-/// What somebody with a tracked tool does at the terminal: its poses as they come, told step by step.
+/// Interactive use of a tracked tool at the terminal: collects its poses from the stream and prompts for
+/// each step.
 namespace palpate::app {
 
-/// The address of a tracker's server; empty: it is the name of a file, or of one that may be missing.
+/// Address of a tracker server; empty: the text is the name of a file, which may not exist.
 std::optional<TrackerAddress> stream_named(const std::string& file_or_address);
 
-/// Errors: kUsage where no transform is named.
+/// Settings of the stream. Errors: kUsage if no transform is named.
 Result<TrackerSettings> stream_settings(const TrackerAddress& address, const StreamOptions& options);
 
-/// Poses of a tool whose tip stands in a dimple, until they are enough, or Ctrl-C.
-/// Errors: those of TrackerStream::open(); kInterrupted where there are fewer than six.
+/// Collects poses of a tool whose tip rests in a dimple, until there are enough for a pivot calibration or
+/// Ctrl-C is pressed.
+/// Errors: those of TrackerStream::open(); kInterrupted if there are fewer than six.
 Result<std::vector<Transform<Tracker, TrackedTool>>> collect_pivot(const TrackerSettings& settings,
                                                                    Console& console);
 
 struct CollectedTouches {
-  std::vector<TouchedPoint> points;    ///< one for each name
-  std::vector<Point<Tracker>> traced;  ///< where a structure was; empty where none was asked for
+  std::vector<TouchedPoint> points;    ///< Touched point for each name
+  std::vector<Point<Tracker>> traced;  ///< Points traced on a structure; empty if none was requested
 };
-/// Places that the tip touches, one for each of the names, in their order; then, led over a structure, as
-/// many as a surface needs.
-/// @param structure  empty: none is traced
+/// Collects the points that the tip touches, one for each of the names and in their order, then as many
+/// points traced on a structure as a surface registration needs.
+/// @param structure  empty: no tracing
 /// Errors: those of TrackerStream::open(); kInterrupted.
 Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const ToolTip& tip,
                                          std::span<const std::string> names, const std::string& structure,

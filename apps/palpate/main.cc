@@ -10,11 +10,11 @@
 #include "verbs.h"
 
 int main(int argc, char** argv) {
-  // the process that explore starts beside itself
+  // supervisor process, which `explore` starts
   if (argc > 1 && std::string_view(argv[1]) == "supervise")
     return palpate::supervise({argv + 2, argv + argc});
   palpate::app::sanitise_environment();
-  // what is in memory is of a patient, and would stand in a core dump
+  // disables core dumps, which would contain patient data
   ::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
   const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
   palpate::app::exec_companion(palpate::app::palpate_program(), arguments);

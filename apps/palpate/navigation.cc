@@ -23,7 +23,8 @@
 #include "palpation.h"
 #include "verb.h"
 
-/// Where a tracked patient and a tracked tool are: from files, or from a tracker's stream.
+/// Verbs for tracking: pivot calibration of a tracked tool and registration of the patient, from files or
+/// from the stream of a tracker.
 namespace palpate::app {
 namespace {
 
@@ -36,7 +37,7 @@ std::string shown_name(const std::string& name) {
 // ---- pivot
 
 struct PivotVerb {
-  std::string poses;  // a file, or a tracker's address
+  std::string poses;  // file, or address of a tracker
   std::filesystem::path output;
   StreamOptions stream;
   std::string quaternion = "xyzw";
@@ -91,7 +92,7 @@ int pivot(const PivotVerb& options, Console& console) {
 
 struct RegisterVerb {
   std::filesystem::path scan_points, touched, output;
-  std::string tracked_points;  // a file, or a tracker's address
+  std::string tracked_points;  // file, or address of a tracker
   StreamOptions stream;
   std::string surface, structure;
   std::optional<double> fle_mm;
@@ -99,7 +100,7 @@ struct RegisterVerb {
   std::vector<std::vector<double>> targets;
 };
 
-// by name where both files name the same points, else by their order
+// pairs points by name if both files have the same names, otherwise by order
 Result<std::vector<PointPair>> pair_up(const std::vector<NamedPoint>& scan,
                                        const std::vector<NamedPoint>& tracked, const RegisterVerb& options,
                                        Console& console) {
@@ -144,11 +145,12 @@ Result<std::vector<NamedPoint>> points_of(const std::filesystem::path& file) {
   return parse_points(*text, file.string());
 }
 
-// what was touched, from files or as it is touched now
+// touched points, from files or collected live
 struct TouchedPlaces {
   std::vector<NamedPoint> points;
-  std::vector<double> held_mm;         // of each point that was touched now
-  std::vector<Point<Tracker>> traced;  // of a surface
+  std::vector<double> held_mm;         // RMS distance of the tip samples from their mean, for each point
+                                       // collected live
+  std::vector<Point<Tracker>> traced;  // points traced on the surface
 };
 Result<TouchedPlaces> touched_places(const RegisterVerb& options, const std::vector<NamedPoint>& scan,
                                      Console& console) {
@@ -185,7 +187,7 @@ Result<TouchedPlaces> touched_places(const RegisterVerb& options, const std::vec
   return out;
 }
 
-// the structure's own surface, also where it is felt as one with others that it touches
+// own surface of the structure, even if it is part of a common surface when rendered
 Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
   const auto loaded = load_target({options.surface}, console);
   if (!loaded) return loaded.error();
@@ -251,7 +253,7 @@ int register_verb(const RegisterVerb& options, Console& console) {
 
   const auto scan = points_of(options.scan_points);
   if (!scan) return console.fail(scan.error());
-  // before anybody has touched anything in vain
+  // before points are collected, so that an error does not waste that effort
   std::optional<Surface> surface;
   const auto find_surface = [&]() -> Result<void> {
     auto found = surface_of(options, console);

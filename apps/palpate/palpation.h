@@ -9,7 +9,7 @@
 #include "palpate/palpation/palpation.h"
 #include "verb.h"
 
-/// What the verbs that feel or show a scene share.
+/// Options, loading and output shared by the verbs that render or display a scene.
 namespace palpate::app {
 
 inline constexpr const char* kTargetHelp =
@@ -18,50 +18,51 @@ inline constexpr const char* kTargetHelp =
 inline constexpr const char* kMadeWithHelp =
     "Scene file, volume or data set that the recording was made with; not needed for data sets";
 
-/// Loads a source as load_scene_or_data_set() does; what the scene was proposed from, where the labels lie
-/// and where their names are from is noted.
+/// Loads a source by load_scene_or_data_set(). Notes on the console from what the scene was proposed, where
+/// the labels lie in the scan, and where their names come from.
 Result<LoadedScene> load_target(const SceneSource& source, Console& console,
                                 std::optional<PreparationMethod> preparation = {},
                                 const MemoryCallback& report_memory = {});
-/// The same, and an error where nothing in it can be felt.
+/// As load_target(), with an error if the scene has no touchable tissue.
 Result<LoadedScene> load_felt_target(const SceneSource& source, Console& console,
                                      std::optional<PreparationMethod> preparation = {},
                                      const MemoryCallback& report_memory = {});
 
-/// The script of that file; none without one, for which a run plans the default script.
+/// Script of a file; empty if there is no file, in which case a run plans the default script.
 Result<std::optional<Script>> script_of(const std::optional<std::filesystem::path>& file);
 
-/// --method NAME, one of these.
+/// Adds --method NAME with one of these methods.
 void add_method_option(CLI::App& verb, const std::string& help, std::span<const ForceMethodInfo> methods,
                        std::optional<ForceMethod>& method);
 
-/// --volume N, which volume where a DICOM file or a folder of them is given.
+/// Adds --volume N, which selects a volume of a DICOM file or folder with several.
 void add_volume_option(CLI::App& verb, std::optional<int>& volume);
 
-/// --labels and --scan, of a volume by itself that may be either.
+/// Adds --labels and --scan, which state the content of a volume that may be either.
 void add_content_options(CLI::App& verb);
 
-/// --names FILE, a table that names the labels of volumes.
+/// Adds --names FILE, a table with names for the labels of a volume.
 void add_names_option(CLI::App& verb, std::optional<std::filesystem::path>& names);
 
-/// The files of a scene: the positionals "target" and "segmentation", and --names, --volume, --labels,
-/// --scan.
-/// @param help  of the target
-/// @return the target's option, which is not required yet
+/// Adds the input files of a scene: the positionals "target" and "segmentation", and --names, --volume,
+/// --labels, --scan.
+/// @param help  help text of the target
+/// @return the option of the target, not yet marked as required
 CLI::Option* add_source_options(CLI::App& verb, SceneSource& source, const std::string& help = kTargetHelp);
 
-/// --preparation NAME, instead of the scene's.
+/// Adds --preparation NAME, which overrides the method of the scene.
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation);
 
-/// On stdout, a line each: where the approaches touched.
+/// Prints the contact points of the approaches on stdout, one per line.
 void print_touches(const std::vector<TouchFigure>& touches);
-/// What "held" is, for help texts.
+/// Definition of a held structure, for help texts.
 std::string held_defined();
-/// On stdout, a line each: how much of a structure is gone.
+/// Prints the removed volume of each structure on stdout, one per line.
 void print_removed(const std::vector<RemovedFigure>& removed);
-/// @param cutter  cutter_name of the model
+/// Prints the protected structures on stdout, one per line.
+/// @param cutter  result of cutter_name for the model
 void print_protected(const std::vector<ProtectedFigure>& spared, const std::string& cutter);
-/// A table on stdout: how each structure was held.
+/// Prints a table on stdout of how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);
 
 }  // namespace palpate::app

@@ -15,7 +15,7 @@
 #include "planned.h"
 #include "verb.h"
 
-/// Rehearsal: plans, and what was done beside them.
+/// Rehearsal: plans, and their comparison with recordings.
 namespace palpate::app {
 namespace {
 
@@ -43,7 +43,7 @@ int from_markups(const PlanOptions& options, Console& console) {
   if (!made) return console.fail(made.error());
   for (const std::string& name : made->left_out)
     console.warn()(printable_name(name) + " says nothing of a trajectory: left out");
-  // what could not be read again, as a title without a letter, is not written
+  // a plan that cannot be parsed again, e.g. with a title without a letter, is not written
   const std::string plan = plan_text(made->plan);
   if (const auto again = parse_plan(plan, options.output.string()); !again)
     return console.fail(again.error());
@@ -75,7 +75,7 @@ void print_trajectory(const PlanTrajectory& trajectory) {
               allowed_text(trajectory.depth_within_mm, "mm").c_str());
 }
 
-// what the planned way goes through, in the order in which it does, each with its length
+// prints the structures along the planned path, in order, with the length within each
 void print_structures_on_way(const PlannedScene& scene, std::size_t n) {
   constexpr double kStep_mm = 0.1;
   const PlanTrajectory& trajectory = scene.plan.file.trajectories[n];

@@ -10,22 +10,23 @@
 
 namespace palpate::app {
 
-/// A scene as a plan is looked at in: with the surfaces that the proxy leans on, where anything is felt.
+/// A plan in its scene. The model has the surfaces used by the proxy if the scene has touchable tissue.
 struct PlannedScene {
   std::shared_ptr<const Model> model;
   PlanInScene plan;
   std::vector<StructureDistance> distances;
 };
-/// Errors: those of resolve_plan, ready_for and structure_distances.
+/// Resolves a plan in a model and makes the model ready for the proxy. Errors: those of resolve_plan,
+/// ready_for and structure_distances.
 Result<PlannedScene> scene_of_plan(const PlanFile& plan, std::shared_ptr<const Model> model,
                                    Console& console);
 
-/// A recording beside a plan. Errors: those of compare_recording and check_recorded_model, with the
-/// recording's name.
+/// Compares a recording with a plan. Errors: those of compare_recording and check_recorded_model, with the
+/// name of the recording.
 Result<PlanComparison> compare_run(const PlannedScene& scene, const RecordingSource& recording,
                                    const std::string& name, std::size_t device, Console& console);
 
-/// A comparison as `palpate plan compare --json` writes it.
+/// JSON of a comparison, as written by `palpate plan compare --json`.
 Json json_of(const PlannedScene& scene, const PlanComparison& made);
 
 }  // namespace palpate::app

@@ -42,7 +42,7 @@ struct PrepareOptions {
   std::vector<double> threshold;
   int threads = 0;
   bool compare = false;
-  std::string settings;  // the options given that a scene decides for itself, "--sigma, --bits"
+  std::string settings;  // options given that a scene determines itself: "--sigma, --bits"
 };
 
 using FieldVolume = std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>>;
@@ -52,8 +52,8 @@ GaussianOptions gaussian_options(const PrepareOptions& options) {
   return {.sigma_mm = options.sigma_mm, .engine = engine, .threads = options.threads};
 }
 
-/// Whether the field is that of a scene: a data set, a scene file, or a scan with its segmentation, for which
-/// a scene is proposed.
+/// Whether the target gives a scene: a data set, a scene file, or a scan with its segmentation, for which a
+/// scene is proposed.
 Result<bool> gives_a_scene(const PrepareOptions& options, const Progress& progress) {
   const SceneSource& source = options.source;
   if (find_entry(source.target).ok() || std::filesystem::path(source.target).extension() == ".toml")
@@ -65,7 +65,8 @@ Result<bool> gives_a_scene(const PrepareOptions& options, const Progress& progre
   return study->labels.has_value();
 }
 
-/// Says where a tool would slip through what is felt. Errors: kInterrupted.
+/// Warns of places where a tool would slip through the surface of touchable structures. Errors:
+/// kInterrupted.
 Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& felt,
                            const std::function<std::string(LabelId)>& name_of, Console& console) {
   const auto leaks = find_leaks(labels, felt, 0, console.progress());
@@ -74,7 +75,7 @@ Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<Labe
   return {};
 }
 
-/// The weights before smoothing: every label full, or the ramp of a scan.
+/// Weights before smoothing: full weight for every label, or the ramp on a scan.
 Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
     const auto file = read_scan(options.source.target, console.progress(), console.warn(), VoxelCaching::kOff,
@@ -134,7 +135,8 @@ const GridGeometry& geometry_of(const FieldVolume& field) {
   return std::visit([](const auto& volume) -> const GridGeometry& { return volume.geometry(); }, field);
 }
 
-/// @param ramp_width_mm  0: it is smoothed with sigma
+/// Prints the grid, the smoothing or ramp width and the bit depth of a field.
+/// @param ramp_width_mm  width of the inward ramp; 0: the field is smoothed with sigma
 void print_field(const FieldVolume& field, double sigma_mm, double ramp_width_mm) {
   const GridGeometry& grid = geometry_of(field);
   const Eigen::Vector3d sigma = grid.spacing_mm.cwiseInverse() * sigma_mm;
@@ -202,7 +204,7 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
   return kExitOk;
 }
 
-// Slicer would take the values of a field under such a name as labels.
+// Whether 3D Slicer would interpret the values of a file of that name as labels.
 bool is_segmentation_name(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(),
                  [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });

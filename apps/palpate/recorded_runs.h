@@ -10,21 +10,22 @@
 
 namespace palpate::app {
 
-/// What records keep of a score.
+/// Entry of the records for a scored run.
 RunRecord record_of(const std::string& learner, const TaskFile& task, const ScoredRun& run);
 
-/// Whether records of these learners can be kept there, which are made where there are none.
+/// Checks that runs of these learners can be added to a file of records, which is created if it does not
+/// exist.
 Result<void> check_records(const std::filesystem::path& file, const std::vector<std::string>& learners,
                            Console& console);
 
-/// The page of a learner's runs, or of everybody's (empty), as `palpate records page` writes it.
+/// HTML page of the runs of a learner (empty: of all learners), as written by `palpate records page`.
 Result<std::string> curves_of(const std::filesystem::path& file, const std::string& learner);
 
-/// Adds a run to the records, and tells what there is of the learner's runs of this task, it included.
+/// Adds a run to the records and returns the history of this learner's runs of the task, including this one.
 Result<RunHistory> keep_run(const std::filesystem::path& file, const std::string& learner,
                             const TaskFile& task, const ScoredRun& run);
 
-/// Adds a run to the records, which are made where there are none. @return its number
+/// Adds a run to the records, which are created if they do not exist. @return number of the run
 Result<std::int64_t> record_run(const std::filesystem::path& file, const std::string& learner,
                                 const TaskFile& task, const ScoredRun& run, Console& console);
 

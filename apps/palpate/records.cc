@@ -83,7 +83,7 @@ std::string text_of(const Json& json) {
 int list(const RecordsOptions& options, Console& console) {
   auto records = opened(options);
   if (!records) return console.fail(records.error());
-  // how many runs of a learner's task were in band, one after the other, counted over what is listed
+  // number of consecutive runs in band of each learner and task, within the listed runs
   std::map<std::pair<std::string, std::string>, int> in_a_row;
   if (!options.json)
     std::printf(
@@ -141,7 +141,7 @@ int show(const RecordsOptions& options, Console& console) {
   return kExitOk;
 }
 
-/// All runs that are asked for, each with its metrics. @return how many
+/// Passes each selected run with its metrics to `take`. @return number of runs
 Result<std::size_t> each_run(Records& records, const RunFilter& filter,
                              const std::function<void(const RunRecord&)>& take) {
   std::vector<std::int64_t> ids;
@@ -158,8 +158,9 @@ Result<std::size_t> each_run(Records& records, const RunFilter& filter,
   return ids.size();
 }
 
-/// Writes what is made of all runs that are asked for.
-/// @param take  a run; @param text  what the file is to hold, after the last one
+/// Writes a file about all selected runs.
+/// @param take  called for each run
+/// @param text  content of the file, called after the last run
 int write_runs(const RecordsOptions& options, Console& console,
                const std::function<void(const RunRecord&)>& take, const std::function<std::string()>& text) {
   const auto file = records_file(options.file);
@@ -187,7 +188,7 @@ int export_runs(const RecordsOptions& options, Console& console) {
       [&] { return text; });
 }
 
-/// The page of some runs.
+/// Page about a set of runs.
 class PageOfRuns {
  public:
   void take(const RunRecord& run);
@@ -197,7 +198,8 @@ class PageOfRuns {
   std::map<std::pair<std::string, std::string>, LearnersPage::Task> tasks_;  // by title and hash
 };
 
-// a run on the page of its task's text; figures of a text are in the order of its latest run
+// adds a run to the section of its task's text; the metrics of a text are listed in the order of its latest
+// run
 void PageOfRuns::take(const RunRecord& run) {
   LearnersPage::Task& task = tasks_[{run.task, run.task_hash}];
   task.title = run.task;
@@ -237,7 +239,7 @@ int erase(const RecordsOptions& options, Console& console) {
     return console.fail({ErrorKind::kUsage,
                          "all runs of " + printable_name(options.learner) + " would be gone for good",
                          file->string(), "say --yes; palpate records export keeps a copy"});
-  // a file is not made so as to erase from it
+  // the file must exist: opening it for writing would create it
   if (auto there = Records::open_to_read(*file); !there) return console.fail(there.error());
   auto records = Records::open(*file);
   if (!records) return console.fail(records.error());
@@ -259,7 +261,7 @@ RunRecord record_of(const std::string& learner, const TaskFile& task, const Scor
     std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
     return std::string(text);
   };
-  // what decided how it felt: the model, and what else a recording tells of that
+  // hash of the settings that determine the contact: the model, and the settings stored in the recording
   std::uint64_t settings = kHashSeed;
   hash_word(settings, run.header.model_hash);
   hash_bytes(settings, run.header.feel.data(), run.header.feel.size());
@@ -337,7 +339,7 @@ Result<std::string> curves_of(const std::filesystem::path& asked, const std::str
 
 Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::string& learner,
                             const TaskFile& task, const ScoredRun& scored) {
-  // a curve of more runs than that is another one by now
+  // maximum number of earlier runs compared; older ones belong to another learning curve
   constexpr std::size_t kMaxRuns = 500;
   auto opened = opened_to_add(asked);
   if (!opened) return opened.error();
@@ -356,7 +358,7 @@ Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::strin
     if (run.id < *id && run.in_band) earlier.push_back(run.id);
     return {};
   });
-  // it is kept, whatever becomes of looking at the others
+  // the run has been added, so a failure to list the others is no error
   if (!listed) return history;
   history.runs = static_cast<int>(in_band.size());
   history.in_a_row = runs_in_a_row(in_band);

@@ -28,8 +28,8 @@ const std::map<std::string, ViewFrom> kViews{
 
 struct RenderOptions {
   SceneSource source;
-  std::optional<double> time_s;  ///< the target is a recording, of which this moment is drawn
-  std::string made_with;         ///< target that the recording was made with
+  std::optional<double> time_s;  ///< Time in the recording that is the target; empty: the target is a scene
+  std::string made_with;         ///< Target with which the recording was made
   std::filesystem::path output;
   VolumePictureRequest request;
   std::vector<double> at;
@@ -43,7 +43,7 @@ Error usage(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
 
-/// In letters of any case.
+/// Whether the file ends in .png, ignoring case.
 bool is_named_png(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   for (char& c : extension)
@@ -55,14 +55,15 @@ bool is_animated(const RenderOptions& options) {
   return options.frames && is_named_png(options.output);
 }
 
-/// The source of the drawn scene, which for a recording is what it was made with.
+/// Source of the scene to draw; for a recording, the target with which it was made.
 SceneSource scene_source(const RenderOptions& options) {
   SceneSource source = options.source;
   if (options.time_s) source.target = options.made_with;
   return source;
 }
 
-/// A picture is a file that can be claimed; the folder of an orbit's frames is new, or empty.
+/// Claims the output. A picture is claimed as a file; the folder for the frames of an orbit must be new or
+/// empty.
 Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
   if (!options.frames || is_animated(options)) {
     auto inputs = input_files(scene_source(options));
@@ -84,7 +85,7 @@ Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
   return std::optional<OutputClaim>();
 }
 
-/// The labels of the structures so named.
+/// Labels of the structures with these names.
 Result<std::vector<LabelId>> labels_named(const Model& model, const std::vector<std::string>& names,
                                           const std::string& option) {
   std::vector<LabelId> labels;
@@ -130,7 +131,7 @@ Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
   return look;
 }
 
-/// The pictures one after another, each a turn further.
+/// Requests for the successive pictures, each rotated by a further step.
 std::vector<VolumePictureRequest> requests_of(const RenderOptions& options, const GridGeometry& grid) {
   std::vector<VolumePictureRequest> requests;
   const int count = options.frames.value_or(1);
@@ -162,9 +163,9 @@ Result<void> write_frames(const std::filesystem::path& folder,
   return {};
 }
 
-/// What is drawn: a model, and where a recording is looked at the moment.
+/// Content of the picture: a model, and for a recording its state at the requested time.
 struct Drawn {
-  std::shared_ptr<const Model> model;  ///< as the recording began with
+  std::shared_ptr<const Model> model;  ///< Model at the start of the recording
   std::optional<RecordedMoment> moment;
 
   const Model& shown() const { return moment && moment->left ? *moment->left : *model; }

@@ -24,7 +24,7 @@ struct ReplayOptions {
   ServingOptions serving;
 };
 
-// until somebody ends it
+// shows the recording in the page until it is interrupted
 int show_recording(RecordingSource recording, const LoadedScene& loaded,
                    std::optional<PlayedTaskOptions> task, const ReplayOptions& options, Console& console) {
   const Progress progress = console.progress();

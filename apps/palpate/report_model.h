@@ -8,8 +8,8 @@
 
 namespace palpate::app {
 
-/// The model that a report is written of: how deep a burr got is told below the surfaces that the proxy leans
-/// on. Errors: those of ready_for.
+/// Model for writing a report. If it can be cut it is made ready for the proxy, because the depth of a burr
+/// is reported below the surfaces that the proxy uses. Errors: those of ready_for.
 inline Result<std::shared_ptr<const Model>> report_model(std::shared_ptr<const Model> model,
                                                          const Progress& progress) {
   if (!model->cuts()) return model;

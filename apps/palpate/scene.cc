@@ -20,16 +20,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ---- the data behind a scene --------------------------------------------------------------------
+// ---- input data of a scene ----------------------------------------------------------------------
 
-/// What a scene is made on: a label map, a scan or both.
+/// Input volumes of a scene: a label map, a scan or both.
 struct Data {
   std::optional<ScanFile> scan;
   std::optional<LabelFile> labels;
 
   const GridGeometry* scan_grid() const { return scan ? &scan->scan.geometry() : nullptr; }
   const GridGeometry* labels_grid() const { return labels ? &labels->labels.geometry() : nullptr; }
-  /// Whether every file says how it lies in the patient.
+  /// Whether every file states its orientation in the patient.
   bool oriented() const {
     return (!scan || scan->header.has_geometry) && (!labels || labels->header.has_geometry);
   }
@@ -41,8 +41,8 @@ void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& c
                  " does not say how it lies in the patient: axes are taken as LPS, sides are unknown");
 }
 
-/// Reads what is named, whole, so that a scene is only found good for what can be used.
-/// @param volume  of the scan, where it holds several
+/// Reads the named files completely, so that a scene is accepted only for data that can be used.
+/// @param volume  number of the volume to use as the scan, if the file holds several
 Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> volume,
                        const std::optional<fs::path>& labels, const std::optional<fs::path>& names,
                        const Placing& placing, Console& console) {
@@ -63,7 +63,7 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
   return data;
 }
 
-/// A file that was named without saying what it is.
+/// Reads a file whose kind is not stated.
 Result<Data> read_one(const fs::path& file, std::optional<int> number, const std::optional<fs::path>& names,
                       Console& console) {
   auto volume = read_volume(file, names, console.progress(), console.warn(), VoxelCaching::kOff, number);
@@ -84,8 +84,8 @@ Result<Data> read_one(const fs::path& file, std::optional<int> number, const std
   return data;
 }
 
-/// A scan and labels on two grids are brought onto field_grid(): said with the share of the labels that lie
-/// inside the scan, and an error when that is too little.
+/// Checks scan and labels on different grids, which will be resampled onto field_grid(). Notes the fraction
+/// of the labels inside the scan; an error if it is too small.
 Result<void> compare_grids(const Data& data, const fs::path& labels_file, bool scan_is_cropped,
                            Console& console) {
   if (!data.scan || !data.labels) return {};
@@ -108,17 +108,17 @@ Result<void> compare_grids(const Data& data, const fs::path& labels_file, bool s
 // ---- scene new ----------------------------------------------------------------------------------
 
 struct NewOptions {
-  std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
+  std::vector<std::string> files;  ///< Positional arguments: LABELS, or SCAN LABELS
   std::string scan, labels, side, modality, title, law, output;
   std::optional<fs::path> names;
   std::optional<int> volume;
   bool force = false;
   bool embed = false;
-  bool one_file = false;  ///< named without saying what it is
+  bool one_file = false;  ///< Whether a single file was given whose kind is not stated
 };
 
-/// The positional files take the places that --scan and --labels leave; two are a scan and its label map in
-/// either order.
+/// Assigns the positional files to scan and labels that --scan and --labels leave open; two files are a scan
+/// and its label map in either order.
 Result<void> assign_files(NewOptions& options) {
   if (options.files.size() == 2 && options.scan.empty() && options.labels.empty()) {
     auto files = identify_scan_and_labels(options.files[0], options.files[1], options.names);
@@ -148,7 +148,8 @@ Result<void> assign_files(NewOptions& options) {
   return {};
 }
 
-/// A scene file holds a person's work: none is replaced unasked, and the data never.
+/// Claims the output. A scene file contains manual work, so an existing one is not replaced without --force,
+/// and the input data never.
 Result<std::optional<OutputClaim>> check_new_output(const NewOptions& options) {
   using Claim = std::optional<OutputClaim>;
   if (options.output.empty()) return Claim();
@@ -165,7 +166,7 @@ Result<std::optional<OutputClaim>> check_new_output(const NewOptions& options) {
   return Claim(*std::move(claimed));
 }
 
-/// The structures whose names suggest no preset, in one line: what is left for a person to fill in.
+/// Notes the structures whose names suggest no preset, in one line: they remain for the user to fill in.
 void note_without_preset(const Scene& scene, Console& console) {
   constexpr std::size_t kNamed = 12;
   std::size_t all = 0, unknown = 0;
@@ -173,7 +174,7 @@ void note_without_preset(const Scene& scene, Console& console) {
   for (const TissueSettings& tissue : scene.tissues) {
     all += tissue.labels.size();
     if (tissue.felt) continue;
-    // a tissue of one structure is called after it; what would be too many tissues is one of many
+    // structures are listed instead of tissues, because a tissue may combine many of them
     for (const LabelReference& label : tissue.labels) {
       if (++unknown > kNamed) continue;
       const auto* number = std::get_if<int>(&label);
@@ -193,7 +194,7 @@ void note_without_preset(const Scene& scene, Console& console) {
                  " structures suggest no preset and are not felt yet: " + names);
 }
 
-/// Under a law by which tissue yields, something should.
+/// Warns if the law deforms tissue but no tissue is deformable.
 void warn_if_nothing_yields(const Scene& scene, Console& console) {
   if (scene.yielding.law == TissueLaw::kLayers) return;
   if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
@@ -203,7 +204,8 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
         "one");
 }
 
-/// Of what yields the modulus decides: a stiffness written beside a preset is felt by the other laws alone.
+/// Warns of a stiffness that has no effect: deformable tissue is rendered from its modulus, and the
+/// stiffness given with its preset is used by the other laws only.
 void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
   if (!is_elastic(scene.yielding.law)) return;
   for (const TissueSettings& tissue : scene.tissues) {
@@ -221,8 +223,8 @@ void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
   }
 }
 
-/// Of a study the volume that its segmentation was made on, and the segmentation where it stands in the
-/// study's folder.
+/// Selects the volume of a study on which its segmentation was made, and the segmentation if it lies in the
+/// folder of the study.
 Result<void> match_study(NewOptions& options, Console& console) {
   if (options.labels.empty()) return {};
   const std::string& scan = options.one_file ? options.labels : options.scan;
@@ -240,7 +242,7 @@ Result<void> match_study(NewOptions& options, Console& console) {
   return {};
 }
 
-/// What was said of the files stands in the scene, so that they are read as they were the next time.
+/// Stores the placement options in the scene, so that its files are read in the same way the next time.
 void say_placing(const Placing& placing, NewSceneInput& input) {
   input.image_spacing_mm = placing.image_spacing_mm;
   if (placing.nifti_form)
@@ -289,7 +291,7 @@ int run_new(NewOptions options, Console& console) {
   if (data->labels) {
     input.label_map = &data->labels->labels;
     input.names_from = words_of(data->labels->name_source);
-    // named in the scene, so that it does not depend on what else comes into the folder
+    // the table of names is stored in the scene, which is then independent of other files in the folder
     if (!input.names) input.names = data->labels->names_table;
     console.note(origin_of_names(*data->labels));
   }
@@ -313,7 +315,8 @@ int run_new(NewOptions options, Console& console) {
   return kExitOk;
 }
 
-/// A positional's own words stand in the line "Usage:", where CLI11 would write "[files(0x)]".
+/// Formatter that prints the description of a positional in the usage line, where CLI11 would print
+/// "[files(0x)]".
 class UsageInWords : public CLI::Formatter {
  public:
   std::string make_option_usage(const CLI::Option* option) const override {
@@ -322,7 +325,7 @@ class UsageInWords : public CLI::Formatter {
   }
 };
 
-/// The words of an enumeration that has kUnknown, without that one.
+/// Names of an enumeration, without that of kUnknown.
 template <class Enum, std::size_t N>
 std::vector<std::string> known_names(const std::array<Word<Enum>, N>& words) {
   std::vector<std::string> names;
@@ -386,7 +389,7 @@ std::string display_name(const Segment& segment) {
   return segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name;
 }
 
-/// What a direct method can give in a tissue that is thick enough.
+/// Greatest force of a direct method in a tissue of sufficient thickness.
 double max_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeometry& grid) {
   if (!tissue.felt) return 0;
   if (scene.preparation.method == PreparationMethod::kUnionGaussian)
@@ -398,8 +401,8 @@ double max_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeom
   return std::min(tissue.stiffness_N_per_mm * kDeepestRamp_mm, width_mm ? stiffest * *width_mm : 0);
 }
 
-/// A row for each tissue: what it feels like and what it is made of. Where the workspace makes the felt
-/// stiffness s g K another than the tissue's K, it gets a column.
+/// Prints a row for each tissue with its contact properties and labels. If the workspace makes the rendered
+/// stiffness s g K differ from the stiffness K of the tissue, it has a column of its own.
 void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
                    const GridGeometry& grid) {
   std::size_t width = 6;
@@ -433,7 +436,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
     std::printf("at most N: in the patient; at the device %g times as much\n", scene.workspace.force_gain);
 }
 
-/// The side as the program takes it.
+/// Side of the patient as interpreted by the program.
 std::string side_text(const Scene& scene, const Data& data) {
   if (scene.side != Side::kUnknown) return std::string(name_of(scene.side, kSides));
   if (!data.oriented()) return "unknown";
@@ -443,7 +446,7 @@ std::string side_text(const Scene& scene, const Data& data) {
   return "unknown; say side = \"left\", \"right\" or \"both\"";
 }
 
-/// What the methods but the proxy read.
+/// Prints the field settings, which all methods except the proxy use.
 void print_preparation(const PreparationSettings& preparation, double width_mm) {
   const int bits = preparation.storage == FieldStorage::k8Bit ? 8 : 16;
   if (preparation.method == PreparationMethod::kInwardRamp)
@@ -461,7 +464,7 @@ void print_yielding(const YieldingSettings& yielding) {
   std::printf("\n");
 }
 
-/// Of every tissue that does: "muscle: 30 % in 0.5 s, 20 % in 5 s".
+/// Prints the relaxation of each relaxing tissue: "muscle: 30 % in 0.5 s, 20 % in 5 s".
 void print_relaxations(const Scene& scene) {
   if (!is_elastic(scene.yielding.law)) return;
   const char* title = "relaxes";
@@ -480,7 +483,7 @@ void print_relaxations(const Scene& scene) {
   }
 }
 
-/// How the device's reach lies in the patient, where the scene says anything of it.
+/// Prints the name and shape of a tool.
 void print_tool(const char* what, const Tool& tool) {
   std::printf("%-10s %s, ", what, tool.name.c_str());
   if (tool.burr)
@@ -506,8 +509,8 @@ void print_workspace(const WorkspaceSettings& workspace) {
   if (workspace.clutch_button >= 0) std::printf("clutch     button %d\n", workspace.clutch_button);
 }
 
-/// A Gaussian narrower than a voxel leaves the steps between voxels in what is felt. A ramp on the scan has
-/// no such steps, and may do without.
+/// Warns of a Gaussian narrower than a voxel, which does not smooth the steps between voxels. A ramp on the
+/// scan has no such steps and may do without smoothing.
 void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console) {
   if (scene.preparation.method != PreparationMethod::kUnionGaussian &&
       scene.force.method != ForceMethod::kSmoothSphere)
@@ -526,7 +529,7 @@ void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console
   console.warn()(text);
 }
 
-/// Structures that no tissue takes, and optional labels that the map does not have.
+/// Prints the structures that belong to no tissue, and optional labels that the map does not have.
 void print_left_over(const Scene& scene, const LabelMap& labels,
                      const std::vector<std::vector<LabelId>>& ids) {
   std::set<LabelId> taken;
@@ -553,7 +556,7 @@ int run_check(const std::string& file, Console& console) {
   const auto scene = load_scene(file);
   if (!scene) return console.fail(scene.error());
 
-  // the files behind it
+  // input files of the scene
   const auto resolved = [&](const std::optional<fs::path>& named) {
     return named ? std::optional(scene->resolve(*named)) : std::nullopt;
   };
@@ -584,7 +587,7 @@ int run_check(const std::string& file, Console& console) {
     return console.fail(error);
   }
 
-  // what it says
+  // contents of the scene
   std::printf("%s: a valid scene\n", file.c_str());
   if (!scene->title.empty()) std::printf("title      %s\n", scene->title.c_str());
   std::printf("side       %s\n", side_text(*scene, *data).c_str());

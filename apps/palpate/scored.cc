@@ -22,7 +22,7 @@ std::string hexadecimal(std::uint64_t hash) {
   return text;
 }
 
-// the seed in a data set's name
+// seed in the name of a data set
 std::uint64_t seed_in(const std::string& data_set) {
   constexpr std::string_view kKey = "seed=";
   for (std::size_t at = data_set.find(kKey); at != std::string::npos; at = data_set.find(kKey, at + 1))
@@ -31,14 +31,14 @@ std::uint64_t seed_in(const std::string& data_set) {
   return 0;
 }
 
-// as a catalogue has it, whatever the order of its parameters
+// canonical name in the catalogue, independent of the order of parameters
 std::string canonical_name(const std::string& data_set) {
   const auto phantom =
       is_phantom_name(data_set) ? parse_phantom(data_set) : Result<PhantomParameters>(Error{});
   return phantom ? phantom_name(*phantom) : data_set;
 }
 
-// of those that palpate brings along; by its name and its text
+// whether a task is built in, by its name and text hash
 bool is_brought_along(const std::string& name, std::uint64_t hash) {
   const EmbeddedFile* file = find_file(embedded_tasks(), name + ".toml");
   if (file == nullptr) return false;
@@ -50,7 +50,7 @@ bool is_brought_along(const std::string& name, std::uint64_t hash) {
 
 RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set) {
   const TaskFile& file = task.file;
-  // a file's name may be a patient's, and stays where the file is
+  // the name of a file may identify a patient and is not stored
   RecordedTask recorded{
       is_brought_along(task.name, file.text_hash) ? task.name : file.title, file.text_hash, {}};
   const std::uint64_t seed = seed_in(data_set);
@@ -89,7 +89,7 @@ bool is_run_of_task(const RecordingHeader& header, const std::string& asked, con
 Result<OfferedTask> offered_task(const std::string& name_or_file) {
   auto task = load_task(name_or_file);
   if (!task) return task.error();
-  // a file's name may be a patient's, and a task's name is told to viewers
+  // the name of a file may identify a patient, and viewers receive the name of the task
   const std::string name = std::filesystem::path(name_or_file).stem().string();
   return OfferedTask{is_brought_along(name, task->text_hash) ? name : "task", *std::move(task)};
 }

@@ -12,23 +12,23 @@
 
 namespace palpate::app {
 
-/// A run with the header of its recording.
+/// A scored run with the header of its recording.
 struct ScoredRun {
   std::filesystem::path recording;
   RecordingHeader header;
   TaskScore score;
-  std::uint64_t run_hash = 0;  ///< of the recording; 0: it was cut short
+  std::uint64_t run_hash = 0;  ///< Hash of the recorded run; 0: the recording is incomplete
 };
 
-/// Scores recordings by a task, one after the other; what they share is loaded once.
+/// Scores recordings by a task, one after the other; the scene that they share is loaded once.
 class Scorer {
  public:
   /// @param source  scene of recordings that name no data set; its target may be empty
-  /// @param ticks   of each recording that are scored
+  /// @param ticks   range of ticks of each recording to score
   Scorer(TaskFile task, SceneSource source, TickRange ticks = {})
       : task_(std::move(task)), source_(std::move(source)), ticks_(ticks) {}
 
-  /// Errors name the recording or the task's line.
+  /// Scores a recording. Errors name the recording or the line of the task.
   Result<ScoredRun> score(const std::filesystem::path& recording, Console& console);
   const TaskFile& task() const { return task_; }
 
@@ -36,45 +36,48 @@ class Scorer {
   TaskFile task_;
   SceneSource source_;
   TickRange ticks_;
-  std::string loaded_;  // data set
+  std::string loaded_;  // Data set of `model_`
   std::shared_ptr<const Model> model_;
   std::optional<TaskInScene> in_scene_;
 };
 
-/// A task of palpate task list, or a file, by the name that viewers know it by.
+/// Loads a task by its name in `palpate task list` or from a file, with the name under which viewers list
+/// it.
 Result<OfferedTask> offered_task(const std::string& name_or_file);
 
-/// What a recording is to say of its task. @param data_set  in which it is done
+/// Task description to be stored in a recording. @param data_set  data set of the run
 RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set);
-/// The task that a recording is looked at by: the one that is asked for, of which a recording that says
-/// another is told; else the one that the recording says. Errors: those of load_task, kUsage where the
-/// recording says none, or one of a file of the user's.
-/// @param asked  --task, empty: nobody asked for one
+/// Task by which a recording is scored: the requested one, with a warning if the recording names another;
+/// otherwise the one that the recording names. Errors: those of load_task; kUsage if the recording names no
+/// task, or one that is not built in.
+/// @param asked  value of --task; empty: not given
 Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& asked,
                                       const std::filesystem::path& recording, Console& console);
 
-/// Whether a recording is shown as a run of a task without being asked: where it says one that palpate brings
-/// along and all of it is that run, as by a simulated hand, or ticks are given. A person begins a run in the
-/// middle. @param asked  --task; where it is given it is
+/// Whether a recording is shown as a run of a task without a request. It is if it names a built-in task and
+/// is that run as a whole, as with a simulated hand, or if a range of ticks is given. A person starts a run
+/// in the middle of a session.
+/// @param asked  value of --task; if given, the result is true
 bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks);
 
-/// A task in the model that a recording began with, whose surfaces are made where patches lie on them.
+/// Resolves a task in the model with which a recording began. The surfaces are computed if the task has
+/// patches on them.
 Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
                                       const Progress& progress);
 
-/// --from-tick and --to-tick.
+/// Adds --from-tick and --to-tick.
 void add_tick_options(CLI::App& verb, TickRange& ticks);
-/// The one that --from-tick after --to-tick is.
+/// Error for a --from-tick after --to-tick.
 Error ticks_in_reverse();
 
-/// What is not known is null.
+/// JSON number; null for an unknown value.
 Json number_or_null(double value);
 Json number_or_null(const std::optional<double>& value);
 
-/// A score in text. @param name  of the run
+/// Prints a score as text. @param name  name of the run
 void print_score(const TaskFile& task, const TaskScore& score, const std::string& name);
 
-/// A score as `palpate task score --json` writes it.
+/// JSON of a score, as written by `palpate task score --json`.
 Json json_of(const TaskFile& task, const ScoredRun& run);
 
 }  // namespace palpate::app

@@ -57,7 +57,7 @@ Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptio
     ++settings.port;
     auto next = ViewerServer::start(host, settings);
     if (next) console.note("port " + std::to_string(kViewerPort) + " is taken");
-    // of an address that cannot be had the first error tells
+    // if the address itself is unavailable, the error of the first attempt is returned
     if (next) return next;
   }
   return server;

@@ -11,21 +11,22 @@
 #include "palpate/link/viewer_server.h"
 #include "verb.h"
 
-/// What the verbs share that serve the page.
+/// Shared by the verbs that serve the page.
 namespace palpate::app {
 
 struct ServingOptions {
-  std::optional<int> port;  ///< empty: kViewerPort, or the next that is free
+  std::optional<int> port;  ///< Port; empty: kViewerPort, or the next free one
   ViewerServerOptions viewers;
 };
 void add_serving_options(CLI::App& verb, ServingOptions& options);
 
-/// Faults of viewers, on their way from the server's thread to the terminal. A terminal that is held (Ctrl-S)
-/// or a full pipe must hold neither the server nor who looks for keys.
+/// Queue for messages about faults of viewers, from the thread of the server to the terminal. A stopped
+/// terminal (Ctrl-S) or a full pipe must block neither the server nor the thread that polls the keys.
 class FaultLines {
  public:
   void put(const std::string& line);
-  /// One at most: what a terminal takes without waiting is not known to be more.
+  /// Prints at most one message, because a terminal that is ready for output may not take more without
+  /// blocking.
   void show_next(Console& console);
 
  private:
@@ -34,8 +35,8 @@ class FaultLines {
   std::deque<std::string> lines_;
 };
 
-/// At the port that was asked for; without one at the usual one, or at one of those after it.
-/// @param faults  outlives the server
+/// Starts the server at the requested port; without one at the default port, or at the next free one.
+/// @param faults  must outlive the server
 Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptions& options, Console& console,
                                             FaultLines& faults);
 

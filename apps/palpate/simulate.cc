@@ -26,14 +26,14 @@ struct SimulateOptions {
   std::string task;
 };
 
-// where a run is written; empty: not at all
+// output files of a run; empty: not written
 struct Outputs {
   std::filesystem::path recording, report;
   std::vector<OutputClaim> claims;
 };
 
-// Checked before any work. A report is made from a recording: without a name for it, it stands beside the
-// report, and does not replace what it was not told to replace.
+// Determines and claims the outputs before any work. A report is made from a recording: if no recording is
+// named, it is written next to the report, and then replaces no existing file.
 Result<Outputs> outputs_of(const SimulateOptions& options) {
   Outputs outputs{options.recording.value_or(""), options.report.value_or(""), {}};
   const bool derived = !outputs.report.empty() && outputs.recording.empty();
@@ -90,7 +90,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   simulation.rate_hz = options.rate_hz;
   simulation.method = options.method;
   if (task) simulation.task = recorded_task(*task, loaded->data_set);
-  // an interrupted run has a recording once the hand has found its ways
+  // a run that is interrupted after planning leaves a recording
   const auto written = [&] {
     std::error_code none;
     return std::filesystem::last_write_time(outputs->recording, none);

@@ -26,7 +26,7 @@ struct TaskOptions {
   TickRange ticks;
 };
 
-// by which all of the recordings are scored: the one that is asked for, else the one that they say
+// task by which all recordings are scored: the requested one, otherwise the one that they name
 Result<TaskFile> task_of_runs(const TaskOptions& options, Console& console) {
   std::optional<TaskFile> task;
   for (const auto& recording : options.recordings) {

@@ -5,8 +5,8 @@
 #include "apps/command/console.h"
 #include "apps/command/options.h"
 
-/// The verbs of palpate, a file each. A verb adds its subcommand to the application and, when the command
-/// line chooses it, leaves in `run` the function that does its work.
+/// The verbs of palpate, one file each. Each function adds a subcommand to the application. If the command
+/// line selects it, the callback stores in `run` the function that performs the work.
 namespace palpate::app {
 
 void add_info(CLI::App& app, Run& run);

@@ -22,7 +22,7 @@ constexpr const char* kExamples =
     "\n"
     "Research and education, not for clinical use.";
 
-// what people type who know other programs
+// commands of other programs, with the corresponding command of palpate
 constexpr OtherWord kOtherWords[] = {
     {"import", "palpate scene new SCAN LABELS -o scene.toml"},
     {"new", "palpate scene new SCAN LABELS -o scene.toml"},

@@ -83,7 +83,7 @@ TEST(Verbs, ACompanionIsNoVerbOfTheLibrary) {
     EXPECT_THAT(missing.err, HasSubstr("palpate-verify"));
     EXPECT_THAT(missing.out, IsEmpty());
   }
-  // a word after another verb names no companion
+  // the name of a companion program has no effect after another verb
   EXPECT_EQ(run_here({"info", "verify"}).code, 1);
 }
 

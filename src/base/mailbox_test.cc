@@ -81,7 +81,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
 }
 
 TEST(Mailbox, AWriterThatDiesHalfWayHoldsTheReaderUpByNothing) {
-  // so large that the writer is nearly always interrupted within a post
+  // large enough that the writer is nearly always interrupted within a post
   using Large = Letter<32 * 1024>;
   struct Scene {
     Mailbox<Large> mailbox;

@@ -97,7 +97,7 @@ TEST(Snapshot, IsNeverTornAndNeverOlder) {
   RecordProperty("failed_tries", std::to_string(failures));
 }
 
-// so large that a process is nearly always stopped within a copy
+// large enough that a process is nearly always stopped within a copy
 using Large = Block<32 * 1024>;
 struct LargeScene {
   Snapshot<Large> snapshot;

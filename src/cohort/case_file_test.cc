@@ -142,7 +142,7 @@ TEST(CaseFile, ItsKeyFollowsRolesNamesTablesAndHeadersData) {
   put("data/second.tsv", "value\tname\n");
   const std::string two = key();
   EXPECT_NE(two, named);
-  // of the cohort's own table only the presence counts
+  // the content of the cohort's own table does not enter the key, only its presence
   one.table = folder / "data/second.tsv";
   const std::string own = key();
   put("data/second.tsv", "study\na.nii\nb.nii\n");

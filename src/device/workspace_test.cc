@@ -294,7 +294,7 @@ TEST(Workspace, AClutchThatCannotBePressedIsNone) {
   EXPECT_EQ(mapping.to_world(at(Point<Device>(), 1u << 31), 0).status, kDeviceClutched);
 }
 
-// ---- what is carried ----
+// ---- pass-through ----
 
 TEST(Workspace, CarriesFaultButtonsGripperAndWhatIsUnknown) {
   WorkspaceSettings settings;

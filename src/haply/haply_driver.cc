@@ -367,7 +367,7 @@ class HaplyDriver::Core {
       return true;
     }
     broken_ = 0;
-    // of several pending requests only the reply to the last one is current
+    // with several pending requests only the reply to the last one is current
     if (outstanding_ > 0) return false;
     zero_asked_ = false;
     const bool braked = last_message_ns_ < braked_until_ns_.load();

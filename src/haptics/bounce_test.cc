@@ -37,7 +37,7 @@ struct Falling {
       std::copy_backward(seen_mm.begin(), seen_mm.end() - 1, seen_mm.end());
       seen_mm[0] = read_mm;
       const double asked_N = stiffness_N_per_mm * std::max(0.0, wall_mm - read_mm);
-      const double acting_N = sent_N;  // of the previous tick
+      const double acting_N = sent_N;  // force commanded in the previous tick
       if (asked_N > 0 && n > 10) {
         const double max_N =
             limit_rebound_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01, step_mm,

@@ -555,7 +555,7 @@ class ProxyUpdate {
     const double behind_mm = behind.norm();
     const bool stuck = state_.sticking;
     state_.sticking = behind_mm <= (stuck ? still : sliding) / all_mm * depth_mm;
-    // what static friction releases beyond kinetic friction is exempt from the displacement limit
+    // the distance released when static friction changes to kinetic is exempt from the displacement limit
     if (stuck && !state_.sticking) limit_.length_mm = leash_mm_ + (still - sliding) / all_mm * depth_mm;
     if (state_.sticking) return nearest.point + behind;
     return nearest.point + behind * (sliding / all_mm * depth_mm / behind_mm);

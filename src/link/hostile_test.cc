@@ -364,8 +364,8 @@ TEST_F(HostileTest, AStopStops) {
   EXPECT_FALSE(test.host.state().stop);
 }
 
-// clients that neither say hello nor close occupy places for a while, but never so many that others are
-// locked out
+// clients that neither send a hello nor close take up connections for a while, but too few to lock out
+// others
 TEST_F(HostileTest, ViewersThatNeverAnswer) {
   std::vector<std::unique_ptr<TestViewer>> silent;
   for (int n = 0; n < 300; ++n) silent.push_back(std::make_unique<TestViewer>(test.port()));

@@ -78,7 +78,7 @@ TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm + 2), 2, 0.7);
 }
 
-// soft, hard and soft again, with so many stiffness levels that some share a layer
+// soft, hard and soft again, with more stiffness levels than layers
 TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
   for (const double factor : {1.05, 1.2, 2.0}) {
     Model model = *loaded_ball(kShell_mm).model;

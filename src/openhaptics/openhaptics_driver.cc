@@ -179,7 +179,7 @@ Error refused(const hd::Library& library, unsigned code, const std::string& wher
           where, cure};
 }
 
-/// Of a device's calibration styles, the one that needs the least manual action.
+/// Calibration style of a device that needs the least manual action, out of those it supports; 0: none.
 int style_of(int styles) {
   for (const int style : {hd::kAuto, hd::kInkwell, hd::kEncoderReset})
     if (styles & style) return style;

@@ -192,7 +192,7 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
   // places with a free segment: along the normal if any is free, otherwise tilted
   const Stretch stretch(model, free_space, structure, wish.clearance_mm);
   const double apart_mm = anywhere ? kApart_mm : kApartByWish_mm;
-  const NoGoRegion* no_go = nullptr;  // that keeps the tool away from places with a free way
+  const NoGoRegion* no_go = nullptr;  // last region that excludes a place with a free path
   const auto add = [&](const SurfacePoint& surface, const Vector<Patient>& from) {
     auto place = stretch.along(surface, from);
     if (place)

@@ -100,7 +100,7 @@ HWY_INLINE VI load_each(const void* const* cells, std::ptrdiff_t beyond) {
 struct Two {
   VF b, e;
 };
-/// Those two voxels, and the ones before and after them, as floats.
+/// The two voxels of a row on either side of the point and their outer neighbours, as floats.
 struct Four {
   VF a, b, e, f;
 };

@@ -203,7 +203,7 @@ TEST(ParseTask, DrawsBySeedWithinTheRange) {
     EXPECT_LE(std::stod(number), 8);
   }
   EXPECT_THAT(words, ElementsAre("femur", "tibia"));
-  EXPECT_GE(values.size(), 58u);  // of 61 possible values
+  EXPECT_GE(values.size(), 58u);  // 61 values are possible
   EXPECT_TRUE(values.contains("2.1"));
 }
 

@@ -99,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(Rates, PacerAt,
 
 TEST(Pacer, StopsWithinAPeriodInsteadOfTicking) {
   std::atomic<bool> stop = false;
-  // so slow that only the flag can end it, however late the other thread is
+  // a period long enough that only the flag can end it, however late the other thread is
   Pacer pacer(1, 0, stop);
   EXPECT_FALSE(pacer.stopped());
   std::thread stopper([&] {

@@ -324,7 +324,7 @@ TEST(BurrScene, InLayersItTellsHowNearTheHeadItselfCame) {
   for (Tissue& tissue : model.tissues)
     tissue.cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
   model.tissues[0].protection = Protection::kAlarm;
-  // so soft that the device's force reaches the bone
+  // soft enough that the force of the device reaches the bone
   model.tissues[1].stiffness_N_per_mm = 0.3;
   loaded.model = std::make_shared<const Model>(std::move(model));
   const Script script = parse_script(

@@ -45,7 +45,7 @@ struct Session {
   bool asks_here;
 };
 
-/// What the last status displayed: a key may only answer what the user has been shown.
+/// Contents of the last displayed status: a key may only answer what the user has been shown.
 struct Shown {
   std::uint32_t stop = 0;
   std::uint64_t question = 0;

@@ -126,8 +126,8 @@ class Carved {
         X_PatientVoxel_(grid_.X_PatientVoxel()),
         step_mm_(made.steps().scale),
         far_(made.steps().outside),
-        // of two neighbouring voxels on opposite sides of a surface, at least one is within this distance of
-        // it
+        // width of the band around a surface that contains at least one of any two neighbouring voxels on
+        // opposite sides of it
         band_mm_(grid_.spacing_mm.norm()),
         changing_(reached(made, sweeps)),
         read_(changing_.grown(voxels_in(reach_mm() + band_mm_)).clipped(whole(grid_))) {

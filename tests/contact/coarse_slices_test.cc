@@ -44,9 +44,9 @@ Body body_of(const GridGeometry& grid, double radius_mm,
 }
 
 struct Slide {
-  double ripple = 0;  ///< of the force, peak to peak over the mean
+  double ripple = 0;  ///< Ripple of the force: peak to peak over the mean
   double mean_N = 0;
-  double behind_mm = 0;  ///< most that the proxy was aside of the tip
+  double behind_mm = 0;  ///< Maximum lateral distance of the proxy from the tip
 };
 
 // A tip that is led at an even depth along the steepest line of a plane.

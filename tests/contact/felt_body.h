@@ -26,7 +26,7 @@ struct Body {
   std::vector<ContactSurface> surfaces;
 
   bool is_felt(LabelId label) const { return model->is_felt(label); }
-  /// Those of a layer that a tool meets that has gone through nothing.
+  /// Whether a surface belongs to a layer and is in contact with a tool that has punctured nothing.
   bool is_met(const ContactSurface& felt, int layer = 0) const {
     return felt.surface != nullptr && felt.beneath < 0 && felt.layer == layer;
   }
@@ -95,7 +95,7 @@ inline Model model_of(const LabelMap& map,
   return model;
 }
 
-// what a scene proposes to feel, by the names of the structures
+// stiffness that a proposed scene gives a structure, by its name; empty: not felt
 inline std::optional<double> as_proposed(const Segment& segment) {
   const TissuePreset* preset = match_preset(segment.name).preset;
   if (preset == nullptr || !preset->values.felt) return {};

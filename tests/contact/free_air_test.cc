@@ -29,13 +29,14 @@ constexpr unsigned kFreeAirSeed = 49;
 constexpr double kDt_s = 0.001, kPress_N = 8, kStep_mm = 0.02;
 constexpr int kHold_ticks = 700;
 constexpr double kFar_mm = 12, kDeepest_mm = 12, kAside_mm = 30;
-constexpr double kFree_mm = 1;    // of all that is felt, beyond the radius
-constexpr double kLeft_N = 0.02;  // that no hand feels
-constexpr double kJump_N = 0.02;  // in a tick, beyond the stiffness times the hand's way
-// of all layers together; a place where no wall shows the way has given 0.024 N
+constexpr double kFree_mm = 1;    // clearance from every touchable structure, beyond the radius of the tool
+constexpr double kLeft_N = 0.02;  // residual force below the threshold of perception
+constexpr double kJump_N = 0.02;  // change of the force in a tick beyond stiffness times displacement of the
+                                  // tip
+// limit for all layers together; a place where no contact constrains the path has given 0.024 N
 constexpr double kMaxJump_N = 0.03;
 constexpr double kRounding_N = 1e-9;
-constexpr double kSunk_mm = 0.1;  // a way is not free that lies deeper
+constexpr double kSunk_mm = 0.1;  // a path deeper than this is not free
 // one tick of the slip law
 constexpr double kSlip_N = kProxyFeel.max_slip_N_per_s * kDt_s;
 
@@ -108,7 +109,7 @@ class FreeAirPress {
   bool is_free() const {
     return state_.contacts == 0 && (state_.position - tip_).norm() <= kProxyFeel.arrived_mm;
   }
-  // whether nothing lies between the beginning and the tip
+  // whether the straight path from the start to the tip is free
   bool is_straight_way() const {
     const Vector<Patient> way = tip_ - start_;
     for (double at_mm = 0; at_mm < way.norm(); at_mm += 0.1)
@@ -138,11 +139,12 @@ class FreeAirPress {
     begun_ = true;
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     figures_.jumps += jump_N > kJump_N;
-    // what gives force within while nothing is touched outside
+    // unexplained force: no contact of the outer layer, no force of an inner layer, no release
     figures_.untold += result_.force_N != Vector<Patient>() && state_.contacts == 0 &&
                        within_N(result_) == 0 && result_.release.force_N == Vector<Patient>();
     figures_.within_while_free += is_free() && within_N(result_) > 0;
-    // a release falls by the whole of what may slip, but for what is let go besides
+    // a releasing force decreases by the full slip limit per tick, unless a layer is released in the same
+    // tick
     const double released_N = result_.release.force_N.norm();
     figures_.max_released_N = std::max(figures_.max_released_N, released_N);
     const double expected_N = std::max(0.0, before.release.force_N.norm() - kSlip_N);
@@ -154,7 +156,7 @@ class FreeAirPress {
     }
   }
 
-  // whether a layer that gave force gives none any more
+  // whether a layer has stopped giving force
   static bool has_let_go(const ProxyResult& before, const ProxyResult& now) {
     for (std::size_t n = 0; n < kMaxLayers; ++n)
       if (before.of_layer[n].force_N != Vector<Patient>() && now.of_layer[n].force_N == Vector<Patient>())
@@ -162,7 +164,7 @@ class FreeAirPress {
     return false;
   }
 
-  // of all layers but the outermost
+  // force of all layers except the outermost
   static double within_N(const ProxyResult& result) {
     double all_N = 0;
     for (const ProxyForce& layer : std::span(result.of_layer).subspan(1)) all_N += layer.force_N.norm();

@@ -22,7 +22,8 @@ using test::in_ci;
 using test::shared_file;
 
 constexpr LabelId kFemur = 95, kTibia = 96, kPatella = 98;
-constexpr double kAround_mm = 18;  // of the knee around the gaps: what lies farther is not felt
+constexpr double kAround_mm = 18;  // margin of the knee around the gaps; what lies farther away is not
+                                   // touchable
 constexpr double kRate_hz = 1000, kDelay_s = 1e-3;
 constexpr double kIntoWalls_mm = 2, kBeside_mm = 1.5;
 
@@ -31,13 +32,13 @@ double grid_mm() {
   return asked != nullptr ? std::atof(asked) : 1;
 }
 
-/// A gap by a voxel in its middle, as it is known, and the bones beside it.
+/// A gap, given by a voxel in its middle, and the bones on either side.
 struct Gap {
   const char* name;
   std::array<int, 3> voxel;  // i, j, k of the whole knee
   LabelId one, other;
   double wide_mm;
-  double value, give;  // of 255: what the union leaves there
+  double value, give;  // field value of the union in the gap, out of 255, and its tolerance
 };
 constexpr Gap kGaps[] = {{"femur-tibia", {238, 272, 43}, kFemur, kTibia, 3.7, 50, 3},
                          {"femur-patella", {271, 345, 72}, kFemur, kPatella, 2.0, 102, 4}};
@@ -187,13 +188,13 @@ TEST_F(KneeGaps, TheUnionLeavesValuesBetweenBones) {
   }
 }
 
-/// What was found at many places. A tip that still slides along a wall is restless too, but takes energy in;
-/// a limit cycle gives out what the hand's damping takes.
+/// Summary of held tips at many places. A tip that still slides along a surface is restless too, but takes
+/// energy in; a limit cycle releases the energy that the damping of the hand absorbs.
 struct Scan {
   int places = 0, touching = 0, restless = 0, cycling = 0;
   HeldTip worst;
   Point<Patient> where;
-  double max_energy_mJ = 0;  ///< given out where the tip was restless
+  double max_energy_mJ = 0;  ///< Energy released where the tip was restless
 
   void add(const HeldTip& held, const Point<Patient>& at) {
     ++places;
@@ -207,8 +208,8 @@ struct Scan {
   }
 };
 
-// The hand comes from the middle, which is free, and rests at the place; pressing, so much farther that it
-// gives `press_N` where a wall holds it there.
+// The simulated hand starts in the middle, which is free, and rests at each place. Pressing, its goal lies
+// farther outward by the distance at which it gives `press_N` if a contact holds the tip at the place.
 Scan scan(const Bones& bones, std::size_t gap, Hold hold, double press_N) {
   Scan result;
   const Point<Patient>& middle = bones.middle[gap];

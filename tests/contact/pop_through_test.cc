@@ -24,12 +24,13 @@ using test::shared_file;
 constexpr unsigned kSeed = 5;
 const Eigen::Vector3d kVoxel_mm(0.277, 0.277, 1.0);
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-// of each the menisci alone: preparing takes most of the time, and the others meet no other code
+// only the menisci of each knee: preparation takes most of the time, and the other structures run no other
+// code
 constexpr bool kMenisciAlone = true;
 #else
 constexpr bool kMenisciAlone = false;
 #endif
-constexpr int kKnees = 2, kStructures = kMenisciAlone ? 2 : 7;  // of each: menisci; cartilages, the patella
+constexpr int kKnees = 2, kStructures = kMenisciAlone ? 2 : 7;  // per knee: menisci; cartilages and patella
 constexpr double kMost_N = 8.5;
 constexpr double kFastest_mm = 0.5;  // a tick of 1 ms: half a metre a second
 constexpr double kWidest_mm = 3;     // the tool's radius
@@ -48,7 +49,7 @@ int press_count() {
   return asked != nullptr ? std::atoi(asked) : kDefault;
 }
 
-// of every structure; the labels are taken anew for each
+// random rotations of each structure, whose labels are resampled for each
 int turn_count() {
   constexpr int kFew = 100'000;
   return press_count() < kFew ? 1 : 4;
@@ -212,7 +213,7 @@ class Press {
     return target - inward * to_go_mm;
   }
 
-  // of a shaft the outline
+  // distance of the outline of the tool from the structure, along the whole shaft
   double below_or_above(const Point<Patient>& at) const {
     const int places = static_cast<int>(tool_.along_mm.norm() / kAlongShaft_mm);
     double min_mm = std::numeric_limits<double>::infinity();
@@ -322,7 +323,8 @@ void expect_no_pop_through(const std::string& name) {
                 counted.deepest_mm);
     std::fflush(stdout);
     EXPECT_LE(counted.deepest_mm, kProxyFeel.max_dip_mm);
-    // of a few presses under a sanitizer one is many percent: there their sum tells
+    // with the few presses under a sanitizer a single one is several percent, so only their sum is checked
+    // there
     EXPECT_TRUE(counted.touched >= 0.9 * counted.presses || counted.presses < 1000);
     all.add(counted);
     EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.max_dip_mm + kShaftDip_mm);

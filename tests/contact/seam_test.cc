@@ -160,7 +160,7 @@ class SeamPress {
       if (free) free_mm += kStep_mm;
       free_mm_ = free_mm;
       advance();
-      // what it has been drawn through lies between it and its proxy
+      // the tip was pulled through a structure that now lies between it and its proxy
       if (free_mm > kSlipOver_mm && inward_N() > kFree_N && is_beyond_a_wall()) {
         ++figures_.elsewhere;
         return;
@@ -198,7 +198,7 @@ class SeamPress {
     return false;
   }
 
-  // of what lies within, too, which may come to the outside
+  // clearance from all layers, including inner ones, which may reach the outside
   bool is_free() const {
     for (int layer = 0; layer < kMaxLayers; ++layer)
       if (body_.clearance_mm(tip_, tool_.radius_mm, layer) <= kOutside_mm) return false;
@@ -400,9 +400,9 @@ TEST(Seams, OfAFlatTopAreNotFelt) {
             two.jump_N);
         EXPECT_LT(one.drag_N, kDrag_N);
         EXPECT_LT(one.jump_N, kJump_N);
-        // what one label's top bends towards the block's edges, too
+        // the top of a single label, too, bends by this towards the edges of the block
         EXPECT_LT(one.dip_mm, 0.1);
-        // what is measured is there to be found
+        // positive control: with separate labels the seam is measurable
         if (radius_mm == 0) {
           EXPECT_GT(two.dip_mm, 0.3);
           EXPECT_GT(two.drag_N, 0.5);

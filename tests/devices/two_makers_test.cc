@@ -174,7 +174,7 @@ class TwoMakers {
       return loop_->snapshot().tick > then + 20;
     });
   }
-  /// What there is to read where it went wrong.
+  /// Diagnostic text for failure messages.
   std::string said() const {
     if (!loop_) return "no loop";
     const auto trouble = both_->trouble();
@@ -186,7 +186,7 @@ class TwoMakers {
            << tick.device[d].tip_world_mm[0] << " mm, flags " << std::hex << tick.device[d].flags << std::dec;
     return text.str();
   }
-  /// Of both devices, whatever was broken, and no force left.
+  /// Stops the loop; both devices must end at zero force and have stayed within their limits.
   void end() {
     loop_->stop();
     for (std::size_t d = 0; d < made_.size(); ++d) {

@@ -51,7 +51,7 @@ auto looked_at(Function* function, Arguments... arguments) {
 
 }  // namespace
 
-// what threads wait by; noexcept in none of them
+// blocking calls used by threads; none of them is declared noexcept
 #define PALPATE_LOOKS_AT(name, parameters, arguments)          \
   extern "C" int name parameters {                             \
     static auto* const function = real<int parameters>(#name); \

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kKneeVoxel_mm = 1.5, kOracleWithin_mm = 0.05, kLooked_mm = 20;
 constexpr int kPlacesOfEach = 24;
-// a voxel's edge in so many parts: chords are then off by less than what is looked for
+// number of parts of a voxel edge; the error of chords is then below the tolerance
 constexpr int kParts = 4;
 
 using Corner = Eigen::Vector3d;

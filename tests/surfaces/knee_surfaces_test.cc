@@ -59,7 +59,8 @@ int count_components(const GridGeometry& grid, const Inside& inside) {
 
 struct Kept {
   std::size_t voxels = 0, outside = 0;
-  double deepest = 0;  ///< of a labelled centre outside, in half voxels along the normal
+  double deepest = 0;  ///< Greatest distance of a labelled voxel centre outside the surface, in half voxels
+                       ///< along the normal
 };
 
 Kept count_kept(const PreparedSurface& s, const Volume<LabelId>& labels) {

@@ -131,7 +131,7 @@ std::string cutter_name(const Tool& tool);
 /// Description such as "burr: a cone of 2.3 mm, 1.2 mm at its tip, 8 mm long". Empty: the tool is no burr.
 std::string burr_in_words(const Tool& tool);
 
-/// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
+/// Body side shown by a scan. kBoth: a scan of head or torso, which needs no side mark.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
 
 /// Subject of a limitation of a model.

@@ -195,7 +195,7 @@ struct ViewedState {
   /// Commanded rotation of the object.
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;
-  std::vector<ContactProperties> tissues;  ///< Of each tissue, as they are now
+  std::vector<ContactProperties> tissues;  ///< Current properties of each tissue
   /// Number of the stop in effect (Arming::number), to which a rearm refers; empty: the force is not stopped.
   std::optional<std::uint32_t> stop;
   StoppedBy stopped_by = StoppedBy::kSession;  ///< Originator of that stop

@@ -21,8 +21,8 @@ std::string css_colour(const Rgb& colour);
 std::string side_text(Side side);
 /// Caption with the side: "Side: LEFT". Without orientation, a caption that says so.
 std::string side_mark(Side side, bool oriented);
-/// What a picture says of a model's caveats of placement and side: "PLACEMENT IN DOUBT", "SIDE IN DOUBT",
-/// each at most once.
+/// Captions for the caveats of a model about placement and side: "PLACEMENT IN DOUBT", "SIDE IN DOUBT", each
+/// at most once.
 std::vector<std::string> doubt_marks(const Model& model);
 
 }  // namespace palpate::markup

@@ -85,7 +85,7 @@ struct TissueSettings : TissueProperties {
   bool optional = false;
   std::optional<std::array<double, 2>> threshold;  ///< Ramp on the raw scan values: 0 at [0], 1 at [1]
   bool embedding = false;           ///< Whether it consists of the unlabelled voxels inside the body
-  std::optional<double> air_below;  ///< Of an embedding: scan value below which a voxel is air
+  std::optional<double> air_below;  ///< Scan value below which a voxel of an embedding is air
   /// Preset from which the defaults of this tissue were taken; empty: none.
   std::string preset;
   std::optional<Rgb> colour;          ///< Display colour; empty: that of each label
@@ -379,8 +379,8 @@ struct Script {
   std::vector<int> lines;              ///< Line of each step, for errors
   int device_line = 0, hand_line = 0;  ///< 0: not set by the script
   std::string source;
-  /// Of a script that was planned for a scene: felt structures that it leaves out or presses with less force,
-  /// and the reason, one sentence each.
+  /// Limitations of a script planned for a scene: felt structures that it leaves out or presses with less
+  /// force, and the reason, one sentence each.
   std::vector<std::string> limitations = {};
 };
 /// Whether the script uses a second device that holds a scope.

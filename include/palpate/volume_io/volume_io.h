@@ -141,8 +141,8 @@ bool is_dicom(const std::filesystem::path& file);
 /// Whether it is a DICOM structure set (RTSTRUCT), which is a label map only with the grid of its scan.
 bool is_structure_set(const std::filesystem::path& file);
 
-/// What volumes a DICOM file or a folder of them holds. Nothing in it comes from a text of the files: no
-/// name, no date, no identifier.
+/// Volumes in a DICOM file or in a folder of DICOM files. Contains no text from the files: no name, no date,
+/// no identifier.
 struct VolumeList {
   struct Item {
     std::string what;         ///< Description: "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm".
@@ -194,9 +194,8 @@ Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& firs
                                                const std::filesystem::path& second,
                                                const std::optional<std::filesystem::path>& names = {});
 
-/// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
-/// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
-/// known.
+/// Error that describes a file or folder that is no volume, with a remedy: DICOM, a surface, a picture, an
+/// archive, a folder, ...; empty for a volume, a text and an unknown format.
 std::optional<Error> describe_non_volume(const std::filesystem::path& file);
 
 /// Classification that read_volume() uses regardless of the values.
