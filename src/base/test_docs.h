@@ -9,8 +9,9 @@
 
 namespace palpate::test {
 
-/// Compares what stands between "<!-- NAME begin -->" and "<!-- NAME end -->" in a file of docs/ with what
-/// the declarations say. With PALPATE_UPDATE_DOCS in the environment it writes it there instead.
+/// Compares the section between "<!-- NAME begin -->" and "<!-- NAME end -->" in a file of docs/ with the
+/// text generated from the declarations. With PALPATE_UPDATE_DOCS in the environment it writes that text
+/// instead.
 /// @param source_dir  PALPATE_SOURCE_DIR of the test
 inline void check_docs_section(const std::string& source_dir, const std::string& file,
                                const std::string& name, const std::string& expected) {

@@ -9,11 +9,11 @@ namespace {
 
 enum : std::uint8_t { kBarred = 0, kOpen = 1, kReached = 2 };
 
-/// Flood fill by faces over the runs of a box's rows: turns kOpen into kReached.
+/// Flood fill by faces over runs of rows; sets kOpen to kReached.
 class Flood {
  public:
-  /// @param cells  kBarred, kOpen or kReached of every voxel, i fastest
-  /// @param plane  axis along which it does not spread; -1: none
+  /// @param cells  kBarred, kOpen or kReached for every voxel, i fastest
+  /// @param plane  axis along which the fill does not spread; -1: none
   Flood(const std::array<int, 3>& dims, std::vector<std::uint8_t>& cells, int plane = -1)
       : dims_(dims), cells_(cells), plane_(plane) {}
 
@@ -56,7 +56,8 @@ class Flood {
   std::vector<std::array<int, 3>> stack_;
 };
 
-/// Calls visit(i, j, k) for the voxels on the sides of the volume, without those across axis `plane`.
+/// Calls visit(i, j, k) for the voxels on the faces of the volume, except those perpendicular to axis
+/// `plane`.
 template <class Visit>
 void for_each_border_voxel(const std::array<int, 3>& dims, int plane, const Visit& visit) {
   for (int axis = 0; axis < 3; ++axis) {
@@ -75,7 +76,8 @@ void for_each_border_voxel(const std::array<int, 3>& dims, int plane, const Visi
   }
 }
 
-/// Adds what a body encloses: in space with `plane` -1, else within each slice across that axis.
+/// Adds enclosed cavities to a body: in space if `plane` is -1, otherwise within each slice perpendicular to
+/// that axis.
 void add_enclosed(const std::array<int, 3>& dims, int plane, std::vector<std::uint8_t>& body) {
   std::vector<std::uint8_t> cells(body.size());
   std::ranges::transform(body, cells.begin(), [](std::uint8_t in) { return in ? kBarred : kOpen; });

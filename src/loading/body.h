@@ -10,12 +10,13 @@
 
 namespace palpate {
 
-/// Which voxels lie inside the body, 1 or 0 each, i fastest. The body is what is labelled and, with a scan,
-/// all that is connected to it by faces through voxels of at least `air_below`; then whatever that encloses
-/// in space or within a slice of the grid's axis that is nearest to the patient's.
+/// Mask of the voxels inside the body, 1 or 0 each, i fastest. The body consists of the labelled voxels and,
+/// with a scan, of all voxels connected to them by faces through voxels of at least `air_below`. Cavities
+/// are included if they are enclosed in space or within a slice perpendicular to the grid axis nearest to
+/// the patient's longitudinal axis.
 /// @param labels     flattened, 0: unlabelled
 /// @param scan       on the same grid; may be null
-/// @param air_below  value of the scan that parts air from the body; only with a scan
+/// @param air_below  scan value that separates air from the body; only with a scan
 /// Errors: kInterrupted.
 Result<std::vector<std::uint8_t>> body_mask(const Volume<LabelId>& labels, const Volume<float>* scan,
                                             std::optional<double> air_below, const Progress& progress = {});

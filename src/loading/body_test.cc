@@ -50,7 +50,7 @@ TEST(BodyMask, ASkinThatTheScanCutsHasAnInsideInEachAxialSlice) {
   const auto tube =
       labelled([](int i, int j, int) { return in_square(i, j, 2, 9) && !in_square(i, j, 3, 8); });
   EXPECT_EQ(inside(body_mask(tube, nullptr, {}).value()), 8u * 8 * kEdge);
-  // along another axis it is open in every axial slice, and nothing is inside
+  // along another axis it is open in every axial slice, so nothing is enclosed
   const auto across =
       labelled([](int, int j, int k) { return in_square(j, k, 2, 9) && !in_square(j, k, 3, 8); });
   EXPECT_EQ(inside(body_mask(across, nullptr, {}).value()), (8u * 8 - 6 * 6) * kEdge);
@@ -72,7 +72,7 @@ TEST(BodyMask, TheScanSaysWhereTheBodyEndsAndATableIsNoPartOfIt) {
         scan.at(i, j, k) = (body && !gas) || table ? 0 : -1000;
       }
   EXPECT_EQ(inside(body_mask(organ, &scan, -500).value()), 7u * 7 * kEdge);
-  // without a threshold labels alone say it
+  // without a threshold only labels determine the body
   EXPECT_EQ(inside(body_mask(organ, &scan, {}).value()), 4u);
 }
 

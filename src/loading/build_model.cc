@@ -303,8 +303,8 @@ LabelId generated_label(std::size_t tissue) {
   return static_cast<LabelId>(kFirstThresholdLabel + tissue);
 }
 
-// Unlabelled voxels inside the body become the structure of the scene's embedding. Error kBadInput where
-// there is none.
+// Assigns the unlabelled voxels inside the body to the embedding of the scene. Error kBadInput if there are
+// none.
 Result<void> embed(const Scene& scene, const Volume<float>* scan, ModelParts& parts, Volume<LabelId>& flat,
                    const Progress& progress) {
   const auto settings = std::ranges::find_if(scene.tissues, &TissueSettings::embedding);
@@ -330,7 +330,7 @@ Result<void> embed(const Scene& scene, const Volume<float>* scan, ModelParts& pa
   return {};
 }
 
-// adds the embedding to what a field is smoothed from
+// adds the embedding to the weights from which a field is smoothed
 void weigh_embedding(const Scene& scene, const Volume<LabelId>& flat, const ModelParts& parts,
                      double stiffest_N_per_mm, Volume<std::uint8_t>& weights) {
   const auto settings = std::ranges::find_if(scene.tissues, &TissueSettings::embedding);

@@ -164,7 +164,7 @@ Error names_without_labels(const std::string& where) {
           "name the label map as well, or leave --names out; in a scene file: names = \"TABLE\""};
 }
 
-// a scan, a label map or a study of both, with the scene that is proposed for it
+// reads a scan, a label map or a study of both, with the scene proposed for it
 Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std::filesystem::path>& names,
                                      const Progress& progress, const Warn& warn,
                                      std::optional<PreparationMethod> preparation) {
@@ -233,7 +233,7 @@ Result<FileVolumes> volumes_of_scene(const Scene& scene, const Progress& progres
                           scene.scan_volume, placing_of(scene), progress, warn);
 }
 
-// whether a source names volumes, and neither a scene file nor a data set
+// whether a source names volumes rather than a scene file or a data set
 bool names_volumes(const SceneSource& source) {
   const bool is_scene = std::filesystem::path(source.target).extension() == ".toml";
   return !find_entry(source.target) && !is_scene && (source.segmentation || is_volume(source.target));
@@ -329,7 +329,7 @@ Result<ReadVolumes> read_volumes(const SceneSource& source, const Progress& prog
   }
   const auto study = study_of(source, progress);
   if (!study) return study.error();
-  // a file on its own is the label map
+  // a single file is the label map
   const bool has_scan = study->labels.has_value();
   auto files = volumes_of_files(has_scan ? study->labels : study->scan, source.names,
                                 has_scan ? std::optional(study->scan) : std::nullopt,

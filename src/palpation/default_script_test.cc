@@ -1,4 +1,4 @@
-// The default script: which structures it presses, and what it says of those that it cannot reach.
+// Tests of the default script: which structures it presses, and how it reports those that it cannot reach.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ struct Ball {
   LabelId label;
 };
 
-// later balls replace what earlier ones fill
+// later balls overwrite earlier ones
 LabelMap balls(const std::vector<Ball>& balls, std::vector<std::string> names) {
   GridGeometry grid;
   grid.dims = {kEdge, kEdge, kEdge};
@@ -118,7 +118,7 @@ TEST(DefaultScript, ASoftStructureIsPressedWithWhatADescentByTheMethodGives) {
 
 TEST(DefaultScript, WhereNothingIsReachedTheErrorSaysWhy) {
   auto labels = balls({{kMiddle, 16, 2}, {kMiddle, 10, 1}}, {"brain", "something"});
-  // the cover is not felt, and the brain lies all around the scan's border
+  // the cover is not felt, and the brain adjoins the border of the scan on all sides
   for (LabelId& label : labels.layers[0].voxels()) label = 1;
   const auto result = palpated(labels);
   ASSERT_FALSE(result.ok());

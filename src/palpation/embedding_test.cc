@@ -1,4 +1,4 @@
-// Organs in an otherwise empty abdomen, bedded by a tissue of the unlabelled voxels inside the body.
+// Organs in an otherwise empty abdomen, embedded in a tissue of the unlabelled voxels inside the body.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -99,8 +99,8 @@ TEST_P(Embedding, APressAtTheSkinReachesTheOrgansWithSmallForcesThatRise) {
     ASSERT_FALSE(swept.empty());
     EXPECT_EQ(swept.front().label, with_skin ? kSkin : embedding);
     EXPECT_GE(swept.back().depth_mm, 29.9) << "the contact was lost";
-    // held out by layers the tip is within the liver, unless a skin that is stiffer bears all of it; where
-    // tissue yields, the liver is pushed ahead, and felt because it resists more than the embedding alone
+    // with layers the tip ends inside the liver, unless a stiffer skin carries all of the force; with
+    // deformable tissue the liver is displaced, and is felt because it resists more than the embedding alone
     if (GetParam() == TissueLaw::kLayers) EXPECT_EQ(swept.back().deepest, with_skin ? kSkin : kLiver);
     const auto beside = sweep_force(model, setup->parameters, {34, -4, 52}, {0, 1, 0}, 30, 1000);
     ASSERT_FALSE(beside.empty());

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kDescent_mm_s = 20;
 
-// the innermost structure on the tip's way in that has a share of the force
+// innermost structure along the path of the tip that contributes to the force
 LabelId deepest_felt(const DeviceTick& device) {
   LabelId deepest = 0;
   for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n)

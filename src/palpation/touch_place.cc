@@ -114,7 +114,7 @@ std::string cover_of(const Model& model, LabelId structure) {
   return "it is covered by " + model.name_of(static_cast<LabelId>(most - faces.begin()));
 }
 
-// the no-go region that pushes the tool's outline at a place; null: none does
+// no-go region that repels the outline of the tool at a place; null: none
 const NoGoRegion* no_go_at(const Model& model, const Point<Patient>& tip) {
   if (model.no_go.empty()) return nullptr;
   const ToolSphere outline{{}, tool_reach_mm(model.tool_of(0))};
@@ -122,7 +122,7 @@ const NoGoRegion* no_go_at(const Model& model, const Point<Patient>& tip) {
   return push.region < 0 ? nullptr : &model.no_go[static_cast<std::size_t>(push.region)];
 }
 
-// the felt structure that most often stands in front of a structure's surface; 0: none does
+// felt structure that is most often in front of the surface of a structure; 0: none
 LabelId in_front_of(const Model& model, LabelId structure, std::span<const SurfaceCandidate> candidates) {
   constexpr std::size_t kMaxSampled = 200;
   constexpr double kFarthest_mm = 200;

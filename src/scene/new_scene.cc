@@ -143,7 +143,8 @@ std::string reason_for_no_preset(const Group& group) {
   return "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
 }
 
-/// Whether a group hides what it encloses less than a solid one, and may lie within an embedding.
+/// Whether a group is translucent, so that it hides enclosed structures less than a solid one, and may lie
+/// within an embedding.
 bool is_translucent_organ(const Group& group) {
   return group.preset && group.preset->values.opacity < 1 && group.preset->name != "skin" &&
          group.preset->name != "fat";
@@ -173,7 +174,8 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
   return text;
 }
 
-/// Otsu's threshold (IEEE Trans SMC 9:62, 1979) on 256 bins, and the means of what lies below and above it.
+/// Threshold by Otsu's method (IEEE Trans SMC 9:62, 1979) on 256 bins, and the means of the values below and
+/// above it.
 struct Split {
   double threshold = 0, mean_below = 0, mean_above = 0, bin_width = 0;
 };
@@ -251,8 +253,8 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
 /// Stiffness of an embedding as a fraction of the softest structure's, at most.
 constexpr double kSofter = 0.5;
 
-/// The tissue of the unlabelled voxels inside the body. Error: no room for another tissue, a scan of one
-/// value.
+/// Text of the tissue of the unlabelled voxels inside the body. Errors: no space for another tissue; a scan
+/// of a single value.
 Result<std::string> embedding_text(const NewSceneInput& input, const std::vector<Group>& groups,
                                    TissueLaw law) {
   if (groups.size() == kMaxTissues)
@@ -281,7 +283,7 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
       return Error{ErrorKind::kBadInput,
                    "the scan has the same value everywhere, so nothing parts air from the body",
                    input.scan->string(), "leave the scan out: then what labels enclose is inside"};
-    // in a gap between the two parts Otsu's threshold lies at its lower end
+    // if there is a gap between the two classes, Otsu's threshold lies at its lower end
     const double middle = 0.5 * (split->mean_below + split->mean_above);
     const double step = std::max(1.0, std::pow(10.0, std::floor(std::log10(split->bin_width))));
     text +=
@@ -292,8 +294,9 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
   return text + "colour = \"#e6cd96\"\nopacity = 0.15\n";
 }
 
-/// A millimetre, or as much as the widest voxel: a narrower Gaussian does not close the steps between
-/// slices, and the force points out of these instead of the surface (docs/results/accuracy.md).
+/// Text of the preparation. Its sigma is 1 mm, or the largest voxel spacing if that is wider: a narrower
+/// Gaussian does not smooth the steps between slices, and the force is normal to these instead of to the
+/// surface (docs/results/accuracy.md).
 std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
   const KeySpec& key = *scene_key_tables().preparation.find("sigma");
   const double widest_mm = largest_spacing_mm(labels, scan);

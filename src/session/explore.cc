@@ -307,7 +307,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (script)
     if (auto possible = check_script(*script); !possible) return possible.error();
-  // a hand without anything to touch has nothing to do; a viewer may look, and move the tip
+  // a simulated hand needs touchable tissue; a viewer may look around and move the tip without
   const bool felt = has_touchable_tissue(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
   if (!felt && scripted)
     if (auto touchable = require_touchable_tissue(loaded); !touchable) return touchable.error();

@@ -8,8 +8,8 @@ namespace {
 
 constexpr double kMaxPathSeconds = 600;
 
-// the scene's own script; the object is not turned, so that a path is a list of points; every structure is
-// stroked before it is left
+// script of the scene with a stroke on every structure before it is left; the object is stationary, so that
+// the path is a list of points
 Script stroking(const Script& script) {
   Script stroking = script;
   stroking.steps.clear();

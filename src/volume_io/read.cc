@@ -326,10 +326,10 @@ Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::pat
   return FoundNames{};
 }
 
-// Content by the header, or else by the first voxel values that are not 0, and those values.
+// Content according to the header, or otherwise to the first non-zero voxel values, and those values.
 struct SampledContent {
   VolumeContent content;
-  ValueStatistics values = {};  // empty where the header decides
+  ValueStatistics values = {};  // empty if the header decides
 };
 
 Result<SampledContent> sample_content(const std::filesystem::path& file) {
@@ -362,7 +362,7 @@ Result<SampledContent> sample_content(const std::filesystem::path& file) {
   return SampledContent{std::move(content), std::move(statistics)};
 }
 
-// whether a volume that stands beside a table may be the label map of that table
+// whether a volume next to a table may be the label map of that table
 bool may_be_labels(const std::filesystem::path& file) {
   const auto sampled = sample_content(file);
   return sampled.ok() && sampled->content.kind != VolumeContent::Kind::kScan;
@@ -577,7 +577,7 @@ VolumeContent what_it_holds(const ScanFile& scan, const std::filesystem::path& f
   return content_by_values(values);
 }
 
-// content of a file that identify_scan_and_labels() is given
+// content of a file given to identify_scan_and_labels()
 Result<VolumeContent> named_content(const std::filesystem::path& file,
                                     const std::optional<std::filesystem::path>& names) {
   using Kind = VolumeContent::Kind;

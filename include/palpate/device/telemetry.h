@@ -98,8 +98,8 @@ struct ModelChange {
   static constexpr std::uint32_t kLaws = 4;
   std::uint32_t version = 0;  ///< One above the previous version
   std::uint32_t tissue = 0;   ///< Index of the tissue in the scene, from 0, or one of the codes above
-  /// Properties of the tissue from this version on. Of a law, the first is Model::tissue_coarsened; 0:
-  /// unchanged.
+  /// Properties of the tissue from this version on. For one of the law codes, the first is
+  /// Model::tissue_coarsened; 0: unchanged.
   ContactProperties contact{0, 0, 0, 0};
 
   bool is_of_tissue() const { return tissue < kLaw; }

@@ -159,8 +159,9 @@ struct Model {
   std::uint64_t hash_before_removal = 0;  ///< content_hash of the same model without any removal
   std::string title;
   Side side = Side::kUnknown;
-  bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
-  bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
+  bool side_from_anatomy = false;  ///< Whether `side` was derived from the position of the fibula because
+                                   ///< the scene does not state it
+  bool oriented = true;            ///< false: the files do not state the patient orientation
   std::vector<Caveat> caveats;
 
   /// Scalar field of the direct methods: inward ramps or smoothed labels.

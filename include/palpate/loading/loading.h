@@ -77,26 +77,27 @@ struct Study;
 /// Orientation, axes and spacing that a scene declares for its volumes (palpate/volume_io/volume_io.h).
 Placing placing_of(const Scene& scene);
 
-/// The files that a scene is loaded from, as a command line or a table names them.
+/// Input files of a scene, as given on a command line or in a table.
 struct SceneSource {
-  /// A catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
-  /// ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume: a scan, a label
-  /// map or both get the scene that new_scene_text proposes.
+  /// Catalogue name ("knee-atlas", "head"), name of a phantom with or without parameters
+  /// ("knee-phantom:side=right"), which is generated in memory, scene file, or volume. A scan, a label map
+  /// or both get the scene that new_scene_text proposes.
   std::string target = {};
-  /// The second of two volumes, a scan and its segmentation in either order (identify_scan_and_labels).
-  /// Without it the only segmentation in a folder of DICOM (find_study).
+  /// Second of two volumes, a scan and its segmentation in either order (identify_scan_and_labels). Empty:
+  /// the only segmentation in a DICOM folder (find_study).
   std::optional<std::filesystem::path> segmentation = {};
-  std::optional<std::filesystem::path> names = {};  ///< table that names the labels of the volumes
-  std::optional<int> volume = {};                   ///< number of the scan where a DICOM folder holds several
+  std::optional<std::filesystem::path> names = {};  ///< Table with names for the labels of the volumes
+  std::optional<int> volume = {};                   ///< Number of the scan in a DICOM folder with several
 };
-/// The scan and the segmentation of volumes: their order, their volume and whether the segmentation was made
-/// on the scan. Errors: those of identify_scan_and_labels and find_study.
+/// Determines scan and segmentation of a source of volumes: their order, the number of the volume, and
+/// whether the segmentation was made on the scan. Errors: those of identify_scan_and_labels and find_study.
 Result<Study> study_of(const SceneSource& source, const Progress& progress = {});
 
-/// @param preparation  instead of the scene's
-/// Errors: those of study_of; kBadInput that names what a file is where it is neither scene nor volume (a
-/// picture, a folder, ...); kUsage where a segmentation, names or a volume's number are given with anything
-/// but volumes.
+/// Loads a scene, a data set, or volumes with the scene proposed for them.
+/// @param preparation  overrides the method of the scene
+/// Errors: those of study_of; kBadInput, which describes the file, if it is neither scene nor volume (a
+/// picture, a folder, ...); kUsage if a segmentation, names or the number of a volume are given without
+/// volumes.
 Result<LoadedScene> load_scene_or_data_set(const SceneSource& source, const Progress& progress = {},
                                            const Warn& warn = {},
                                            std::optional<PreparationMethod> preparation = {},
@@ -107,11 +108,10 @@ Result<LoadedScene> load_scene_or_data_set(const SceneSource& source, const Prog
 Result<std::optional<LabelMap>> labels_of_scene(const SceneSource& source, const Model& model,
                                                 const Progress& progress = {});
 
-/// Loads the scene of a recording.
-/// @param source  as above; with an empty target the data set named by the recording. Error kUsage if it
-/// names
-///                none
-/// Whether the model matches the recorded one is checked by replay and report.
+/// Loads the scene of a recording. Whether the model matches the recorded one is checked by replay and
+/// report.
+/// @param source  as above; if its target is empty, the data set named by the recording is used. Error
+///                kUsage if it names none.
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, SceneSource source,
                                             const Progress& progress = {}, const Warn& warn = {});
 
@@ -134,8 +134,8 @@ struct ReadVolumes {
   SceneVolumes volumes;
   std::string origin_of_names = {};  ///< As in LoadedScene
 };
-/// Label map and scan as the files have them, with all layers. A volume on its own is the label map.
-/// Errors: those of load_scene_or_data_set.
+/// Reads label map and scan without resampling, with all layers. A volume on its own is taken as the label
+/// map. Errors: those of load_scene_or_data_set.
 Result<ReadVolumes> read_volumes(const SceneSource& source, const Progress& progress = {},
                                  const Warn& warn = {});
 

@@ -28,11 +28,12 @@ struct RunSetup {
   RecordedTask task = {};
 };
 
-/// @param script  none: the default script. It presses every bone and cartilage of a knee, else the largest
-///                felt structures that the tool can reach; larger ones that it cannot reach are in
-///                Script::limitations and `trouble`, each with the reason.
-/// Errors: an unknown device or hand, with the script's line; without a script no structure that can be
-/// reached; those of with_methods.
+/// Sets up a run of the simulated hand.
+/// @param script  none: the default script, which presses every bone and cartilage of a knee, or otherwise
+///                the largest felt structures that the tool can reach. Larger ones that it cannot reach are
+///                listed in Script::limitations and `trouble`, with the reason.
+/// Errors: an unknown device or hand, with the line of the script; no reachable structure without a script;
+/// those of with_methods.
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& script,
                             const SimulationOptions& options, const Progress& progress);
 

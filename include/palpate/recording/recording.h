@@ -188,7 +188,7 @@ struct RecordingHead {
   std::uint64_t ticks = 0;                  ///< Number of ticks
   bool is_clock_monotonic = true;           ///< Whether time_s is finite and strictly increasing
   struct UsedMethod {
-    std::uint8_t method = 0;  ///< as in TickRecord
+    std::uint8_t method = 0;  ///< Method as in TickRecord
     std::uint64_t tick = 0;   ///< First tick that used it
   };
   std::vector<UsedMethod> methods;  ///< Force methods used, in the order of their first ticks

@@ -263,8 +263,8 @@ struct NewSceneInput {
   std::optional<Eigen::Vector3d> image_spacing_mm = {};
   std::optional<HeaderForm> nifti_form = {};
   bool scan_is_cropped = false;
-  /// A tissue of the unlabelled voxels inside the body, as soft as fat. Where a scan says where the body
-  /// ends, its threshold by Otsu's method (1979) is written.
+  /// Whether to add a tissue of the unlabelled voxels inside the body, as soft as fat. If a scan determines
+  /// where the body ends, its threshold by Otsu's method (1979) is written.
   bool embed = false;
 };
 /// Text of a scene file for these files. Every structure is assigned the tissue that its name suggests; each

@@ -160,15 +160,16 @@ struct ExploreResult {
   bool device_lost = false;       ///< The driver gave up, which ended the session
 };
 
-/// Lets a scripted hand, a viewer's pointer or whoever holds a device feel a scene in real time, until the
-/// script is done, the time is up, or progress.stopped(): then the force fades out and the recording is
-/// finished, so that it replays. Stopped before the first tick: Error kInterrupted. A disk that fills is no
-/// error of the session: it goes on, and the result tells.
-/// @param script     of the simulated hand, where that is the first device; none: the default script
-/// @param recording  a file to write; empty: none
-/// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
-/// Errors: those of set-up (a script's device, hand or structures, a task's structures, settings of the
-/// loop), of creating the recording, of opening the supervisor's log; the viewers', the supervisor's.
+/// Runs a scene in real time with a scripted hand, the pointer of a viewer or physical devices, until the
+/// script ends, the time is over, or progress.stopped(). The force then fades out and the recording is
+/// finished, so that it can be replayed. Error kInterrupted if stopped before the first tick. A full disk
+/// does not end the session; the result reports it.
+/// @param script     script of the simulated hand, if that is the first device; none: the default script
+/// @param recording  output file; empty: none
+/// @param status     called on this thread when the loop starts, and then ten times a second; may be empty
+/// Errors: those of set-up (device, hand or structures of a script, structures of a task, settings of the
+/// loop), of creating the recording, of opening the log of the supervisor, of starting the viewer server and
+/// the supervisor.
 Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Script>& script,
                               const ExploreOptions& options, const std::filesystem::path& recording,
                               const Progress& progress = {},

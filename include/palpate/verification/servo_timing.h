@@ -27,9 +27,9 @@ struct PalpationPath {
   std::size_t touch_begin = 0, touch_end = 0;  ///< Range of ticks of the longest continuous contact
 };
 
-/// The path of the scene's own script (the default one of set_up_run) on the virtual clock, the object
-/// unturned, and every structure stroked for 5 mm before it is left. Errors: those of the script, kBadInput
-/// when nothing is touched, kInterrupted.
+/// Records a path on the virtual clock: that of the script of the scene (the default one of set_up_run),
+/// with a stationary object, and with a stroke of 5 mm on every structure before it is left. Errors: those
+/// of the script; kBadInput if nothing is touched; kInterrupted.
 Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& progress = {});
 
 // ---- paced by the real clock
