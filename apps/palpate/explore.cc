@@ -541,7 +541,7 @@ int explore_target(ExploreArguments options, Console& console) {
     return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
                          "look at its connection and power; what was felt until then is kept"});
   if (options.recording) console.note("recording: " + options.recording->string());
-  // a session ended by the user is a success: its outcome was visible
+  // a session that the user ends is a success, because the user has seen its outcome
   const bool in_band =
       options.task.empty() || (!result->runs.empty() && result->runs.back().run.score.in_band);
   return (result->failed_steps == 0 && in_band) || result->stopped_by_user ? kExitOk : kExitLimit;

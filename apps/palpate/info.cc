@@ -33,7 +33,7 @@ struct InfoOptions {
 // result of `info` for a file
 struct Info {
   VolumeHeader header;
-  std::string evidence;  // evidence for the classification as scan or labels; empty if it was stated
+  std::string evidence;  // reason for taking it as scan or labels; empty if that was stated
   double lowest = 0, highest = 0;
   std::optional<LabelFile> labels;  // empty for a scan
   std::vector<SegmentStatistics> statistics;

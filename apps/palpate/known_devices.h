@@ -28,7 +28,7 @@ Result<ToolTip> read_tip(const std::filesystem::path& file);
 /// Options for devices, each as NAME=VALUE, and for a tracked tool.
 struct DeviceOptions {
   std::vector<std::string> libraries;    ///< Library file of a vendor
-  std::vector<std::string> held_masses;  ///< Mass of the end effector, kg
+  std::vector<std::string> held_masses;  ///< Mass attached to the end of a device, kg
   /// Name of a device in the setup of its vendor; may be repeated for several devices of one vendor
   std::vector<std::string> configs;
   std::string tracker;  ///< HOST:PORT

@@ -18,8 +18,8 @@ inline constexpr const char* kTargetHelp =
 inline constexpr const char* kMadeWithHelp =
     "Scene file, volume or data set that the recording was made with; not needed for data sets";
 
-/// Loads a source by load_scene_or_data_set(). Notes on the console from what the scene was proposed, where
-/// the labels lie in the scan, and where their names come from.
+/// Loads a source by load_scene_or_data_set(). Prints notes about the origin of a proposed scene, the
+/// placement of the labels in the scan, and the source of their names.
 Result<LoadedScene> load_target(const SceneSource& source, Console& console,
                                 std::optional<PreparationMethod> preparation = {},
                                 const MemoryCallback& report_memory = {});

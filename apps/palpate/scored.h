@@ -54,10 +54,10 @@ RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set)
 Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& asked,
                                       const std::filesystem::path& recording, Console& console);
 
-/// Whether a recording is shown as a run of a task without a request. It is if it names a built-in task and
-/// is that run as a whole, as with a simulated hand, or if a range of ticks is given. A person starts a run
-/// in the middle of a session.
-/// @param asked  value of --task; if given, the result is true
+/// Whether a recording is shown as a run of a task: if a task or a range of ticks is given, or if it names a
+/// built-in task and consists of that run alone, as with a simulated hand. A person starts a run in the
+/// middle of a session, so that recording is not shown as a run by default.
+/// @param asked  value of --task; empty: not given
 bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks);
 
 /// Resolves a task in the model with which a recording began. The surfaces are computed if the task has
