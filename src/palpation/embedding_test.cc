@@ -101,10 +101,14 @@ TEST_P(Embedding, APressAtTheSkinReachesTheOrgansWithSmallForcesThatRise) {
     EXPECT_GE(swept.back().depth_mm, 29.9) << "the contact was lost";
     // with layers the tip ends inside the liver, unless a stiffer skin carries all of the force; with
     // deformable tissue the liver is displaced, and is felt because it resists more than the embedding alone
-    if (GetParam() == TissueLaw::kLayers) EXPECT_EQ(swept.back().deepest, with_skin ? kSkin : kLiver);
+    if (GetParam() == TissueLaw::kLayers) {
+      EXPECT_EQ(swept.back().deepest, with_skin ? kSkin : kLiver);
+    }
     const auto beside = sweep_force(model, setup->parameters, {34, -4, 52}, {0, 1, 0}, 30, 1000);
     ASSERT_FALSE(beside.empty());
-    if (!with_skin) EXPECT_GT(swept.back().force_N, 1.05 * beside.back().force_N);
+    if (!with_skin) {
+      EXPECT_GT(swept.back().force_N, 1.05 * beside.back().force_N);
+    }
     double before_N = 0;
     for (const SweptForce& at : swept) {
       EXPECT_GE(at.force_N, before_N - 0.02) << at.depth_mm;
