@@ -76,7 +76,7 @@ BAD = [
     ("apps/palpate/a.cc", '#include "base/file.h"', "not the inside of 'base'"),
     ("tests/a.cc", '#include "servo/tick.h"', "not the inside of 'servo'"),
     ("apps/palpate/a.cc", "#include <itkImage.h>", "may not include ITK"),
-    ("src/newroom/a.cc", "#include <vector>", "stands in no room"),
+    ("src/newroom/a.cc", "#include <vector>", "stands in no module"),
 ]
 
 

@@ -15,7 +15,8 @@ import tempfile
 import unittest
 
 sys.dont_write_bytecode = True
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "docs"))
+TESTS = pathlib.Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS / "docs"), str(TESTS)]
 import fixtures
 
 CMAKE, BUILD = sys.argv[1:3]
