@@ -62,6 +62,24 @@ TEST(Lint, AMapWithoutStructuresIsAFault) {
   EXPECT_EQ(report->grade, 'C');
 }
 
+TEST(Lint, CountsEachVoxelOnTheBorderOnce) {
+  // a block in a corner of the volume, 3 x 4 x 5 voxels of 1 mm
+  GridGeometry grid;
+  grid.dims = {12, 12, 12};
+  LabelMap labels;
+  labels.layers.emplace_back(grid);
+  labels.segments = {{1, "block", {}, 0, 1}};
+  for (int k = 0; k < 5; ++k)
+    for (int j = 0; j < 4; ++j)
+      for (int i = 0; i < 3; ++i) labels.layers[0].at(i, j, k) = 1;
+  const auto report = lint(labels, {});
+  ASSERT_TRUE(report.ok());
+  const LintFinding* cut = finding_of(*report, LintKind::kCutByBorder);
+  ASSERT_NE(cut, nullptr);
+  EXPECT_EQ(cut->quantity, 4 * 5 + 3 * 5 + 3 * 4);
+  EXPECT_EQ(cut->voxels, 3u * 4 * 5 - 2 * 3 * 4);
+}
+
 TEST(Lint, DoesNotDependOnThreads) {
   std::mt19937 random(5);
   LintCase one = test::organs_case(3);

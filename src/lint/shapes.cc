@@ -445,7 +445,6 @@ void report_cuts(Layer& layer) {
   const auto add = [&](const VoxelRun& run, std::size_t axis, int voxels, const std::array<int, 3>& voxel) {
     Sum& sum = sums[layer.id_of(run.value)];
     sum.mm2 += voxels * study.face_mm2(axis);
-    sum.voxels += static_cast<std::size_t>(voxels);
     if (voxels <= sum.longest) return;
     sum.longest = voxels;
     sum.voxel = voxel;
@@ -459,6 +458,11 @@ void report_cuts(Layer& layer) {
         if (run.last == dims[0] - 1) add(run, 0, 1, {run.last, j, k});
         if (j == 0 || j == dims[1] - 1) add(run, 1, run.length(), {middle, j, k});
         if (k == 0 || k == dims[2] - 1) add(run, 2, run.length(), {middle, j, k});
+        // a voxel on an edge or corner of the volume has several faces there
+        const bool is_row_on_border = j == 0 || j == dims[1] - 1 || k == 0 || k == dims[2] - 1;
+        const int ends = (run.first == 0) + (run.last == dims[0] - 1 && (run.first != 0 || run.length() > 1));
+        if (const int voxels = is_row_on_border ? run.length() : ends; voxels > 0)
+          sums[layer.id_of(run.value)].voxels += static_cast<std::size_t>(voxels);
       }
   for (const auto& [id, sum] : sums)
     if (sum.mm2 >= kCut_mm2)
