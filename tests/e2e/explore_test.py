@@ -615,7 +615,7 @@ class Explore(cli.PalpateTest):
                      for k in range(n) for j in range(n) for i in range(n))
         privacy_test.nrrd_with_canary(labels, (n, n, n), ball)
         privacy_test.nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
-        self.succeed("scene", "new", scan, labels, "-o", scene)
+        self.succeed("scene", "new", "--scan", scan, "--labels", labels, "-o", scene)
         scene.write_text(scene.read_text().replace("felt = false", "felt = true"))
         task.write_text('title = "Hold"\nbriefing = "Press."\nend = "recording"\n[[region]]\nname = "all"\nstructures = ["ball"]\n'
                         '[[step]]\nname = "hold"\nregion = "all"\nforce = [0.2, 20]\nseconds = 1\n[[metric]]\nname = "time"\n')
@@ -819,7 +819,7 @@ class Explore(cli.PalpateTest):
         privacy_test.nifti_with_canary(named / "scan.nii.gz", (n, n, n),
                                        b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
         scene = named / "scene.toml"
-        self.succeed("scene", "new", named / "scan.nii.gz", named / "labels.seg.nrrd", "-o", scene)
+        self.succeed("scene", "new", "--scan", named / "scan.nii.gz", "--labels", named / "labels.seg.nrrd", "-o", scene)
         text = re.sub(r"(?m)^title = .*$", "", scene.read_text().replace("felt = false", "felt = true"))
         scene.write_text(f'title = "{privacy_test.CANARY}"\n{text}')
         _, viewer, told = self.viewed("explore", scene, "--port", "0")
