@@ -53,7 +53,7 @@ Result<std::vector<CohortCase>> cases_of(const CohortOptions& options) {
 }
 
 /// Program version and options that enter the key of a case.
-std::string made_by(const CohortOptions& options) {
+std::string program_key(const CohortOptions& options) {
   return kProgram + options.results_by;
 }
 
@@ -118,7 +118,7 @@ int run_number(const CohortOptions& options, Console& console) {
   const Progress progress = console.progress();
   if (options.inside) {
     const auto result =
-        run_case(one, options.number, options.folder, {made_by(options), options.recordings}, progress);
+        run_case(one, options.number, options.folder, {program_key(options), options.recordings}, progress);
     return result ? kExitOk : console.fail(result.error());
   }
   std::error_code failed;
@@ -128,7 +128,7 @@ int run_number(const CohortOptions& options, Console& console) {
   const auto claimed = claim_output(folder / "case");
   if (!claimed) return console.fail(claimed.error());
   const fs::path result = folder / "result.json";
-  const auto key = case_key(one, made_by(options), progress);
+  const auto key = case_key(one, program_key(options), progress);
   if (!key && key.error().kind == ErrorKind::kInterrupted) return console.fail(key.error());
   // another job has finished the case in the meantime
   if (key && is_done(options, options.number, *key)) return kExitOk;
@@ -153,7 +153,7 @@ Result<std::vector<std::string>> keys_of(const std::vector<CohortCase>& cases, c
                                          const Progress& progress) {
   std::vector<std::string> keys;
   for (std::size_t n = 0; n < cases.size(); ++n) {
-    auto key = case_key(cases[n], made_by(options), progress);
+    auto key = case_key(cases[n], program_key(options), progress);
     if (!key && key.error().kind == ErrorKind::kInterrupted) return key.error();
     keys.push_back(key ? *std::move(key) : "");
     progress.report("looking at the cases' files",

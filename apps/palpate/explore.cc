@@ -98,7 +98,8 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
 // function that starts the viewer server; empty without viewers
 // @param address  set to the URL of the page
 std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const ExploreArguments& options,
-                                                                     Console& console, FaultLines& faults,
+                                                                     Console& console,
+                                                                     ViewerFaultQueue& faults,
                                                                      std::string& address) {
   if (options.no_viewer) return {};
   return [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
@@ -109,7 +110,8 @@ std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const Explo
   };
 }
 
-ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLines& faults, Console& console) {
+ExploreOptions session_of(const ExploreArguments& options, Keys& keys, ViewerFaultQueue& faults,
+                          Console& console) {
   ExploreOptions session;
   session.run = {options.max_force_N, options.seed, options.rate_hz, options.method};
   session.loop.spin_s = options.spin_us * 1e-6;
@@ -431,13 +433,15 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
   training.learner = options.learner;
   if (!options.keeps_runs) return training;
   training.over = [file = options.records](const TaskFile& task, const TaskRun& run) {
-    auto kept = keep_run(file, run.learner, task, {{}, *run.header, run.score, run.run_hash});
+    auto kept = add_run_with_history(file, run.learner, task, {{}, *run.header, run.score, run.run_hash});
     if (kept) return *std::move(kept);
     RunHistory none;
     none.not_kept = kept.error();
     return none;
   };
-  training.curves = [file = options.records](const std::string& learner) { return curves_of(file, learner); };
+  training.curves = [file = options.records](const std::string& learner) {
+    return learners_page_html(file, learner);
+  };
   return training;
 }
 
@@ -511,7 +515,7 @@ int explore_target(ExploreArguments options, Console& console) {
   std::optional<Keys> keys(std::in_place, console.streams().in);
   std::string address, said;
   std::optional<ViewedNavigation> tracked;
-  FaultLines faults;
+  ViewerFaultQueue faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
   session.training = *training;
@@ -519,7 +523,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (training->have_to_fit) session.run.task = recorded_task(training->tasks.front(), loaded->data_set);
   session.plan = plan;
   session.navigation = options.navigation;
-  const auto held = kept_held_hands();
+  const auto held = stored_held_hands();
   if (!held) return console.fail(held.error());
   session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);

@@ -29,7 +29,7 @@ AnatomicalPlane plane_of(const std::string& name) {
 }
 
 // point where an approach would touch the first reachable structure
-Result<Point<Patient>> place_to_look(const Model& model) {
+Result<Point<Patient>> section_centre(const Model& model) {
   for (const Segment& segment : model.segments) {
     if (!model.is_felt(segment.id)) continue;
     if (const auto found = find_surface_point(model, segment.id, ApproachStep{}.clearance_mm))
@@ -67,7 +67,7 @@ int draw_forces(const ForcesOptions& options, Console& console) {
   request.size_mm = options.size_mm;
   request.spacing_mm = options.spacing_mm.value_or(0);
   if (options.at.empty()) {
-    const auto place = place_to_look(**model);
+    const auto place = section_centre(**model);
     if (!place) return console.fail(place.error());
     request.centre = *place;
   } else {

@@ -57,7 +57,7 @@ Result<void> arm(const std::string& name, Console& console) {
 }
 
 Result<void> keep(const HeldHandFigures& figures) {
-  auto hands = kept_held_hands();
+  auto hands = stored_held_hands();
   if (!hands) return hands.error();
   (*hands)[figures.device] = figures;
   const std::string text = held_hands_text(*hands);
@@ -96,7 +96,7 @@ std::filesystem::path held_hands_file() {
   return user_data_folder() / "held-hands.txt";
 }
 
-Result<HeldHands> kept_held_hands() {
+Result<HeldHands> stored_held_hands() {
   const std::filesystem::path file = held_hands_file();
   std::error_code ignored;
   if (!std::filesystem::exists(file, ignored)) return HeldHands{};
@@ -123,7 +123,7 @@ int hold_by_hand(const DeviceRegistry& known, const std::string& name, double ra
   const bool is_simulated = name == kSimulatedHand;
   if (!is_simulated && !maker) return console.fail(check_devices({name}, known).error());
   // an unreadable file would be overwritten
-  if (const auto kept = kept_held_hands(); !kept) return console.fail(kept.error());
+  if (const auto kept = stored_held_hands(); !kept) return console.fail(kept.error());
   std::unique_ptr<DeviceDriver> driver = is_simulated ? simulated() : maker->make();
   if (auto opened = driver->open(false); !opened) return console.fail(opened.error());
   if (driver->devices()[0].degrees_of_freedom_out == 0)

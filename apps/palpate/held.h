@@ -13,7 +13,7 @@ namespace palpate::app {
 /// in the user's data folder.
 std::filesystem::path held_hands_file();
 /// Stored measurements; empty if there are none. Errors: those of reading the file.
-Result<HeldHands> kept_held_hands();
+Result<HeldHands> stored_held_hands();
 /// The same registry, with drivers that report the measured hand of their devices.
 DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& hands, double rate_hz);
 

@@ -20,7 +20,7 @@ namespace {
 
 using ToolMarkers = Transform<Tracker, TrackedTool>;
 
-constexpr auto kLook = std::chrono::milliseconds(30);
+constexpr auto kPollInterval = std::chrono::milliseconds(30);
 // capacity of the pose queue: some seconds of a fast tracker
 constexpr std::size_t kMaxWaiting = 4096;
 // minimum rotation between successive poses of a pivot calibration
@@ -101,7 +101,7 @@ Result<std::vector<ToolMarkers>> collect_pivot(const TrackerSettings& settings, 
                   poses.size(), kEnoughPoses, turn_deg, kEnoughTurn_deg);
     console.live(text);
     if (poses.size() >= kEnoughPoses && turn_deg >= kEnoughTurn_deg) break;
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kPollInterval);
   }
   console.live("");
   if (poses.size() < kFewestPoses) return Progress::interrupted();
@@ -170,7 +170,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
                   std::min(touches.taken().size(), names.size()), names.size(), out.traced.size(),
                   asked > names.size() ? kTracePlaces : 0);
     console.live(text);
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kPollInterval);
   }
   console.live("");
   out.points.assign(touches.taken().begin(),

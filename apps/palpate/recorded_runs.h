@@ -19,11 +19,11 @@ Result<void> check_records(const std::filesystem::path& file, const std::vector<
                            Console& console);
 
 /// HTML page of the runs of a learner (empty: of all learners), as written by `palpate records page`.
-Result<std::string> curves_of(const std::filesystem::path& file, const std::string& learner);
+Result<std::string> learners_page_html(const std::filesystem::path& file, const std::string& learner);
 
 /// Adds a run to the records and returns the history of this learner's runs of the task, including this one.
-Result<RunHistory> keep_run(const std::filesystem::path& file, const std::string& learner,
-                            const TaskFile& task, const ScoredRun& run);
+Result<RunHistory> add_run_with_history(const std::filesystem::path& file, const std::string& learner,
+                                        const TaskFile& task, const ScoredRun& run);
 
 /// Adds a run to the records, which are created if they do not exist. @return number of the run
 Result<std::int64_t> record_run(const std::filesystem::path& file, const std::string& learner,

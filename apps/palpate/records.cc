@@ -324,7 +324,7 @@ Result<void> check_records(const std::filesystem::path& asked, const std::vector
   return {};
 }
 
-Result<std::string> curves_of(const std::filesystem::path& asked, const std::string& learner) {
+Result<std::string> learners_page_html(const std::filesystem::path& asked, const std::string& learner) {
   const auto file = records_file(asked);
   if (!file) return file.error();
   auto records = Records::open_to_read(*file);
@@ -337,8 +337,8 @@ Result<std::string> curves_of(const std::filesystem::path& asked, const std::str
   return page.html();
 }
 
-Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::string& learner,
-                            const TaskFile& task, const ScoredRun& scored) {
+Result<RunHistory> add_run_with_history(const std::filesystem::path& asked, const std::string& learner,
+                                        const TaskFile& task, const ScoredRun& scored) {
   // maximum number of earlier runs compared; older ones belong to another learning curve
   constexpr std::size_t kMaxRuns = 500;
   auto opened = opened_to_add(asked);

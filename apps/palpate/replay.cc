@@ -41,7 +41,7 @@ int show_recording(RecordingSource recording, const LoadedScene& loaded,
     if (error.where.empty()) error.where = options.recording.string();
     return console.fail(error);
   }
-  FaultLines faults;
+  ViewerFaultQueue faults;
   const auto server = serve(**playback, options.serving, console, faults);
   if (!server) return console.fail(server.error());
   console.note("to see it, open " + (*server)->url() + "; Ctrl-C ends it");

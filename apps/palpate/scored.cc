@@ -39,7 +39,7 @@ std::string canonical_name(const std::string& data_set) {
 }
 
 // whether a task is built in, by its name and text hash
-bool is_brought_along(const std::string& name, std::uint64_t hash) {
+bool is_built_in_task(const std::string& name, std::uint64_t hash) {
   const EmbeddedFile* file = find_file(embedded_tasks(), name + ".toml");
   if (file == nullptr) return false;
   const auto task = parse_task(file->text, name);
@@ -52,7 +52,7 @@ RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set)
   const TaskFile& file = task.file;
   // the name of a file may identify a patient and is not stored
   RecordedTask recorded{
-      is_brought_along(task.name, file.text_hash) ? task.name : file.title, file.text_hash, {}};
+      is_built_in_task(task.name, file.text_hash) ? task.name : file.title, file.text_hash, {}};
   const std::uint64_t seed = seed_in(data_set);
   if (!file.draws.empty() && canonical_name(drawn_data_set(file, seed)) == canonical_name(data_set))
     recorded.seed = std::to_string(seed);
@@ -72,7 +72,7 @@ Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::
   if (said.name.empty())
     return Error{ErrorKind::kUsage, "the recording does not say of which task it is a run",
                  recording.string(), "name the task: --task"};
-  if (!is_brought_along(said.name, said.hash))
+  if (!is_built_in_task(said.name, said.hash))
     return Error{ErrorKind::kUsage,
                  "the recording is a run of \"" + printable_name(said.name) +
                      "\", which is no task that this palpate brings along in that text",
@@ -83,7 +83,7 @@ Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::
 bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks) {
   const bool has_ticks = ticks.first != TickRange{}.first || ticks.last != TickRange{}.last;
   if (!asked.empty() || has_ticks) return true;
-  return header.simulated && is_brought_along(header.task.name, header.task.hash);
+  return header.simulated && is_built_in_task(header.task.name, header.task.hash);
 }
 
 Result<OfferedTask> offered_task(const std::string& name_or_file) {
@@ -91,7 +91,7 @@ Result<OfferedTask> offered_task(const std::string& name_or_file) {
   if (!task) return task.error();
   // the name of a file may identify a patient, and viewers receive the name of the task
   const std::string name = std::filesystem::path(name_or_file).stem().string();
-  return OfferedTask{is_brought_along(name, task->text_hash) ? name : "task", *std::move(task)};
+  return OfferedTask{is_built_in_task(name, task->text_hash) ? name : "task", *std::move(task)};
 }
 
 Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,

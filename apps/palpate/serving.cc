@@ -27,12 +27,12 @@ void add_serving_options(CLI::App& verb, ServingOptions& options) {
                   "A further name by which the page is asked for; may be repeated");
 }
 
-void FaultLines::put(const std::string& line) {
+void ViewerFaultQueue::put(const std::string& line) {
   const std::lock_guard lock(mutex_);
   if (lines_.size() < kMost) lines_.push_back(line);
 }
 
-void FaultLines::show_next(Console& console) {
+void ViewerFaultQueue::show_next(Console& console) {
   pollfd terminal{console.streams().err, POLLOUT, 0};
   if (::poll(&terminal, 1, 0) != 1) return;
   std::string line;
@@ -46,7 +46,7 @@ void FaultLines::show_next(Console& console) {
 }
 
 Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptions& options, Console& console,
-                                            FaultLines& faults) {
+                                            ViewerFaultQueue& faults) {
   constexpr int kTries = 20;
   ViewerServerOptions settings = options.viewers;
   settings.port = options.port.value_or(kViewerPort);

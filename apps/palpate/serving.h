@@ -22,7 +22,7 @@ void add_serving_options(CLI::App& verb, ServingOptions& options);
 
 /// Queue for messages about faults of viewers, from the thread of the server to the terminal. A stopped
 /// terminal (Ctrl-S) or a full pipe must block neither the server nor the thread that polls the keys.
-class FaultLines {
+class ViewerFaultQueue {
  public:
   void put(const std::string& line);
   /// Prints at most one message, because a terminal that is ready for output may not take more without
@@ -38,6 +38,6 @@ class FaultLines {
 /// Starts the server at the requested port; without one at the default port, or at the next free one.
 /// @param faults  must outlive the server
 Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptions& options, Console& console,
-                                            FaultLines& faults);
+                                            ViewerFaultQueue& faults);
 
 }  // namespace palpate::app

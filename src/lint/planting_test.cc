@@ -116,13 +116,13 @@ Planted one_voxel_sheet(LintCase& one, Random& random) {
 }
 
 /// The first free voxel along an axis from a voxel deep in a structure, if enough free space follows.
-struct WayOut {
+struct ExitLine {
   Index surface;
   LabelId id;
   std::size_t axis;
   int step;
 };
-std::optional<WayOut> way_out(LintCase& one, Random& random, int deep, int room, int room_at) {
+std::optional<ExitLine> way_out(LintCase& one, Random& random, int deep, int room, int room_at) {
   for (int attempt = 0; attempt < 300; ++attempt) {
     const auto inside = inner_box(one, random, deep);
     if (!inside) return std::nullopt;
@@ -132,7 +132,7 @@ std::optional<WayOut> way_out(LintCase& one, Random& random, int deep, int room,
     while (is_inside(one, at) && label_at(one, at) == inside->second) at[axis] += step;
     if (!is_inside(one, at) || label_at(one, at) != 0) continue;
     if (room == 0 || is_uniform(one, plus(at, axis, step * room_at), room, 0))
-      return WayOut{at, inside->second, axis, step};
+      return ExitLine{at, inside->second, axis, step};
   }
   return std::nullopt;
 }

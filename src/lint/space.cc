@@ -184,13 +184,13 @@ Result<std::vector<bool>> reached(const LintStudy& study, const RunVolume& runs,
   return out;
 }
 
-struct AirLimit {
+struct AirThreshold {
   double below = -std::numeric_limits<double>::infinity();  ///< Scan values below this are air
   bool is_hounsfield = false;                               ///< Whether the scan is a CT; in other scans
                                                             ///< bone may be as dark as air
 };
 
-AirLimit air_limit(const Volume<float>& scan) {
+AirThreshold air_limit(const Volume<float>& scan) {
   constexpr std::size_t kMost = 500'000;
   std::vector<float> values;
   const std::size_t step = std::max<std::size_t>(1, scan.voxels().size() / kMost);
@@ -309,7 +309,7 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
     moved = *std::move(resampled);
   }
   const Volume<float>& scan = moved ? *moved : *study.options.scan;
-  const AirLimit air_is = air_limit(scan);
+  const AirThreshold air_is = air_limit(scan);
   const auto limit = static_cast<float>(air_is.below);
   VoxelBits tissue(dims);
   struct Sum {
