@@ -363,10 +363,10 @@ internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource&
 }
 
 /// Region of influence of a change, in the structure's grid.
-class Carving {
+class SurfaceUpdate {
  public:
   /// @param changed  bounding box of voxels whose class changed
-  Carving(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
+  SurfaceUpdate(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
       : plan_(plan), once_(once), fine_(whole(plan.fine)) {
     // nodes of cells at the change, those affected by relaxation, and triangles at them
     moved = grown(changed, internal::kCarvingRounds + 2);
@@ -521,7 +521,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   const Span3 distance_part = changed.grown(plan.window).clipped(fine);
   run({stages.distance(labels, old.label, {}, start(patch.distance, distance_part))});
   // among voxels near the change, those whose nearest triangle may differ
-  const Carving carving(plan, *old.workings.net, changed);
+  const SurfaceUpdate carving(plan, *old.workings.net, changed);
   const internal::Block<std::uint8_t> corners =
       carving.corners(StepsSource::of(old.workings.distance), distance);
   internal::Block<std::uint8_t> stale(carving.near);
