@@ -32,7 +32,7 @@ endif()
 
 # palpate_of_a_tick(MODULE...): modules whose code runs in every tick. The same instructions, chosen and ordered for
 # processors since 2015: for any processor at all g++ clears what is small by `rep stos`, which begins slowly. A tick
-# takes 4 % less (docs/decisions/0072-what-a-tick-and-a-start-spend.md).
+# takes 4 % less (docs/decisions/archive/0072-what-a-tick-and-a-start-spend.md).
 function(palpate_of_a_tick)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
     foreach(module ${ARGN})
@@ -72,10 +72,10 @@ if(PALPATE_SANITIZE)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND PALPATE_SANITIZE MATCHES "undefined")
     add_compile_options(-fsanitize-ignorelist=${CMAKE_CURRENT_LIST_DIR}/sanitizer_ignores.txt)
   endif()
-  # What g++'s checks cost beside what they alone would find (docs/decisions/0014-units.md has the figures). AddressSanitizer
-  # sees what is read or written beyond an object, through a null pointer or by a pointer that wrapped around; release
-  # builds refuse a pointer to a temporary that is gone (above). The fuzzers, by clang, keep all of these for the
-  # parsers, where bytes and offsets come from outside.
+  # What g++'s checks cost beside what they alone would find (docs/decisions/archive/0014-units.md has the figures).
+  # AddressSanitizer sees what is read or written beyond an object, through a null pointer or by a pointer that wrapped
+  # around; release builds refuse a pointer to a temporary that is gone (above). The fuzzers, by clang, keep all of these
+  # for the parsers, where bytes and offsets come from outside.
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND PALPATE_SANITIZE MATCHES "address" AND PALPATE_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize=object-size,pointer-overflow,null,alignment -fno-sanitize-address-use-after-scope)
   endif()

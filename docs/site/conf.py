@@ -24,7 +24,8 @@ html_show_sourcelink = False
 html_copy_source = False
 
 FOLDERS = {"start": "Start", "tutorials": "Tutorials", "guide": "Guide", "concepts": "Concepts", "reference": "Reference",
-           "results": "Results", "help": "Help", "contributing": "Contributing", "decisions": "Decisions"}
+           "results": "Results", "help": "Help", "contributing": "Contributing", "decisions": "Decisions",
+           "decisions/archive": "Archived decisions"}
 
 
 def add_contents(app, name, source):
@@ -36,8 +37,8 @@ def add_contents(app, name, source):
     for folder, caption in FOLDERS.items():
         pages = sorted(path.relative_to(ROOT / "docs").with_suffix("").as_posix() for path in (ROOT / "docs" / folder).glob("*.md"))
         pages.sort(key=lambda page: named.index(page) if page in named else len(named))
-        if folder == "decisions":
-            pages.sort(key=lambda page: page != "decisions/README")
+        if folder.startswith("decisions"):
+            pages.sort(key=lambda page: page != f"{folder}/README")
         if pages:
             source[0] += "\n```{toctree}\n:hidden:\n:caption: " + caption + "\n" + "\n".join(pages) + "\n```\n"
     for folder in sorted(path for path in (ROOT / "docs").iterdir() if re.fullmatch(r"[a-z]{2,3}", path.name)):

@@ -978,7 +978,8 @@ class LayerSprings {
     relax(tissue, contact, depth_mm, radius_mm, most, relaxation, yielded);
     return yielded;
   }
-  // viscoelastic correction of an elastic force and of its stored energy (docs/decisions/0040-relaxation.md)
+  // viscoelastic correction of an elastic force and of its stored energy
+  // (docs/decisions/archive/0040-relaxation.md)
   void relax(const ContactLaw& tissue, const RelaxingContact& contact, double depth_mm, double radius_mm,
              double most, RelaxationState& state, Yielded& yielded) {
     const double elastic_N = yielded.felt.force_N;

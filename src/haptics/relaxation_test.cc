@@ -229,7 +229,7 @@ struct PressedSphere {
   Relaxing relaxing;
   double depth_mm = -1, force_N = 0, elastic_N = 0;
 
-  // stored energy by the law's complementary energy (docs/decisions/0040-relaxation.md)
+  // stored energy by the law's complementary energy (docs/decisions/archive/0040-relaxation.md)
   double stored_mJ() const {
     double stored = force_N * std::max(0.0, depth_mm) -
                     complementary_mJ(tissue, relaxing.state.elastic_N, radius_mm, max_N_per_mm);

@@ -14,7 +14,8 @@
 #include "palpate/base/result.h"
 
 /// Network interface of the viewer server. network.cc implements it with Boost.Asio, Boost.Beast and OpenSSL,
-/// and is the only source of the server that includes Boost (docs/decisions/0073-one-source-for-beast.md).
+/// and is the only source of the server that includes Boost
+/// (docs/decisions/archive/0073-one-source-for-beast.md).
 ///
 /// One thread runs the event loop. Everything but EventLoop::post() is called on that thread, and every
 /// callback comes from it, never within the call that it was passed to. An operation holds its callback, and

@@ -11,9 +11,9 @@ namespace palpate::internal {
 /// Never 0, so that its sign equals the mask.
 ///
 /// Distances to centres rather than faces of voxels: of the definitions tried, this one depends least on the
-/// orientation of the surface (docs/decisions/0009-surfaces-from-labels.md). For a plane in random position
-/// its zero level is the plane; some voxels away it is up to half a voxel too large if the surface is
-/// parallel to a plane of voxels, and correct otherwise.
+/// orientation of the surface (docs/decisions/archive/0009-surfaces-from-labels.md). For a plane in random
+/// position its zero level is the plane; some voxels away it is up to half a voxel too large if the surface
+/// is parallel to a plane of voxels, and correct otherwise.
 ///
 /// Separable: the minimum of squared distances along k, found by counting, then j, then i, each over the
 /// voxels within reach. For a reach of some ten voxels this is faster with SIMD than lower envelopes of

@@ -5,7 +5,7 @@
 #include "surfaces/surface_net_links.h"
 
 // docs/decisions/0017-surface-nets.md justifies each step and its parameters,
-// docs/decisions/0066-where-the-volume-ends.md the treatment of the volume's border.
+// docs/decisions/archive/0066-where-the-volume-ends.md the treatment of the volume's border.
 //
 //     membrane        every node at its neighbours' mean, in its cell:    no terraces, but spheres shrink
 //     three times     curvature C and area M of the current net, both summed over a node's links

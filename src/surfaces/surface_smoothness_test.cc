@@ -32,7 +32,8 @@ Surface surface_of(const Vector3d& size_mm, const Vector3d& spacing,
   return std::move(prepare_surfaces(*label_bricks(labels), {test::kTissue}, {})->front().surface);
 }
 
-/// Surface of the same labels by the method before surface nets (docs/decisions/0009): filtered distance.
+/// Surface of the same labels by the method before surface nets (docs/decisions/archive/0009): filtered
+/// distance.
 Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels) {
   using internal::StepsSource;
   SurfaceOptions options;

@@ -15,7 +15,7 @@
 namespace palpate {
 namespace {
 
-// a stiff nodule converges slowest (docs/decisions/0034)
+// a stiff nodule converges slowest (docs/decisions/archive/0034)
 constexpr int kMaxIterations = 60;
 constexpr double kConverged = 1e-4;
 

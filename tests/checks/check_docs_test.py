@@ -183,29 +183,45 @@ class Pictures(unittest.TestCase):
 
 
 class Decisions(unittest.TestCase):
-    FIRST = {"docs/decisions/0001-first.md": "# 1. First\n\nText.\n",
-             "docs/decisions/0002-second.md": "# 2. Second\n\n*Amends [1](0001-first.md).*\n"}
-    HEAD = "# Decisions\n\n| number | decision | status | amended by |\n|---|---|---|---|\n"
-    ROWS = ["| 1 | [First](0001-first.md) | accepted | [2](0002-second.md) |\n", "| 2 | [Second](0002-second.md) | accepted | |\n"]
+    PAGES = {"docs/decisions/archive/0001-first.md": "# 1. First\n\nText.\n",
+             "docs/decisions/0002-second.md": "# 2. Second\n\n*Amends [1](archive/0001-first.md).*\n",
+             "docs/decisions/archive/0003-third.md": "# 3. Third\n\n*Amends [2](../0002-second.md).*\n"}
+    HEAD = "# Decisions\n\n| number | decision | amended by |\n|---|---|---|\n"
+    ARCHIVE_HEAD = "# Archive\n\n| number | decision | why it is here | amended by |\n|---|---|---|---|\n"
+    ROW = "| 2 | [Second](0002-second.md) | [3](archive/0003-third.md) |\n"
+    ARCHIVED = ("| 1 | [First](0001-first.md) | superseded by 2 | [2](../0002-second.md) |\n"
+                "| 3 | [Third](0003-third.md) | a measurement | |\n")
 
-    def faults(self, *rows, **pages):
-        files = {**self.FIRST, **{f"docs/decisions/{name[1:].replace('_', '-')}.md": text for name, text in pages.items()},
-                 "docs/decisions/README.md": self.HEAD + "".join(rows)}
+    def faults(self, row=ROW, archived=ARCHIVED, **pages):
+        files = {**self.PAGES, **{f"docs/decisions/{name[1:].replace('__', '/').replace('_', '-')}.md": text for name, text in pages.items()},
+                 "docs/decisions/README.md": self.HEAD + row, "docs/decisions/archive/README.md": self.ARCHIVE_HEAD + archived}
         return [line.partition("decisions: ")[2] for line in run(files, "--links")[1] if "decisions: " in line]
 
-    def test_a_whole_index(self):
-        self.assertEqual(self.faults(*self.ROWS), [])
+    def test_whole_indices(self):
+        self.assertEqual(self.faults(), [])
 
     def test_what_lacks(self):
-        one, two = self.ROWS
-        self.assertEqual(self.faults(one), ["decision 2 has no row"])
-        self.assertEqual(self.faults(one, two, two.replace("2 |", "3 |", 1)), ["there is no decision 3"])
-        self.assertEqual(self.faults(one.replace("[First]", "[Worst]"), two), ["title of decision 1 is [First](0001-first.md)"])
-        self.assertEqual(self.faults(one.replace("[2](0002-second.md)", ""), two), ["amended by of decision 1 is [2](0002-second.md)"])
-        self.assertEqual(self.faults(one.replace("accepted", "perhaps"), two), ["status of decision 1 is one of accepted, superseded"])
-        self.assertCountEqual(self.faults(one, two, _0004_fourth="# 4. Fourth\n"), ["there is no decision 3", "decision 4 has no row"])
-        self.assertEqual(self.faults(one, two.replace("Second", "second"), _0002_second="# 3. Second\n")[0], "is not headed '2. …'")
-        self.assertEqual(run(self.FIRST, "--links")[1], ["docs/decisions/README.md:1: decisions: there is no index"])
+        self.assertEqual(self.faults(""), ["decision 2 has no row"])
+        self.assertEqual(self.faults(archived=""), ["decision 1 has no row", "decision 3 has no row"])
+        self.assertEqual(self.faults(self.ROW + self.ROW.replace("2 |", "3 |", 1)), ["decision 3 is not in this folder"])
+        self.assertEqual(self.faults(self.ROW.replace("[Second]", "[Worst]")), ["title of decision 2 is [Second](0002-second.md)"])
+        self.assertEqual(self.faults(self.ROW.replace("[3](archive/0003-third.md)", "")),
+                         ["amended by of decision 2 is [3](archive/0003-third.md)"])
+        self.assertEqual(self.faults(archived=self.ARCHIVED.replace("[2](../0002-second.md)", "")),
+                         ["amended by of decision 1 is [2](../0002-second.md)"])
+        self.assertEqual(self.faults(archived=self.ARCHIVED.replace("a measurement", "")),
+                         ["decision 3 does not say why it is in the archive"])
+        self.assertEqual(self.faults(self.ROW.replace("Second", "second"), _0002_second="# 4. Second\n\n*Amends [1](archive/0001-first.md).*\n")[0],
+                         "is not headed '2. …'")
+
+    def test_numbers_are_contiguous_over_both_folders(self):
+        self.assertCountEqual(self.faults(_0005_fifth="# 5. Fifth\n"), ["there is no decision 4", "decision 5 has no row"])
+        self.assertCountEqual(self.faults(_archive__0005_fifth="# 5. Fifth\n"), ["there is no decision 4", "decision 5 has no row"])
+        self.assertIn("decision 2 is docs/decisions/0002-second.md, too", self.faults(_archive__0002_twice="# 2. Twice\n"))
+
+    def test_each_folder_has_an_index(self):
+        self.assertEqual(run(self.PAGES, "--links")[1], ["docs/decisions/README.md:1: decisions: there is no index",
+                                                         "docs/decisions/archive/README.md:1: decisions: there is no index"])
 
 
 if __name__ == "__main__":

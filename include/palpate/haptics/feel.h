@@ -16,7 +16,8 @@ constexpr bool names_every_member() {
   return sizeof(Settings) - bytes < alignof(Settings);
 }
 
-/// Proxy updates along surfaces. The choices are explained in docs/decisions/0010, 0019 and 0023.
+/// Proxy updates along surfaces. The choices are explained in docs/decisions/0010 and in
+/// docs/decisions/archive/0019 and 0023.
 struct ProxyFeel {
   /// Maximum penetration of a sphere at any point of the proxy's path; greater than dip_mm.
   double max_dip_mm = 0.05;
@@ -112,7 +113,7 @@ struct ProxyFeel {
   }
 };
 
-/// Rotation of a tool with parts away from its tip (docs/decisions/0019).
+/// Rotation of a tool with parts away from its tip (docs/decisions/archive/0019).
 struct ToolTurnFeel {
   /// Arc that a rotation step advances beyond the clearance, as a fraction of a substep; a surface hit at a
   /// right angle pushes the tool by as much.

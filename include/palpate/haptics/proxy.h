@@ -29,7 +29,7 @@ namespace palpate {
 /// is their common surface, with the stiffness of fat; the surface of bone lies in the next layer, with the
 /// difference between the stiffness of bone and that of fat. Each layer constrains its own proxy, so the
 /// total force is the stiffness integrated along the penetration path, as in the inward ramp
-/// (docs/decisions/0011-inward-ramps.md), and each layer's force is that of a conservative spring.
+/// (docs/decisions/archive/0011-inward-ramps.md), and each layer's force is that of a conservative spring.
 ///
 /// For a deformable structure the contact force at a depth is computed from the elastic solution (yield.h)
 /// instead of from a spring stiffness. A deformable structure belongs to the outermost of the layers that it
@@ -361,11 +361,11 @@ struct ProxyResult : ProxyForce {
 /// more than ProxyFeel::max_dip_mm. Bounded work; does not allocate, lock or throw.
 ///
 /// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
-///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/0023). The contact point is the nearest
-///   point, or the middle of the touching interval where the capsule lies along the surface.
+///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/archive/0023). The contact point is the
+///   nearest point, or the middle of the touching interval where the capsule lies along the surface.
 /// - Rotation: the attitude follows the operator's, which no force resists; when the tool rotates into a
 ///   surface the proxy's position is pushed out instead, so that the penetration generates a force at the tip
-///   (docs/decisions/0019).
+///   (docs/decisions/archive/0019).
 /// - Free space is crossed in substeps of the clearance (sphere tracing, Hart 1996).
 /// - In contact the goal is the point nearest to the tip in the intersection of the half-spaces of all
 ///   touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled

@@ -7,7 +7,7 @@
 #include "palpate/geometry/geometry.h"
 
 /// Stress relaxation of soft tissue under a constant strain: quasi-linear viscoelasticity (Fung 1993, 7.6) by
-/// a Prony series. For the choices see docs/decisions/0040-relaxation.md.
+/// a Prony series. For the choices see docs/decisions/archive/0040-relaxation.md.
 namespace palpate {
 
 /// Maximum number of terms of a tissue's Prony series.
@@ -101,8 +101,8 @@ struct RelaxingContact {
 /// exact for a linear change of F_e in the tick, at any tick length (Taylor, Pister & Goudreau 1970; Simo &
 /// Hughes 1998, 10.3). A tool that withdraws faster than the tissue recovers leaves a dent: the force is then
 /// 0, and F_e is that of the dent, which recovers like free tissue. No energy is generated
-/// (docs/decisions/0040-relaxation.md). At a new contact point the dent is reduced linearly with the distance
-/// from the last one, to none at its radius. Bounded work; bit-identical in every build.
+/// (docs/decisions/archive/0040-relaxation.md). At a new contact point the dent is reduced linearly with the
+/// distance from the last one, to none at its radius. Bounded work; bit-identical in every build.
 /// @param elastic_N  elastic force at the tool's depth; at least 0
 /// @param contact    null: no contact with deformable tissue, elastic_N is 0
 /// @returns force in N, 0 ... elastic_N

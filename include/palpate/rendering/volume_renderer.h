@@ -82,7 +82,7 @@ struct Scratch;
 
 /// Renders the structures of a label volume by shear-warp factorisation (Lacroute & Levoy 1994), from any
 /// direction, in parallel or perspective projection. docs/guide/render.md describes the pictures,
-/// docs/decisions/0045-shear-warp.md the method and its errors. Not thread-safe; uses several threads
+/// docs/decisions/archive/0045-shear-warp.md the method and its errors. Not thread-safe; uses several threads
 /// internally. Bit-identical on every SIMD target and for any number of threads.
 class VolumeRenderer {
  public:

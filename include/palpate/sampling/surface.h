@@ -14,8 +14,8 @@ namespace palpate {
 /// Surface of a structure: the zero level set of a signed distance, positive outside. Two fields on separate
 /// grids represent it. The position field is the distance to a surface net that is as smooth as the labels
 /// allow (docs/decisions/0017); the normal field is smoothed more broadly, so that normals show no voxel
-/// pattern (docs/decisions/0009). Distances are clamped at the field's reach. Immutable; a query does not
-/// allocate, lock or throw.
+/// pattern (docs/decisions/archive/0009). Distances are clamped at the field's reach. Immutable; a query does
+/// not allocate, lock or throw.
 class Surface {
  public:
   Surface() = default;

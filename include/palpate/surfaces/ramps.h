@@ -21,7 +21,7 @@
 /// it is K_cartilage d(both) + (K_bone - K_cartilage) d(bone): continuous at their interface, with slope K of
 /// the upper structure above and K of the lower one below it. It never exceeds the minimum over paths from
 /// free space of the integral of K, and equals it where the nearest points outside the unions lie on one
-/// line. Rationale and measurements: docs/decisions/0011-inward-ramps.md.
+/// line. Rationale and measurements: docs/decisions/archive/0011-inward-ramps.md.
 namespace palpate {
 
 /// Structure to include in the ramps.

@@ -19,7 +19,7 @@
 ///     position: the distance to the net <--------------------------+
 ///         +-> broadly smoothed -> blended with the position where it is misleading -> normal
 ///
-/// Rationale and measurements: docs/decisions/0017-surface-nets.md, and 0009 for the normal.
+/// Rationale and measurements: docs/decisions/0017-surface-nets.md, and archive/0009 for the normal.
 namespace palpate {
 
 namespace internal {
