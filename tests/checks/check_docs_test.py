@@ -128,6 +128,12 @@ class Prose(unittest.TestCase):
         self.assertEqual(run({"docs/help/glossary.md": glossary})[0], 0)
         self.assertEqual(run({"docs/help/glossary.md": glossary + "\nThe ghost.\n"})[0], 1)
 
+    def test_the_glossary_is_short(self):
+        entries = "# Glossary\n\n" + "- a word\n" * 148
+        self.assertEqual(run({"docs/help/glossary.md": entries})[1], ["1 pages, nothing to mend"])
+        self.assertEqual(run({"docs/help/glossary.md": entries + "- one more\n"})[1],
+                         ["docs/help/glossary.md:151: glossary: 151 lines, 150 at most"])
+
     def test_who_is_asked(self):
         old = {name: "It is no longer so.\n" for name in ("CHANGELOG.md", "docs/decisions/x.md", "bench/README.md")}
         self.assertEqual(run(old)[0], 0)
