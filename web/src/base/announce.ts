@@ -1,4 +1,5 @@
-// Announcements to screen readers, at most one per second: messages in between are joined. Toasts are announced too.
+// Announcements to screen readers, at most one per second; messages within that interval are joined. Toasts are
+// announced too.
 
 import { byId } from "./dom.js";
 
@@ -14,7 +15,7 @@ export function announce(text: string): void {
   timer = window.setTimeout(speak, Math.max(0, spoken_ms + LEAST_MS - performance.now()));
 }
 
-/** Discards announcements, after a change of the language. */
+/** Discards pending announcements; to be called after a change of the language. */
 export function hush(): void {
   clearTimeout(timer);
   waiting = [];

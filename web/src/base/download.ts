@@ -1,4 +1,4 @@
-// Files for the user to download.
+// Download of generated files.
 
 export function download(blob: Blob, name: string): void {
   const link = document.createElement("a");

@@ -1,9 +1,9 @@
 // Points, rotations and planes in the patient frame: LPS, mm. +x is the patient's left, +y posterior, +z superior.
 
 export type Vec3 = [number, number, number];
-/** w, x, y, z */
+/** Unit quaternion: w, x, y, z. */
 export type Quaternion = [number, number, number, number];
-/** Affine map of points, by rows; the last row is 0 0 0 1. */
+/** Affine map of points: 4 x 4 matrix by rows, the last one 0 0 0 1. */
 export type Affine = number[][];
 
 export const add = (a: Vec3, b: Vec3): Vec3 => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -27,7 +27,7 @@ export function besides(n: Vec3): [Vec3, Vec3] {
 
 export const apply = (m: Affine, p: Vec3): Vec3 =>
   [0, 1, 2].map((r) => m[r]![0]! * p[0] + m[r]![1]! * p[1] + m[r]![2]! * p[2] + m[r]![3]!) as Vec3;
-/** Maps a direction, without the translation. */
+/** Image of a direction: the linear part of the map only. */
 export const turn = (m: Affine, v: Vec3): Vec3 =>
   [0, 1, 2].map((r) => m[r]![0]! * v[0] + m[r]![1]! * v[1] + m[r]![2]! * v[2]) as Vec3;
 
@@ -71,7 +71,7 @@ export function aboutAxis(axis: Vec3, angle_rad: number): Quaternion {
   const n = scale(normalize(axis), Math.sin(angle_rad / 2));
   return [Math.cos(angle_rad / 2), ...n];
 }
-/** Ratio of the distances between two fingers after and before one of them has moved. */
+/** Pinch factor: ratio of the distances between two fingers after and before one of them has moved. */
 export function spread(other: [number, number], before: [number, number], at: [number, number]): number {
   const apart = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]);
   return apart(at) / Math.max(1, apart(before));
@@ -81,7 +81,7 @@ export function spread(other: [number, number], before: [number, number], at: [n
 export const angleOf_deg = (q: Quaternion): number =>
   (2 * Math.atan2(Math.hypot(q[1], q[2], q[3]), Math.abs(q[0])) * 180) / Math.PI;
 
-/** Plane of a picture in the patient. */
+/** Plane of a picture in the patient frame. */
 export interface Plane {
   centre: Vec3; // centre of the picture
   right: Vec3; // unit, to the right of the picture
@@ -91,7 +91,7 @@ export interface Plane {
 export const normalOf = (plane: Plane): Vec3 => cross(plane.right, plane.down);
 
 export type Anatomical = "axial" | "sagittal" | "coronal";
-/** Plane of a section: one of the anatomical planes, or the oblique one that follows the tip. */
+/** Kind of a section's plane: an anatomical plane, or the oblique plane that follows the tip. */
 export type PlaneKind = "oblique" | Anatomical;
 export const ANATOMICAL: Anatomical[] = ["axial", "sagittal", "coronal"];
 
@@ -100,8 +100,8 @@ const POSTERIOR: Vec3 = [0, 1, 0];
 const SUPERIOR: Vec3 = [0, 0, 1];
 
 /**
- * Radiological convention: the patient's left is on the right of axial and coronal pictures, anterior on the left of
- * sagittal ones.
+ * Anatomical plane in the radiological convention: the patient's left on the right of axial and coronal pictures,
+ * anterior on the left of sagittal ones.
  */
 export function anatomicalPlane(kind: Anatomical, centre: Vec3): Plane {
   return {
@@ -111,7 +111,7 @@ export function anatomicalPlane(kind: Anatomical, centre: Vec3): Plane {
   };
 }
 
-/** Radiological convention that an oblique plane is displayed by. It is passed on from frame to frame as hysteresis. */
+/** Anatomical planes whose display convention an oblique plane follows; hysteresis state between frames. */
 export interface Hanging {
   axial: boolean;
   sagittal: boolean;
@@ -120,7 +120,7 @@ export interface Hanging {
 /**
  * Displays a plane in the radiological convention: superior up, or anterior up if the plane is nearly axial; the
  * patient's left on the right, or anterior on the left if it is nearly sagittal.
- * @param before  convention of the previous frame, for hysteresis
+ * @param before  `hanging` of the previous frame, for hysteresis
  */
 export function hang(normal: Vec3, centre: Vec3, before?: Hanging): { plane: Plane; hanging: Hanging } {
   const n = normalize(normal);
@@ -133,8 +133,8 @@ export function hang(normal: Vec3, centre: Vec3, before?: Hanging): { plane: Pla
 }
 
 /**
- * Normal of a plane that contains a direction (tool axis or force), as close to `wanted` as possible. For a direction
- * parallel to `wanted`, where that is undefined, the normal is `fallback`.
+ * Unit normal, as close to `wanted` as possible, of a plane that contains a direction (tool axis or force). For a
+ * direction nearly parallel to `wanted`, as close to `fallback` as possible.
  */
 export function normalContaining(direction: Vec3, wanted: Vec3, fallback: Vec3): Vec3 {
   const d = normalize(direction);
@@ -179,10 +179,10 @@ export function niceLength(max_mm: number): number {
   return power * (max_mm >= 5 * power ? 5 : max_mm >= 2 * power ? 2 : 1);
 }
 
-/** Position with orientation letters or signs, for display. */
+/** Text of a position, patient frame (LPS), with explicit signs in the displayed convention. */
 export function positionText(p: Vec3, convention: "LPS" | "RAS", decimals: number): string {
   const named = convention === "LPS" ? p : [-p[0], -p[1], p[2]];
-  // an explicit plus sign keeps columns aligned
+  // a plus sign keeps columns aligned
   const texts = named.map((x) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(decimals));
   return `${convention} ${texts.join("  ")} mm`;
 }

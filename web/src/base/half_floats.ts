@@ -1,5 +1,5 @@
-// IEEE 754 half-precision floats represent integers exactly up to 2048, and 11 significant bits beyond: enough for 256
-// grey levels.
+// Conversion of scan values to IEEE 754 half precision: integers up to 2048 are exact, larger ones have 11 significant
+// bits, which suffices for 256 grey levels.
 
 let table: Uint16Array | null = null;
 

@@ -1,4 +1,4 @@
-// Slicing of long computations, so that the browser handles input in between.
+// Cooperative slicing of long computations: the browser handles input between slices.
 
 import type { Vec3 } from "./geometry.js";
 
@@ -6,9 +6,9 @@ import type { Vec3 } from "./geometry.js";
 export const PIECE_VOXELS = 1 << 20;
 
 const waiting: (() => void)[] = [];
-let port: MessagePort | null = null; // its messages are handled after all pending tasks
+let port: MessagePort | null = null; // posts a message that is handled after all pending tasks
 
-/** Yields to all pending tasks. Browsers throttle timers to one second for pages in the background, hence the port. */
+/** Yields to all pending tasks, by a message port, because browsers throttle timers of background pages to 1 s. */
 export function breathe(): Promise<void> {
   if (!port) {
     const { port1, port2 } = new MessageChannel();
@@ -21,7 +21,7 @@ export function breathe(): Promise<void> {
   });
 }
 
-/** Calls `work` for consecutive ranges [from, to) up to `count`, and yields in between. */
+/** Calls `work` for consecutive ranges [from, to) of at most `most` up to `count`, and yields after each. */
 export async function inPieces(count: number, most: number, work: (from: number, to: number) => void): Promise<void> {
   for (let from = 0; from < count; from += most) {
     work(from, Math.min(from + most, count));
@@ -29,5 +29,5 @@ export async function inPieces(count: number, most: number, work: (from: number,
   }
 }
 
-/** Number of grid slices per unit of work. */
+/** Number of a grid's slices with about PIECE_VOXELS voxels, at least one. */
 export const slicesOfPiece = (dims: Vec3): number => Math.max(1, Math.floor(PIECE_VOXELS / (dims[0] * dims[1])));

@@ -4,17 +4,17 @@
 export function pixelRatio(): number {
   return Math.min(window.devicePixelRatio || 1, 2);
 }
-/** Memory as far as the browser reports it; 8 means at least 8, or unknown. */
+/** Memory of the machine as reported by the browser; 8: at least 8, or unknown. */
 export function memory_GB(): number {
   return (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
 }
 
 /**
- * Size of an element's content box in canvas pixels, observed at its last layout, because reading it would force a
- * layout. 0 while the element is hidden.
+ * Size of an element's client box in canvas pixels, as of its last layout (a query would force a layout). 0 while the
+ * element is hidden.
  */
 export class ObservedSize {
-  private inside: [number, number] = [0, 0]; // CSS pixels
+  private inside: [number, number] = [0, 0]; // width and height, CSS pixels
 
   constructor(element: Element) {
     new ResizeObserver(() => (this.inside = [element.clientWidth, element.clientHeight])).observe(element);
@@ -31,7 +31,7 @@ export class ObservedSize {
   }
   /**
    * Resizes a canvas to this size.
-   * @returns whether its size has changed
+   * @returns whether the canvas's size has changed
    */
   fit(canvas: HTMLCanvasElement): boolean {
     if (canvas.width === this.width && canvas.height === this.height) return false;

@@ -1,4 +1,4 @@
-// WebSocket connection: reconnects automatically, holds the latest pose and its age.
+// WebSocket connection: reconnects with exponential backoff, holds the latest pose and its age.
 
 import type { Refusal, Request, Right, Role, State, Plan, Tracked, Sweep, Debriefing, TaskRun } from "./messages.js";
 import { decodeNear, isNear, type Near } from "./near.js";
@@ -6,27 +6,24 @@ import { decodeYield, isYield, type Yield } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { words } from "../words/words.js";
 
-/** "ended": no connection attempts before open() is called. */
+/** State of the connection; "ended": no attempts until open() is called. */
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
-/** palpate's close codes, docs/reference/viewer-protocol.md. */
+/** WebSocket close codes of palpate: docs/reference/viewer-protocol.md. */
 const TOKEN_REFUSED = 4401,
   OTHER_PROTOCOL = 4406;
-/** Close code of a connection that ended without a closing handshake. */
+/** Close code of a connection that ended without a closing handshake (RFC 6455, 7.4.1). */
 const GONE = 1006;
-/** Poses older than this are shown as stale. */
+/** Age beyond which a pose is displayed as stale. */
 export const STALE_MS = 250;
-/**
- * A connection without messages for this long is closed, because the other end may have vanished; so is one that is not
- * established in time.
- */
+/** Timeouts of a connection without messages, whose server may have vanished, and of one that is being established. */
 const SILENT_MS = 6000,
   CONNECTING_MS = 20_000;
 /**
- * An emergency stop that could not be sent is sent on reconnection within this time; later the user may have changed
- * the situation.
+ * Validity of an emergency stop that could not be sent: it is sent on reconnection within this time. Later, the
+ * situation may have changed.
  */
 const STOP_KEPT_MS = 5000;
 
@@ -39,15 +36,15 @@ export interface Listener {
   onProblem(text: string): void;
   /** The server uses another version of the protocol. */
   onOtherProtocol(): void;
-  /** Connecting has failed more than once. */
+  /** At least two successive attempts to connect have failed. */
   onUnanswered(): void;
   /** A request awaits confirmation at the device; its response follows the confirmation. */
   onAsked(): void;
-  /** Burr sweeps: replaces all sweeps from number `first` on. */
+  /** Burr sweeps, which replace all from number `first` on. */
   onCut(first: number, sweeps: Sweep[]): void;
   /** Deformation of tissue around a device; reported in full on each connection. */
   onYield(told: Yield): void;
-  /** Distances of each tool, before the first pose that they apply to; reported again on each connection. */
+  /** Distances of each tool, sent before the first pose that they apply to; reported again on each connection. */
   onNear(near: Near[]): void;
   /** The plan; reported again on each connection. */
   onPlan(plan: Plan): void;
@@ -62,15 +59,15 @@ export interface Listener {
 export class Connection {
   link: Link = "ended";
   role: Role = "view";
-  learner: string | null = null; // this viewer's pseudonym
+  learner: string | null = null; // pseudonym of this viewer; null: none
   private may: ReadonlySet<Right> = new Set();
   pose: Pose | null = null;
   /** Time of arrival of the latest pose, by performance.now(). */
   poseAt_ms = -Infinity;
-  roundTrip_ms = NaN; // of the latest request
+  roundTrip_ms = NaN; // round-trip time of the latest request
   private socket: WebSocket | null = null;
   private retry_ms = FIRST_RETRY_MS;
-  private unanswered = 0; // attempts since the last welcome message
+  private unanswered = 0; // number of attempts since the last welcome message
   private timer = 0;
   private nextId = 1;
   private heard_ms = 0;
@@ -114,7 +111,7 @@ export class Connection {
     this.token = token;
   }
 
-  /** Whether this viewer has a permission now. */
+  /** Whether this viewer is connected and has a permission. */
   allows(right: Right): boolean {
     return this.link === "connected" && this.may.has(right);
   }
@@ -127,8 +124,8 @@ export class Connection {
   }
 
   /**
-   * Resolves to null on success. A stop is kept for the next connection if that comes soon, also when only its response
-   * is missing.
+   * Sends a request. A stop without a response is sent again on the next connection, within STOP_KEPT_MS.
+   * @returns null on success
    */
   ask(request: Request): Promise<Refusal | null> {
     return new Promise((done) => {
@@ -152,13 +149,13 @@ export class Connection {
     return { what: words.stopIsKept, how: words.stopThere };
   }
 
-  /** To be called periodically. */
+  /** Closes a connection after its timeout; to be called periodically. */
   watch(): void {
     const { socket } = this;
     const max_ms = this.link === "connected" ? SILENT_MS : this.link === "connecting" ? CONNECTING_MS : Infinity;
     if (!socket || performance.now() - this.heard_ms <= max_ms) return;
     socket.close();
-    // the browser reports a vanished peer only after the timeout of its closing handshake
+    // browsers report a vanished peer only after the timeout of the closing handshake
     this.closed(socket, GONE);
   }
 
@@ -196,7 +193,7 @@ export class Connection {
         const pose = decodePose(data);
         this.pose = pose;
         this.poseAt_ms = this.heard_ms;
-        // reset only here, so that a server with undecodable poses is not retried four times a second
+        // a reset on welcome would retry a server with undecodable poses four times a second
         this.retry_ms = FIRST_RETRY_MS;
         this.listener.onPose(pose);
       } catch (error) {

@@ -11,7 +11,7 @@ import type { Affine, Quaternion, Vec3 } from "../base/geometry.js";
 export type Role = "view" | "control" | "learner" | "teacher";
 /** Permission of a viewer. */
 export type Right = "look" | "stop" | "unseen" | "hand" | "feel" | "plan" | "play" | "lesson" | "own_runs" | "all_runs";
-/** Error of palpate: what is wrong, where, and how to mend it. */
+/** Error reported by palpate: problem, its location, and its remedy. */
 export interface Refusal {
   what: string;
   where?: string;
@@ -39,7 +39,7 @@ export interface Structure {
 export interface Tissue {
   name: string;
   felt: boolean;
-  protection: "none" | "alarm" | "keep"; // from a burr
+  protection: "none" | "alarm" | "keep"; // against a burr: "alarm" reports cuts, "keep" prevents them
   colour: Rgb;
   opacity: number;
   stiffness_N_per_mm: number;
@@ -51,7 +51,7 @@ export interface Tissue {
 /** Tissue properties that can change during a session. */
 export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "friction" | "viscosity_N_s_per_mm">;
 
-/** Cone between two balls, in the tool's frame; a capsule where the radii are equal. */
+/** Convex hull of two balls, in the tool's frame: a capsule if the radii are equal, else a rounded cone. */
 export interface Capsule {
   from_mm: Vec3;
   to_mm: Vec3;
@@ -59,10 +59,10 @@ export interface Capsule {
   end_radius_mm: number;
 }
 
-/** Tool of one device. */
+/** Tool held by one device. */
 export interface HeldTool {
   name: string;
-  radius_mm: number; // of the tip
+  radius_mm: number; // radius of the ball at each contact point
   cuts: boolean;
   burr: "ball" | "cylinder" | "cone" | null;
   shaver: boolean;
@@ -71,8 +71,8 @@ export interface HeldTool {
 }
 
 /**
- * No-go region: a structure (by its label), the half-space behind a plane, or a ball. A tool that comes closer than
- * `keep_away_mm` is pushed out. Exactly one of `label`, `plane` and `ball` is not null.
+ * No-go region: a structure (by its label), the half-space behind a plane, or a ball. A tool closer than `keep_away_mm`
+ * is pushed out. Exactly one of `label`, `plane` and `ball` is not null.
  */
 export interface NoGo {
   name: string;
@@ -84,7 +84,7 @@ export interface NoGo {
 
 export interface Scene {
   protocol: number;
-  palpate: string; // version of the program
+  palpate: string; // version of palpate
   role: Role;
   learner: string | null;
   may: Right[];
@@ -102,7 +102,7 @@ export interface Scene {
   world_from_patient: Affine;
   structures: Structure[];
   tissues: Tissue[];
-  tools: HeldTool[]; // by device number
+  tools: HeldTool[]; // indexed by device number
   methods: string[];
   laws: string[]; // constitutive laws of soft tissue; empty without soft tissue
   device: {
@@ -121,9 +121,9 @@ export interface Scene {
     friction: [number, number];
   };
   rate_hz: number;
-  recording: Recording | null; // of a playback; null in a live session
+  recording: Recording | null; // recording that is played; null: live session
   tasks?: Task[]; // available tasks
-  distances: { reach_mm: number } | null; // distances to structures are reported up to this reach; null: not at all
+  distances: { reach_mm: number } | null; // maximum distance to structures that is reported; null: no distances
   no_go: NoGo[];
 }
 
@@ -135,7 +135,7 @@ export interface RecordedEvent {
   by: string;
   viewer: number | null;
 }
-/** Contents of the time line; times are the recording's own. */
+/** Contents of the time line; times are in the recording's clock. */
 export interface Recording {
   ticks: number;
   begin_s: number;
@@ -144,7 +144,7 @@ export interface Recording {
   contacts_left_out: number;
   events: RecordedEvent[];
   events_left_out: number;
-  force_N: number[]; // maximum in each of equally long intervals
+  force_N: number[]; // maximum force in each of equally long intervals
 }
 
 // state
@@ -160,13 +160,14 @@ export interface State {
   viscosity: boolean;
   passivity: boolean;
   paused: boolean;
-  motor: boolean; // switch of the burrs' motors
-  motor_is_on: boolean; // by the switch or by a pedal
-  strokes: { undo: number; redo: number }; // burr strokes, from motor start to stop, that can be undone and redone
-  removed: { label: number; mm3: number }[]; // volume that burrs have removed
-  nearest: { label: number; mm: number }[]; // minimum distance of a running burr to protected structures
+  motor: boolean; // state of the motor switch of all burrs
+  motor_is_on: boolean; // some motor runs, by the switch or by a pedal
+  strokes: { undo: number; redo: number }; // numbers of burr strokes to undo and redo; a stroke ends with the motor
+  removed: { label: number; mm3: number }[]; // volume that burrs have removed from each structure
+  /** Minimum distance of a running burr to each protected structure, undone strokes included. */
+  nearest: { label: number; mm: number }[];
   emergency_stop: boolean;
-  stop: number | null; // identifier of the stop in force, which a rearm refers to
+  stop: number | null; // identifier of the active stop, which a rearm refers to; null: none
   stopped_by: "you" | "viewer" | "key" | "palpate" | null;
   max_force_N: number;
   rotation_wxyz: Quaternion;
@@ -174,25 +175,25 @@ export interface State {
   tissues: TissueState[];
   armed: boolean;
   recording: boolean;
-  playback: { playing: boolean; speed: number; failed: Refusal | null } | null; // of a recording
+  playback: { playing: boolean; speed: number; failed: Refusal | null } | null; // null: live session
   viewers: number;
   pointer: boolean;
-  pointer_by: "you" | "viewer" | null; // viewer that moves the tip
+  pointer_by: "you" | "viewer" | null; // viewer that moves the tip; null: none
   lesson: Lesson;
 }
 
-/** A teacher's choices, as far as they are reported to this viewer. */
+/** Settings of a lesson that this viewer may know. */
 export interface Lesson {
-  learner: string | null; // owner of the runs; reported to the teacher and to that learner
-  of_another: boolean; // reported to a learner: the runs belong to another learner
-  task: string | null; // the only task that learners may begin
-  names: boolean; // learners see the names that a quiz hides
-  veiled: boolean; // this viewer's scene is veiled
+  learner: string | null; // owner of the runs; null for viewers other than teachers and that learner
+  of_another: boolean; // for a learner: another learner owns the runs
+  task: string | null; // only task that learners may begin; null: any
+  names: boolean; // names hidden by a quiz are shown to learners
+  veiled: boolean; // a quiz hides names and voxels from this viewer
 }
 
 /**
- * One sweep of a burr: the centre of its ball before and after, and the ball's radius. Cylinders and cones append the
- * vector from that centre to the centre of the ball at their far end, and the radius of that ball.
+ * Straight sweep of a burr: centre of the ball at the tip at begin and end, and the ball's radius. Cylinders and cones
+ * append the vector from that centre to the centre of the ball at the head's far end, and the radius of the latter.
  */
 export type Sweep = [
   number,
@@ -221,14 +222,14 @@ export interface Trajectory {
   name: string;
   entry_mm: Vec3;
   target_mm: Vec3;
-  entry_within_mm: number | null; // tolerances; null: none
+  entry_within_mm: number | null; // tolerances of entry, target, angle and depth; null: none
   target_within_mm: number | null;
   angle_within_deg: number | null;
   depth_within_mm: number | null;
 }
 export interface Plan {
   version: number;
-  saved: boolean; // the plan's file is up to date
+  saved: boolean; // the plan's file has this version
   can_change: boolean; // viewers with control may edit it
   trajectories: Trajectory[];
   keep_away: { label: number; mm: number }[];
@@ -251,7 +252,7 @@ export interface TaskStep {
   coverage: number;
   seen: boolean;
 }
-/** Arthroscope in the second device: angle between its shaft and its line of sight, distance from tip to camera. */
+/** Arthroscope on the second device: angle between shaft and line of sight, distance from tip to camera. */
 export interface TaskScope {
   optics_deg: number;
   back_mm: number;
@@ -279,7 +280,7 @@ export interface Task {
   ends_with_steps: boolean;
   time_limit_s: number | null;
   answer_s: number | null;
-  to_find: number[]; // labels
+  to_find: number[]; // labels of the structures to be found in a quiz
   in_a_row: number;
   scope: TaskScope | null;
   regions: TaskRegion[];
@@ -295,22 +296,22 @@ export interface TaskEvent {
   time_s: number;
   force_N: number;
 }
-/** Progress of a run. */
+/** Progress of a run of a task. */
 export interface TaskRun {
   phase: "none" | "running" | "keeping" | "over";
   run: number;
   task: string | null;
   time_s: number;
-  done: boolean[]; // by step
+  done: boolean[]; // whether each step is complete
   share: number[]; // progress of each step, 0 to 1
   forces_N: number[];
   protected_N: number[];
   touch_N: number;
   unseen: boolean;
-  missing_s: number; // duration of dropped ticks
+  missing_s: number; // total duration of dropped ticks
   events: TaskEvent[];
   events_before: number;
-  keeps: boolean; // the run will be stored in the records
+  keeps: boolean; // this run, or else the next one, will be stored in the records
 }
 /** Results of a finished run. */
 export interface Debriefing {
@@ -327,13 +328,14 @@ export interface Debriefing {
   done: boolean[];
   events: TaskEvent[];
   more_events: number;
-  samples: number[][]; // each: time, tip, maximum total force, maximum force on each of the task's first `forces`
-  patches: [number, number, number, number][]; // of surfaces to cover: position, and 1 where covered
+  /** Each: time, tip, and since the previous sample the maxima of the total force and of the task's first `forces`. */
+  samples: number[][];
+  patches: [number, number, number, number][]; // points of surfaces to cover: position, and 1 if covered
   patches_left_out: number;
   answer_mm: Vec3 | null;
   to_find_mm: Vec3 | null;
   runs: number;
   in_a_row: number;
-  kept: number | null; // number in the records
+  kept: number | null; // number in the records; null: not stored
   not_kept: Refusal | null;
 }

@@ -10,16 +10,16 @@ const MOST_DEVICES = 4;
 const MOST_NEAR = 8;
 const DEVICE_BYTES = 12 + 8 * MOST_NEAR;
 
-/** Distance of a structure to a tool. */
+/** Distance between a structure and a tool. */
 export interface NearStructure {
   label: number;
-  mm: number; // from the tool's surface to the structure's; negative inside
+  mm: number; // distance between the surfaces of tool and structure; negative: penetration
 }
 /** Distances of one device's tool. */
 export interface Near {
   noGo: number; // index of the no-go region with the deepest penetration; -1: none
-  depth: number; // penetration depth of that region's margin
-  force: number; // total of all regions
+  depth: number; // penetration depth into that region, margin included
+  force: number; // magnitude of the total force of all regions
   structures: NearStructure[]; // closest first
 }
 
@@ -28,7 +28,7 @@ export const isNear = (message: ArrayBuffer): boolean =>
   message.byteLength >= 4 && new DataView(message).getUint32(0, true) === MAGIC;
 
 /**
- * Distances of each device.
+ * Distances of each device's tool.
  * @throws WireError for anything but a complete message of this version
  */
 export function decodeNear(message: ArrayBuffer): Near[] {

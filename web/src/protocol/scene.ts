@@ -9,7 +9,7 @@ import { words, type Words } from "../words/words.js";
 
 /**
  * Whether two scenes have the same voxels at the same positions and the same structures in the same order, so that
- * downloads and settings of one are valid for the other. The hash covers the values of voxels only.
+ * downloads and settings of one are valid for the other. The hash covers only the values of voxels.
  */
 export function showsTheSame(a: Scene, b: Scene | null): boolean {
   const shown = ({ volume, world_from_patient, structures }: Scene) =>
@@ -39,7 +39,7 @@ export interface Memory {
   mostSide: number;
 }
 
-/** Smallest of the factors 1, 2 and 4 by which the volume has to be downsampled for this renderer. */
+/** Smallest downsampling factor (1, 2 or 4) with which the volume fits the renderer. */
 export function shrinkFor(dims: Vec3, memory: Memory): 1 | 2 | 4 {
   for (const shrink of [1, 2] as const) {
     const shrunk = dims.map((n) => Math.ceil(n / shrink));
@@ -58,7 +58,7 @@ export function shrunkGrid(patientFromVoxel: Affine, [x, y, z]: Vec3): Affine {
   ]);
 }
 
-/** Scan and labels on one grid. `structure` has, for each voxel, 0 or the index in the scene's list + 1. */
+/** Scan and structures on one grid. `structure`: for each voxel, index in the scene's list + 1, or 0. */
 export class Volumes {
   readonly voxelFromPatient: Affine;
   readonly centre: Vec3; // patient, mm
@@ -95,31 +95,32 @@ export class Volumes {
     }
   }
 
-  /** Index of the nearest voxel, or null outside. */
+  /** Linear index of the nearest voxel; null outside of the grid. */
   private indexAt(p: Vec3): number | null {
     const v = apply(this.voxelFromPatient, p).map(Math.round) as Vec3;
     if (v.some((n, axis) => n < 0 || n >= this.dims[axis]!)) return null;
     return v[0] + this.dims[0] * (v[1] + this.dims[1] * v[2]);
   }
-  /** Index of the structure in the scene's list, or null. */
+  /** Index of the structure at a position, patient frame, in the scene's list; null: none. */
   structureAt(p: Vec3): number | null {
     const index = this.indexAt(p);
     const place = index === null ? 0 : this.structure[index]!;
     return place > 0 ? place - 1 : null;
   }
-  /** Value of the scan, or null. */
+  /** Value of the scan at a position, patient frame; null: outside, or no scan. */
   valueAt(p: Vec3): number | null {
     const index = this.indexAt(p);
     return index === null || !this.scan ? null : this.scan[index]! * this.scale + this.offset;
   }
 }
 
-/** Maximum number of structures that pictures distinguish. */
+/** Maximum number of structures that pictures distinguish: one byte per voxel. */
 export const MOST_STRUCTURES = 255;
 
 /**
- * Body of a response with the expected `size`.
+ * Body of a response.
  * @param onMore  called with the length of each received chunk
+ * @throws Error if its length is not `size`
  */
 async function bytesOf(
   response: Response,
@@ -165,7 +166,7 @@ export async function fetchVolumes(
     fetchBytes("labels", labelSize),
   ]);
 
-  // maps labels to indices in the list of structures, which fit a byte
+  // index in the scene's list + 1 by label, or 0
   const places = new Uint8Array(65536);
   scene.structures.slice(0, MOST_STRUCTURES).forEach((structure, place) => (places[structure.label] = place + 1));
   const raw = labels.type === "uint8" ? new Uint8Array(labelBytes) : new Uint16Array(labelBytes);
@@ -186,7 +187,7 @@ export async function fetchVolumes(
   );
 }
 
-/** Windows in Hounsfield units by purpose: level and width. */
+/** Intensity windows for CT by purpose: level and width, HU. */
 export const CT_PRESETS = {
   softTissue: { level: 40, width: 400 },
   bone: { level: 500, width: 2000 },

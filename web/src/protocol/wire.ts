@@ -10,7 +10,7 @@ const MOST_DEVICES = 4;
 const MOST_FELT = 6;
 const MOST_CONTACTS = 6;
 
-/** Bits of palpate::TickFlag that the page shows. */
+/** Bits of palpate::TickFlag that the page evaluates. */
 export const Flag = {
   clamped: 1 << 0,
   notFinite: 1 << 1,
@@ -34,18 +34,18 @@ export const Flag = {
   release: 1 << 23,
 } as const;
 
-/** Structure along the penetration path. */
+/** Contribution of one structure along the penetration path. */
 export interface Felt {
   label: number;
-  depth: number; // path length within it; NaN: deeper than is measured
-  share: number; // fraction of the force, 0 to 1
+  depth: number; // path length within the structure, mm; NaN: beyond the measured range
+  share: number; // fraction of the total force, 0 to 1
 }
 
 /** Contact between a part of the tool and a structure. */
 export interface Contact {
   label: number;
-  part: number; // index of the tool's part: points, then capsules
-  place: Vec3; // patient
+  part: number; // index of the tool's part, contact points before capsules
+  place: Vec3; // contact point, patient
   force: number; // normal force, N
 }
 
@@ -55,32 +55,32 @@ export interface DevicePose {
   proxy: Vec3; // patient; equal to the tip for direct methods
   normal: Vec3; // patient, outward; zero in free space
   orientation: Quaternion; // tool to World
-  force: Vec3; // World
-  askedForce: number; // before the output stage
+  force: Vec3; // force on the hand, World
+  askedForce: number; // magnitude of the force before the output stage
   forceLimit: number;
   heat: number; // thermal load of the motors, 0 to 1
-  depth: number; // NaN without a surface within reach
-  speed: number; // mm/s
+  depth: number; // penetration depth; NaN: no surface within reach
+  speed: number; // tip speed, mm/s
   stiffness: number; // rendered stiffness, N/mm; 0 without contact
   flags: number;
   buttons: number;
   label: number; // label in contact; 0: none
   felt: Felt[]; // contributions to the force, outermost structure first
-  contacts: Contact[]; // by layer, outermost first, then by force, strongest first
+  contacts: Contact[]; // sorted by layer, outermost first, then by decreasing force
 }
 
 export interface Pose {
   sequence: number;
   tick: number;
-  time: number; // s
+  time: number; // session time, s
   clock: number; // server clock, s
   modelVersion: number;
   method: number;
   switches: number;
   rotation: Quaternion; // rotation of the object about the origin of World
   rate: number; // loop rate, Hz
-  lateness: { p50: number; p99: number; max: number }; // us
-  compute: number; // us
+  lateness: { p50: number; p99: number; max: number }; // lateness of ticks, us
+  compute: number; // computing time of a tick, us
   skipped: number;
   dropped: number;
   stalls: number;
@@ -88,7 +88,7 @@ export interface Pose {
 }
 
 export class WireError extends Error {}
-/** The pose has another version of the protocol. */
+/** Error for a message of another version of the protocol. */
 export class WireVersion extends WireError {}
 
 /** @throws WireError for anything but a complete pose of this version */

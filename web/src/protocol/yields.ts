@@ -10,19 +10,19 @@ const HEAD_BYTES = 96;
 const MOST_DEVICES = 4;
 const MOST_AXIS = 64,
   MOST_NODES = 32768;
-/** Upper bound of coordinates in a valid message. */
+/** Upper bound of the magnitude of coordinates in a valid message. */
 const FARTHEST_MM = 1e4;
 
-/** Grid of nodes in the patient: trilinear between nodes, zero outside. */
+/** Grid of nodes in the patient: trilinear interpolation inside, zero outside. */
 export interface Nodes {
   dims: Vec3;
   nodeFromPatient: Affine;
 }
 
-/** Displacements around one device's tool, at nodes given by their positions at rest. */
+/** Displacements of material points around one device's tool, at nodes in the undeformed configuration. */
 export interface Yield {
   device: number;
-  frame: number; // number of the solution
+  frame: number; // number of the solver frame
   nodes: Nodes | null; // null: no deformation
   moved_mm: Float32Array; // patient frame, three components per node, i fastest
 }
@@ -85,13 +85,13 @@ export function decodeYield(message: ArrayBuffer): Yield {
 const FADES_OVER = 3;
 /** Number of nodes over which displacement is extrapolated into empty space beside moving tissue. */
 const EMPTY_LAYERS = 4;
-/** Maximum number of nodes of the grid for pictures, which is computed fifteen times a second. */
+/** Maximum number of nodes of the inverse grid, which is recomputed up to fifteen times a second. */
 const MOST_SEEN = 40_000;
-/** Tolerance of the fixed-point iteration for the inverse; it converges quickly unless tissue is folded. */
+/** Tolerance and maximum number of steps of the fixed-point inversion, which converges fast unless tissue is folded. */
 const NEAR_MM = 0.002,
   MOST_TRIES = 12;
 
-/** Displacements around one tool, as a field over the whole patient. */
+/** Displacement field of one tool, defined everywhere in the patient. */
 class Field {
   readonly patientFromNode: Affine;
   private readonly mm: Float32Array;
@@ -157,7 +157,7 @@ class Field {
     return mm;
   }
 
-  /** Adds the displacement of the material point at a position at rest; beyond the grid it fades out. */
+  /** Adds the displacement at a position at rest, patient frame, to `to`; beyond the grid it fades to zero. */
   addAt(x: number, y: number, z: number, to: Float64Array): void {
     const { dims, nodeFromPatient: m } = this.nodes;
     let share = 1;
@@ -186,7 +186,7 @@ class Field {
       to[2]! += weight * this.mm[n + 2]!;
     }
   }
-  /** Whether all nodes around a position are reported, not extrapolated. */
+  /** Whether a position is at least half a cell inside the reported grid, where strain is known. */
   knows(x: number, y: number, z: number): boolean {
     const { dims, nodeFromPatient: m } = this.nodes;
     for (let axis = 0; axis < 3; axis++) {
@@ -198,10 +198,10 @@ class Field {
   }
 }
 
-/** Deformation of all devices, latest reports only. */
+/** Deformation by all devices, from the latest report of each. */
 export class Yields {
   private readonly told: (Yield | undefined)[] = [];
-  private seen: Field[] = []; // fields of the latest displaced()
+  private seen: Field[] = []; // fields of the latest call of displaced()
 
   tell(told: Yield): void {
     this.told[told.device] = told;
@@ -212,7 +212,7 @@ export class Yields {
     this.seen = [];
   }
 
-  /** Displacement of the material point at a position at rest, of the latest displaced(); patient frame. */
+  /** Displacement at a position at rest, by the fields of the latest call of displaced(); patient frame, mm. */
   movedAt([x, y, z]: Vec3): Vec3 {
     const moved = new Float64Array(3);
     for (const field of this.seen) field.addAt(x, y, z, moved);
@@ -220,10 +220,10 @@ export class Yields {
   }
 
   /**
-   * Inverse displacement of all devices on one grid. Contributions of devices add up, as in linear elasticity. Four
-   * components per node: displacement, and 1 if it is known. The grid keeps its size while the reported grids keep
-   * theirs and do not move apart.
-   * @param isEmptyAt  whether no tissue is at a position of the patient
+   * Inverse displacement of all devices on one grid. Contributions of devices are superposed, as in linear elasticity.
+   * Four components per node: displacement, and 1 if the strain is known. The size of the grid is constant while the
+   * sizes and relative positions of the reported grids are.
+   * @param isEmptyAt  whether a position, patient frame, is free of tissue
    * @returns null without deformation
    */
   displaced(isEmptyAt: (p: Vec3) => boolean): { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null {
@@ -236,7 +236,7 @@ export class Yields {
     const patientFromNode = invert(nodes.nodeFromPatient);
     const right = column(patientFromNode, 0);
     const moved = new Float64Array(3);
-    // scalars: arrays of three would take most of the time
+    // scalars, because allocations of vectors would dominate the computing time
     for (let k = 0, n = 0; k < dims[2]; k++)
       for (let j = 0; j < dims[1]; j++) {
         let [x, y, z] = apply(patientFromNode, [0, j, k]);
@@ -268,7 +268,7 @@ export class Yields {
   }
 }
 
-/** Grid along the axes of the first one that contains all grids and their margins. */
+/** Grid, aligned with the first field's, that contains all fields' grids and their margins. */
 function nodesAround(fields: Field[]): Nodes {
   const { nodeFromPatient } = fields[0]!.nodes;
   const least: Vec3 = [Infinity, Infinity, Infinity],
@@ -284,7 +284,7 @@ function nodesAround(fields: Field[]): Nodes {
         most[axis] = Math.max(most[axis]!, x);
       });
     }
-  // in multiples of the first grid's spacing, rounded; coarser if the grids are far apart
+  // spacing of the first grid, or coarser to stay below MOST_SEEN
   const first = least.map((x) => Math.floor(x + 1e-3)) as Vec3;
   const dimsBy = (step: number) =>
     first.map((x, axis) => Math.max(2, Math.ceil((most[axis]! - x) / step - 1e-3) + 1)) as Vec3;

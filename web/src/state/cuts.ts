@@ -1,4 +1,4 @@
-// Removal of voxels by a burr's sweeps, and its reversal.
+// Removal of voxels by burr sweeps, and its undo.
 
 import type { Sweep } from "../protocol/messages.js";
 import { add, apply, cross, dot, length, scale, sub, type Vec3 } from "../base/geometry.js";
@@ -9,7 +9,7 @@ export interface VoxelBox {
   size: Vec3;
 }
 
-/** Box of the voxels whose centres a sweep may reach. */
+/** Bounding box, in voxels, of the voxels whose centres a sweep may reach. */
 function around(
   volumes: Volumes,
   [ax, ay, az, bx, by, bz, begin, ex = 0, ey = 0, ez = 0, end = begin]: Sweep,
@@ -36,7 +36,7 @@ function around(
 
 const within01 = (x: number): number => Math.max(0, Math.min(1, x));
 
-/** Squared distance from a line segment; `from` goes from its beginning to a position. */
+/** Squared distance of a position from a segment along `way`; `from`: position relative to the segment's beginning. */
 function squaredAside(way: Vec3, from: Vec3): number {
   const length = way[0] ** 2 + way[1] ** 2 + way[2] ** 2;
   const part = length > 0 ? within01((from[0] * way[0] + from[1] * way[1] + from[2] * way[2]) / length) : 0;
@@ -51,7 +51,7 @@ function isIn(sweep: Sweep): (at: Vec3) => boolean {
   if (ex === undefined || (ex === 0 && ey === 0 && ez === 0))
     return (at) => squaredAside(way, sub(at, begin)) < radius ** 2;
 
-  // change of the head's radius along its axis
+  // head: radius as a linear function of the position on its axis
   const axis: Vec3 = [ex, ey!, ez!],
     widens = last! - radius,
     axis2 = dot(axis, axis),
@@ -64,7 +64,7 @@ function isIn(sweep: Sweep): (at: Vec3) => boolean {
       sine > 0 ? within01(foot + (slope * length(sub(from, scale(axis, foot)))) / (sine * long)) : slope > 0 ? 1 : 0;
     return radius + widens * part - length(sub(from, scale(axis, part)));
   };
-  // gradient of the radius in the plane of path and axis
+  // swept parallelogram of path and axis: radius as a linear function, by its gradient
   const across = cross(way, axis),
     determinant = dot(across, across),
     way2 = dot(way, way),
@@ -109,14 +109,13 @@ export class Cuts {
   private sweeps: Sweep[] = [];
   private same = 0; // number of leading sweeps that are applied to the volumes and still valid
   private volumes: Volumes | null = null;
-  // removed voxels in order of removal: undoing always removes from the end
+  // indices and previous structures of removed voxels, in order of removal: a stack for undo
   private readonly at: number[] = [];
   private readonly was: number[] = [];
   private readonly before: number[] = []; // for each applied sweep: number of voxels removed before it
 
-  /** Replaces the sweeps from number `first` on. */
+  /** Replaces all sweeps from number `first` on; ignored if earlier ones are missing. */
   tell(first: number, sweeps: readonly Sweep[]): void {
-    // sweeps in between are missing
     if (first > this.sweeps.length) return;
     this.sweeps.length = first;
     this.same = Math.min(this.same, first);
@@ -128,9 +127,9 @@ export class Cuts {
   }
 
   /**
-   * Applies the reported sweeps to volumes.
-   * @param isCut  whether a structure can be removed, by its index + 1
-   * @returns the changed box, if any
+   * Brings volumes up to date with the reported sweeps.
+   * @param isCut  whether a structure can be removed, indexed by the structure's index + 1
+   * @returns bounding box of the changed voxels; null: none
    */
   takeFrom(volumes: Volumes, isCut: readonly boolean[]): VoxelBox | null {
     if (volumes !== this.volumes) {
@@ -148,8 +147,8 @@ export class Cuts {
   }
 
   /**
-   * Restores voxels of undone sweeps. No remaining sweep reaches any of them: it came earlier and would have removed
-   * them.
+   * Restores voxels removed by undone sweeps. No remaining sweep contains them: it was applied earlier and would have
+   * removed them.
    */
   private putBack(volumes: Volumes): VoxelBox | null {
     const { at, was, before } = this;

@@ -12,19 +12,19 @@ interface Kept extends Step<unknown> {
   key: string;
   gesture: number;
 }
-/** Undoable part of the view. */
+/** Undoable part of the view: how to read and to restore its state. */
 interface Part {
   get(): unknown;
   set(to: unknown): void;
 }
-type Seen = Map<string, unknown>; // by the parts' names
+type Seen = Map<string, unknown>; // states of the parts, by name
 
 const areSame = (a: unknown, b: unknown): boolean => JSON.stringify(a) === JSON.stringify(b);
 
 const MOST = 200;
 
 export class History {
-  /** Incremented at the end of each slider movement: steps with the same key and gesture are merged. */
+  /** Number of the current gesture, such as a slider movement; steps with equal key and gesture are merged. */
   gesture = 0;
   onChange: () => void = () => {};
   private past: Kept[] = [];
@@ -32,13 +32,13 @@ export class History {
   private isBusy = false;
   private readonly parts = new Map<string, Part>();
 
-  /** Registers a part of the view that `change` may modify: how to read and how to restore it. */
+  /** Registers a part of the view that `change` may modify. */
   part<State>(name: string, get: () => State, set: (to: State) => void): void {
     this.parts.set(name, { get, set: set as Part["set"] });
   }
   /**
    * Modifies the view; the parts that differ afterwards form the undo step.
-   * @param gesture  changes with the same `by` and gesture are one step
+   * @param gesture  changes with equal `by` and gesture are one step
    */
   change(by: string, act: () => void, gesture = ++this.gesture): void {
     const seen = () => new Map([...this.parts].map(([name, { get }]) => [name, get()]));
@@ -84,14 +84,14 @@ export class History {
     this.onChange();
   }
 
-  /** One step at a time, because the loop responds asynchronously. */
+  /** Undoes or redoes one step; ignored while another one is pending, because the loop responds asynchronously. */
   private async move(from: Kept[], to: Kept[], go: (step: Kept) => boolean | Promise<boolean>): Promise<void> {
     const step = from.at(-1);
     if (!step || this.isBusy) return;
     this.isBusy = true;
     const isDone = await go(step);
     this.isBusy = false;
-    // the history has changed meanwhile
+    // the step was refused, or the history has changed meanwhile
     if (!isDone || from.at(-1) !== step || (from !== this.past && from !== this.future)) return;
     from.pop();
     // the next change is a step of its own

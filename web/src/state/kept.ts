@@ -1,10 +1,10 @@
-// Browser storage: settings of the page, and settings of recent scenes by the hash of their volume.
+// Browser storage: settings of the page, and of recent scenes by their volume's hash.
 
 const SCENES_KEY = "palpate.scenes";
 const MOST_SCENES = 30;
 const keyOf = (hash: string): string => `palpate.scene.${hash}`;
 
-/** Value stored under a key, if it can be parsed; storage may contain anything or be unavailable. */
+/** Value stored under a key; empty if it cannot be parsed or storage is unavailable. */
 export function recall<T>(key: string): Partial<T> {
   try {
     const kept: unknown = JSON.parse(localStorage.getItem(key) ?? "{}");
@@ -18,7 +18,7 @@ export function keep<T>(key: string, more: Partial<T>): void {
   try {
     localStorage.setItem(key, JSON.stringify({ ...recall<T>(key), ...more }));
   } catch {
-    // full or forbidden: the settings last until the page is closed
+    // storage is full or forbidden: settings last until the page is closed
   }
 }
 

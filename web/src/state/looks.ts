@@ -1,10 +1,10 @@
-// Appearance of all structures at once, and its storage.
+// Appearance of structures: presets, and restoring what the browser has stored.
 
 import type { Rgb, Scene, Structure } from "../protocol/messages.js";
 
 export const PRESETS = ["scene", "solid", "bone", "translucent"] as const;
 export type LooksPreset = (typeof PRESETS)[number];
-/** Appearance of one structure in every picture; opacity is 0 to 1. */
+/** Appearance of one structure in all pictures; opacity 0 to 1. */
 export interface Look {
   colour: Rgb;
   opacity: number;
@@ -13,7 +13,7 @@ export interface Look {
 
 const wordSet = (text: string): Set<string> => new Set(text.trim().split(/\s+/));
 /**
- * Words, in the name of a tissue or structure, that identify bones. Single bones are those by which
+ * Words that identify bones in names of tissues and structures. Names of single bones are those by which
  * src/scene/presets.cc chooses a tissue.
  */
 const BONES = wordSet(`
@@ -24,17 +24,17 @@ const BONES = wordSet(`
   zygomatic vomer ethmoid sphenoid cortical scaphoid lunate triquetrum pisiform trapezium trapezoid capitate
   hamate costa kneecap
 `);
-/** Words that exclude bones: structures beside or within a bone, or another meaning of the word. */
+/** Words that exclude bones: structures next to or within a bone, or another meaning of a word of BONES. */
 const OTHERS = wordSet(`
   cartilage muscle tendon ligament ligamentum nerve artery arteries vein vena vessel marrow disc disk fat
   joint capsule meniscus menisci skin sinus pulp canal tunnel cord renal kidney cyst fluid effusion lumen air
   gas csf
 `);
-/** Matches the plural too: ribs, scapulae. */
+/** Whether a word or its singular (ribs, scapulae) is in a set. */
 const isOf = (words: Set<string>, word: string): boolean => words.has(word) || words.has(word.replace(/[se]$/, ""));
 const TRANSLUCENT = 0.3;
 
-/** Splits a name: "LeftFemur2" into "left", "femur". */
+/** Lower-case words of a name: "left", "femur" of "LeftFemur2". */
 const wordsOf = (name: string): string[] =>
   name
     .replace(/(\p{Ll})(\p{Lu})/gu, "$1 $2")
@@ -55,7 +55,7 @@ export const looksOf = (scene: Scene): Look[] =>
     visible: true,
   }));
 
-/** Looks of a preset; it keeps colours, except the preset "scene". */
+/** Looks of a preset; all presets but "scene" keep the current colours. */
 export function presetLooks(preset: LooksPreset, scene: Scene, now: Look[]): Look[] {
   if (preset === "scene") return looksOf(scene);
   return now.map(({ colour }, place) => {
@@ -68,7 +68,7 @@ export function presetLooks(preset: LooksPreset, scene: Scene, now: Look[]): Loo
   });
 }
 
-/** By label, because the order of structures may change. */
+/** Stored looks by label, because the order of structures may change. */
 export type KeptLooks = Record<number, Look>;
 export const keptLooks = (scene: Scene, looks: Look[]): KeptLooks =>
   Object.fromEntries(scene.structures.map(({ label }, place) => [label, looks[place]!]));

@@ -1,11 +1,11 @@
-// Distance of tools to the borders at which no-go regions begin to push. palpate reports the distance to structures;
-// that to planes and balls is computed from the tool's geometry.
+// Distance of tools to the borders at which no-go regions begin to push. Distances to structures are reported by
+// palpate; distances to planes and balls are computed here from the tool's geometry.
 
 import type { HeldTool, NoGo } from "../protocol/messages.js";
 import { add, dot, length, scale, sub, type Vec3 } from "../base/geometry.js";
 import type { Near } from "../protocol/near.js";
 
-/** Part of a tool's surface: balls along a line segment with linearly varying radius; patient frame. */
+/** Part of a tool: balls along a line segment with linearly varying radius; patient frame, mm. */
 export interface ToolPart {
   from: Vec3;
   to: Vec3;
@@ -13,8 +13,9 @@ export interface ToolPart {
 }
 
 /**
- * @param tip  position of the device
- * @param toPatient  rotates directions from the tool's frame
+ * Contact points and capsules of a tool.
+ * @param tip  position of the device, patient frame
+ * @param toPatient  rotation of directions from the tool's frame into the patient's
  */
 export function toolParts(
   { points_mm, radius_mm, capsules }: HeldTool,
@@ -32,9 +33,9 @@ export function toolParts(
   ];
 }
 
-/** Iterations of the ternary search along a part. */
+/** Number of iterations of the ternary search along a part. */
 const CUTS = 30;
-/** Distance from a part's surface to a position: along the part, distance minus radius has a single minimum. */
+/** Distance from a part's surface to a position, mm. Distance minus radius has a single minimum along the part. */
 function toPlace({ from, to, radii_mm: [first, last] }: ToolPart, place: Vec3): number {
   const gap = (t: number) => length(sub(add(from, scale(sub(to, from), t)), place)) - first - t * (last - first);
   let low = 0,
@@ -49,7 +50,7 @@ function toPlace({ from, to, radii_mm: [first, last] }: ToolPart, place: Vec3): 
 const toPlane = ({ from, to, radii_mm }: ToolPart, point: Vec3, outward: Vec3): number =>
   Math.min(dot(sub(from, point), outward) - radii_mm[0], dot(sub(to, point), outward) - radii_mm[1]);
 
-/** Distance from the tool's surface to that of a region, mm, negative inside; null: not reported, because far away. */
+/** Distance between the surfaces of tool and region, mm, negative inside; null: beyond the reported reach. */
 function distanceOf({ label, plane, ball }: NoGo, parts: ToolPart[], near: Near): number | null {
   if (plane) return Math.min(...parts.map((part) => toPlane(part, plane.point_mm, plane.outward)));
   if (ball) return Math.min(...parts.map((part) => toPlace(part, ball.centre_mm))) - ball.radius_mm;
@@ -58,15 +59,15 @@ function distanceOf({ label, plane, ball }: NoGo, parts: ToolPart[], near: Near)
 
 export interface Approach {
   region: number; // index in the scene's list
-  mm: number; // distance to the border; negative: penetration depth
+  mm: number; // distance to the border, margin included; negative: penetration
   pushes: boolean;
 }
 /**
- * The region with the deepest penetration, or else the nearest one; null: none nearby.
- * @param regions  null for regions that are concealed until they push
+ * Region with the deepest penetration, or else the nearest one; null: no distance is known.
+ * @param regions  null for each region that is concealed until it pushes
  */
 export function nearestNoGo(regions: (NoGo | null)[], parts: ToolPart[], near: Near): Approach | null {
-  // palpate reports regions that push
+  // a region that pushes is reported by palpate
   if (near.noGo >= 0) return near.noGo < regions.length ? { region: near.noGo, mm: -near.depth, pushes: true } : null;
   const all = regions.flatMap((region, place): Approach[] => {
     const away_mm = region && distanceOf(region, parts, near);

@@ -6,11 +6,11 @@ import type { NearStructure } from "../protocol/near.js";
 
 /** Deviation of a tip from a trajectory. */
 export interface Beside {
-  lateral_mm: number; // distance from its line
+  lateral_mm: number; // distance from the trajectory's line
   left_mm: number; // remaining depth to the target, negative beyond it
-  angle_deg: number | null; // between it and the tool's shaft, from handle to tip; null: unknown
+  angle_deg: number | null; // angle between the trajectory and the shaft, from handle to tip; null: unknown
 }
-/** @param shaft  unit, from tip to handle; null: no known shaft or orientation */
+/** @param shaft  unit direction from tip to handle; null: no shaft, or unknown orientation */
 export function besideTrajectory({ entry_mm, target_mm }: Trajectory, tip: Vec3, shaft: Vec3 | null): Beside {
   const axis = normalize(sub(target_mm, entry_mm));
   const left_mm = dot(sub(target_mm, tip), axis);
@@ -18,7 +18,7 @@ export function besideTrajectory({ entry_mm, target_mm }: Trajectory, tip: Vec3,
   const angle_deg = shaft && angleAt_deg([0, 0, 0], scale(shaft, -1), axis);
   return { lateral_mm, left_mm, angle_deg };
 }
-/** Distance of a position from the segment between a trajectory's ends. */
+/** Distance of a position from the segment between a trajectory's ends, mm. */
 export function toTrajectory({ entry_mm, target_mm }: Trajectory, place: Vec3): number {
   const way = sub(target_mm, entry_mm);
   const share = Math.min(1, Math.max(0, dot(sub(place, entry_mm), way) / dot(way, way)));
@@ -26,8 +26,8 @@ export function toTrajectory({ entry_mm, target_mm }: Trajectory, place: Vec3): 
 }
 
 /**
- * Shaft direction in the tool's frame, from tip to handle: the longest of its capsules, which include the head of a
- * cylindrical or conical burr.
+ * Unit direction of the shaft in the tool's frame, from tip to handle: axis of the longest capsule, because the head of
+ * a cylindrical or conical burr is a capsule too. Null: no capsules.
  */
 export function shaftOf({ capsules }: HeldTool): Vec3 | null {
   const [longest] = capsules
@@ -36,13 +36,13 @@ export function shaftOf({ capsules }: HeldTool): Vec3 | null {
   return longest && length(longest) > 0 ? normalize(longest) : null;
 }
 
-/** Structure that is closer than planned. */
+/** Structure whose distance to the tool is below the planned minimum. */
 export interface Breach {
   label: number;
   mm: number;
   asked_mm: number;
 }
-/** Violated distances, the largest deficit first. */
+/** Structures closer than planned, the largest deficit first. */
 export function breachesOf({ keep_away }: Plan, near: NearStructure[]): Breach[] {
   return keep_away
     .flatMap(({ label, mm: asked_mm }) =>
@@ -51,7 +51,7 @@ export function breachesOf({ keep_away }: Plan, near: NearStructure[]): Breach[]
     .sort((a, b) => a.mm - a.asked_mm - (b.mm - b.asked_mm));
 }
 
-/** Plan file in TOML. Parts of palpate's own plan that are not reported (title, regions, `enters`) are missing. */
+/** Plan file in TOML, without the parts that palpate does not report (title, regions, `enters`). */
 export function planText({ trajectories, keep_away }: Plan, title: string): string {
   // TOML's escapes include those of JSON
   const list = (p: Vec3): string => `[${p.map((x) => String(x === 0 ? 0 : x)).join(", ")}]`;

@@ -1,21 +1,21 @@
-// Edits of the plan. If palpate has a plan and this viewer may edit it, edits are requests, which apply to all viewers;
-// otherwise the page has a plan of its own, which can be downloaded.
+// Edits of the plan. If palpate has a plan that this viewer may edit, edits are requests and apply to all viewers;
+// otherwise the page has its own plan, which can be downloaded.
 
 import type { Plan, Trajectory } from "../protocol/messages.js";
 import { add, length, normalize, scale, sub, type Vec3 } from "../base/geometry.js";
 import type { History } from "./history.js";
 import { words } from "../words/words.js";
 
-/** Depth of a new trajectory, towards the centre of the volume. */
+/** Length of a new trajectory, towards the centre of the volume. */
 const NEW_MM = 20;
-/** Pick radius of trajectory ends in a picture; CSS pixels. */
+/** Pick radius of trajectory ends; CSS pixels. */
 const HOLD_PIXELS = 14;
 /** Minimum drag distance that places the target of a new trajectory; CSS pixels. */
 const DRAWN_PIXELS = 6;
 const UNBOUND = { entry_within_mm: null, target_within_mm: null, angle_within_deg: null, depth_within_mm: null };
 
 export type End = "entry_mm" | "target_mm";
-/** Distance from a press to where a position is drawn; CSS pixels. */
+/** Distance, CSS pixels, between a press and the projection of a position. */
 type PixelsTo = (p: Vec3) => number;
 
 export class PlanStore {
@@ -44,7 +44,7 @@ export class PlanStore {
   get isOwn(): boolean {
     return !this.isShared && this.own !== null;
   }
-  /** The displayed plan, or null. */
+  /** Displayed plan; null: none. */
   get plan(): Plan | null {
     return this.isShared ? this.told : (this.own ?? this.told);
   }
@@ -55,7 +55,7 @@ export class PlanStore {
     this.told = plan;
     this.changed();
   }
-  /** Discards the plan of another scene. */
+  /** Discards the page's own plan; to be called when another scene is loaded. */
   forget(): void {
     this.own = this.begun = this.grip = null;
     this.chosen = -1;
@@ -77,7 +77,7 @@ export class PlanStore {
     while (names.includes(words.trajectoryNumber(String(number)))) number += 1;
     this.put(names.length, { ...UNBOUND, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
   }
-  /** Adds a trajectory from a position towards another one. */
+  /** Adds a trajectory of length NEW_MM from `entry` towards `to`. */
   addTowards(entry: Vec3, to: Vec3): void {
     const way = sub(to, entry);
     this.add(entry, add(entry, scale(length(way) > 1 ? normalize(way) : [0, 1, 0], NEW_MM)));
@@ -89,7 +89,7 @@ export class PlanStore {
       { trajectory: place, remove: true },
     );
   }
-  /** Saves to the plan's file. */
+  /** Requests that palpate saves the plan to its file. */
   save(): Promise<boolean> {
     return this.ask({ version: this.told?.version, save: true });
   }
@@ -129,7 +129,7 @@ export class PlanStore {
 
   // ---- presses in pictures
 
-  /** The first press sets the entry, unless it picks an existing end; the second one sets the target. */
+  /** Handles a press: sets the target of a begun trajectory, else picks an existing end, else begins a trajectory. */
   press(at: Vec3, pixelsTo: PixelsTo): void {
     const [nearest] = this.list
       .flatMap((one, place) =>
@@ -164,12 +164,12 @@ export class PlanStore {
     }
     this.onChange();
   }
-  /** Abandons a trajectory without a target. */
+  /** Abandons a trajectory without a target, and the movement of an end. */
   drop(): void {
     this.begun = this.grip = null;
     this.onChange();
   }
-  /** Trajectories as displayed, with the end being moved and the entry of an incomplete one. */
+  /** Displayed trajectories, including the current position of a moved end and an incomplete trajectory. */
   get drawn(): Trajectory[] {
     const { grip, begun } = this;
     const list = this.list.map((one, place) => (grip?.place === place ? { ...one, [grip.end]: grip.to } : one));

@@ -1,21 +1,21 @@
-// Mouse, pen or finger as haptic device: sends target positions of the tip, also repeatedly at rest.
+// Mouse, pen or finger as haptic device: sends target positions of the tip, repeated at rest.
 
 import type { Connection } from "../protocol/connection.js";
 import { scale, add, sub, length, type Vec3 } from "../base/geometry.js";
 import type { Session } from "./session.js";
 
 const LEAST_INTERVAL_MS = 1000 / 120;
-/** Repetition interval at rest: the server fades the force after 100 ms without messages. */
+/** Repetition interval at rest. The server fades the force out after 100 ms without messages. */
 const KEEP_ALIVE_MS = 1000 / 30;
-/** Delay of touches, because a second finger may follow for zooming. */
+/** Delay of the first message of a touch, because a second finger may follow for zooming. */
 const PINCH_MS = 150;
-/** Maximum speed of the tip: a distant click leads it there at a hand's speed. */
+/** Maximum speed of the tip, about that of a hand, at which it also moves to a distant click. */
 const MOST_SPEED_MM_PER_S = 300;
 
 export class PointerDevice {
-  position: Vec3 | null = null; // target position of the tip while it is held; patient frame
-  private way: Vec3[] = []; // waypoints to the target, which is the last one
-  private sent_ms = 0; // time of the latest message, which limits the rate
+  position: Vec3 | null = null; // target position sent last while the tip is held, patient frame; null: released
+  private way: Vec3[] = []; // remaining waypoints; the last one is the target
+  private sent_ms = 0; // time of the latest message
   private timer = 0;
 
   constructor(
@@ -27,9 +27,12 @@ export class PointerDevice {
     return this.session.state?.pointer === true;
   }
 
-  /** @param over  waypoints before the target */
+  /**
+   * Begins to move the tip to `p`, patient frame.
+   * @param over  waypoints before `p`
+   */
   hold(p: Vec3, isFinger: boolean, over: Vec3[] = []): void {
-    // simultaneous presses in two pictures are ambiguous
+    // presses in two pictures at once are ambiguous
     if (this.session.holding) return this.release();
     this.position = this.session.pose?.devices[0]?.tip ?? p;
     this.way = [...over, p];

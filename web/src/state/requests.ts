@@ -1,5 +1,5 @@
-// Requests to the loop. While a request is pending, only the latest value of a slider is kept for the next one. If
-// requests need a confirmation at the device, only the value at which the slider comes to rest is sent.
+// Requests to the loop. While a request of a slider is pending, only its latest value is queued. If requests need a
+// confirmation at the device, only the value at which the slider comes to rest is sent.
 
 import { toast } from "../base/announce.js";
 import type { Refusal, Request, State } from "../protocol/messages.js";
@@ -9,7 +9,7 @@ import type { History } from "./history.js";
 import { words } from "../words/words.js";
 
 const AT_REST_MS = 500;
-/** Undoable settings; a pause is not undoable. */
+/** Undoable settings of the loop, which exclude a pause. */
 const SETTINGS = ["method", "law", "friction", "viscosity", "passivity", "max_force_N", "rotation_wxyz"] as const;
 
 type Values = Record<string, unknown>;
@@ -29,7 +29,7 @@ function holding(request: Request, state: State): Values | null {
   return Object.fromEntries(names.map((name) => [name, of[name]]));
 }
 const SAME_TURN_DEG = 0.01;
-/** Compares with tolerance, because the loop rounds values, and quaternions with either sign. */
+/** Whether values agree within rounding by the loop; q and -q are the same rotation. */
 const isSame = (a: unknown, b: unknown): boolean => {
   if (Array.isArray(a) && Array.isArray(b))
     return (
@@ -46,10 +46,10 @@ export class Requests {
   private readonly resting = new Map<string, number>();
   private readonly busy = new Set<string>();
   private readonly next = new Map<string, [Request, number]>();
-  /** Called after every refusal, to reset controls to the current values. */
+  /** Callback after every refusal, which resets controls to the current values. */
   onRefused: () => void = () => {};
 
-  /** @param isAsked  whether changes need a confirmation at the device */
+  /** @param isAsked  whether requests need a confirmation at the device */
   constructor(
     private readonly connection: Connection,
     private readonly isAsked: () => boolean,
@@ -57,7 +57,11 @@ export class Requests {
     private readonly history: History,
   ) {}
 
-  /** @param key  a request replaces a pending one with the same key; those of one gesture are one undo step */
+  /**
+   * Sends a request; one at a time is pending for each key.
+   * @param key  a newer request with this key replaces a queued one
+   * @param gesture  requests with equal gesture are one undo step
+   */
   async latest(key: string, request: Request, gesture = this.history.gesture): Promise<void> {
     clearTimeout(this.resting.get(key));
     if (this.isAsked()) {
@@ -103,7 +107,7 @@ export class Requests {
     }
     return refusal === null;
   }
-  /** Requests the earlier value, if the current one was set from here. */
+  /** Requests `wanted` if the current values are still those of `held`; otherwise somebody else has changed them. */
   private async replace(held: Request, wanted: Request): Promise<boolean> {
     const state = this.state();
     if (state && areSame(holding(held, state)!, held)) return this.ask(wanted);

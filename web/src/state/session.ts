@@ -1,4 +1,4 @@
-// State of the page: what it shows and how. All parts of the page share it.
+// State shared by all parts of the page: displayed data and display settings.
 
 import type { HeldTool, Scene, State } from "../protocol/messages.js";
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "../base/geometry.js";
@@ -13,12 +13,12 @@ import { Flag } from "../protocol/wire.js";
 import { words } from "../words/words.js";
 
 export type Tool = "window" | "pan" | "ruler" | "angle" | "plan" | "touch";
-/** Projection through a slab about a section's plane. */
+/** Projection through a slab of thickness `mm`, centred on a section's plane. */
 export interface Slab {
   kind: "none" | "mean" | "maximum" | "minimum";
   mm: number;
 }
-/** Intensity window, in the scan's values. */
+/** Intensity window, in values of the scan. */
 export interface Window {
   level: number;
   width: number;
@@ -33,8 +33,8 @@ export interface KeptScene {
 export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
 export const LAYOUTS: Layout[] = ["two", "five", "volume", "section", "inside", "scope"];
 /**
- * Settings of the page for all scenes. The window of each modality is relative to the scan's own window, except for CT,
- * whose values are comparable between scans.
+ * Settings of the page for all scenes. The window of each modality is relative to the scan's initial window, except for
+ * CT, whose values (HU) are comparable between scans.
  */
 export interface KeptPage {
   layout: Layout;
@@ -45,14 +45,14 @@ export interface KeptPage {
 export const PAGE_KEY = "palpate.page";
 
 const TRAIL_S = 2;
-/** Red, green, blue and opacity of a structure that pushes a tool out. */
+/** RGBA of a structure whose no-go region pushes a tool out. */
 const LIT = [255, 107, 94, 255];
-/** Flags during which the force is withheld or fades out. */
+/** Flags of ticks in which the force is withheld or fades out. */
 const WITHHELD = Flag.emergencyStop | Flag.paused | Flag.stale | Flag.deviceFault | Flag.halted | Flag.clutched;
 
-/** Contact of a tip; every text of the page about it is derived from here. */
+/** Contact of a tip, and the text that describes it on the page. */
 export interface Contact {
-  label: number; // label in contact that is felt; 0: none
+  label: number; // label in contact while its force is rendered; 0: none
   words: string;
 }
 
@@ -64,30 +64,30 @@ export class Session {
   isFresh = false;
   age_ms = Infinity;
 
-  looks: Look[] = []; // by index of structure
+  looks: Look[] = []; // indexed like the scene's structures
   window: Window = { level: 0, width: 1 };
-  givenWindow: Window | null = null; // initial window of the scene, until the user changes it
+  givenWindow: Window | null = null; // initial window of the scene; null once the user has changed it
   fill = 0.45;
   outlines = true;
-  strain = false; // colours of strain in sections
+  strain = false; // strain is displayed in sections
   yields = false; // some tissue is deformable
-  movedAt: (place: Vec3) => Vec3 = () => [0, 0, 0]; // displacement of displayed tissue from its position at rest
+  movedAt: (place: Vec3) => Vec3 = () => [0, 0, 0]; // displacement of a position at rest, mm, as displayed
   slab: Slab = { kind: "none", mm: 10 };
   scanInVolume = 0;
   tool: Tool = "window";
   convention: "LPS" | "RAS" = "LPS";
   follow = true; // the planes follow the tip
-  cross: Vec3 | null = null; // position of the planes while they do not follow
-  obliqueNormal: Vec3 | null = null; // normal of the oblique plane, restored from a bookmark, while it does not follow
-  pointed: (() => Vec3 | null) | null = null; // position under the mouse, in the plane as drawn at the time of the call
-  holding = false; // this page moves the tip
-  /** Voxel values that are displayed with the look of another one, for a quiz. */
+  cross: Vec3 | null = null; // point of all planes while they do not follow
+  obliqueNormal: Vec3 | null = null; // normal of the oblique plane from a bookmark, while it does not follow
+  pointed: (() => Vec3 | null) | null = null; // position under the mouse, on the section as drawn when called
+  holding = false; // a press on this page holds the tip
+  /** Voxel values displayed with the look of value `as`, for a quiz; null: none. */
   alike: { values: number[]; as: number } | null = null;
   /** Labels to be found in a quiz, during which structures have no names; null: no quiz. */
   quiz: number[] | null = null;
-  plans!: PlanStore; // the rehearsed plan
-  near: Near[] = []; // by device; empty if not reported
-  /** No-go region with the deepest penetration by any tool, or else the nearest one; null: none. */
+  plans!: PlanStore; // plan to rehearse
+  near: Near[] = []; // indexed by device number; empty: not reported
+  /** No-go region with the deepest penetration by any tool, or else the nearest one; null: no distance is known. */
   approach: Approach | null = null;
   trail: { p: Vec3; time: number }[] = [];
 
@@ -171,15 +171,15 @@ export class Session {
   private isHidden(label: number | null): boolean {
     return label !== null && this.quiz?.includes(label) === true;
   }
-  /** Distances of a device's tool that may be shown. */
+  /** Distances of a device's tool, except to structures to be found in a quiz. */
   nearTo(device: DevicePose): NearStructure[] {
     return (this.near[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
   }
-  /** The region that pushes a tool out. */
+  /** No-go region that pushes a tool out; null: none. */
   get pushing(): Approach | null {
     return this.approach?.pushes ? this.approach : null;
   }
-  /** Index of the structure to highlight, because its region pushes a tool out. */
+  /** Index of the structure whose no-go region pushes a tool out, which is highlighted; null: none. */
   private get lit(): number | null {
     const label = this.pushing && this.scene!.no_go[this.pushing.region]?.label;
     return label ? this.scene!.structures.findIndex((structure) => structure.label === label) : null;
@@ -188,7 +188,7 @@ export class Session {
     return this.quiz ? words.someRegion : readable(this.scene!.no_go[place]!.name);
   }
 
-  /** Displayed position of a tool: at the surface in contact, displaced with it where tissue is deformable. */
+  /** Displayed position of a tool, patient frame: in contact, on the deformed surface; else at the tip. */
   toolAt(device: DevicePose): Vec3 {
     if (!(device.flags & Flag.contact) || device.flags & Flag.inside) return device.tip;
     return add(device.proxy, this.movedAt(device.contacts[0]?.place ?? device.proxy));
@@ -197,25 +197,24 @@ export class Session {
   get drawn(): DevicePose[] {
     return [...(this.pose?.devices ?? [])].reverse();
   }
-  /** Tool of a device. */
   heldBy({ number }: DevicePose): HeldTool {
     return this.scene!.tools[number]!;
   }
-  /** Rotates a direction from World into the patient, whose orientation is that of the pose. */
+  /** Direction in the patient frame of a direction in World, for the object's rotation in a pose. */
   toPatient(pose: Pose, world: Vec3): Vec3 {
     return turn(this.patientFromWorld, rotate(conjugate(pose.rotation), world));
   }
-  /** Position that the planes contain. */
+  /** Point that all planes contain; patient frame. */
   anchor(): Vec3 {
     const tip = this.pose?.devices[0]?.tip;
     if (this.follow && tip) return tip;
     return this.cross ?? tip ?? this.volumes?.centre ?? [0, 0, 0];
   }
-  /** Minimum width of a window: a thousandth of a step of the scan's values, which may be far smaller than 1. */
+  /** Minimum width of a window: a thousandth of the scan's quantization step, which may be far below 1. */
   get leastWindow(): number {
     return (this.scene?.volume.scan?.scale ?? 1) / 1000;
   }
-  /** Origin and unit of the stored window for this scan. */
+  /** Offset and scale from a window as stored by the browser to values of this scan. */
   private windowUnit(): [number, number] {
     const [low, high] = this.scene?.volume.scan?.window ?? [0, 1];
     return this.scene?.modality === "ct" ? [0, 1] : [low, Math.max(high - low, this.leastWindow)];
@@ -238,13 +237,13 @@ export class Session {
       },
     });
   }
-  /** The window in stored values of the scan. */
+  /** Lower and upper end of the window, in stored (unscaled) values of the scan. */
   storedWindow(): [number, number] {
     const scan = this.scene?.volume.scan;
     const low = this.window.level - this.window.width / 2;
     return scan ? [(low - scan.offset) / scan.scale, (low + this.window.width - scan.offset) / scan.scale] : [0, 1];
   }
-  /** 256 RGBA colours: 0 nothing, then the structures in order; alpha is the opacity. */
+  /** Lookup table of 256 RGBA colours: 0 for no structure, then the structures in order; alpha is the opacity. */
   palette(): Uint8Array<ArrayBuffer> {
     const rgba = new Uint8Array(1024);
     this.looks
@@ -261,7 +260,7 @@ export class Session {
   contactOf(device: DevicePose): Contact {
     const touches = device.label > 0;
     const isFelt = touches && !(device.flags & WITHHELD && length(device.force) === 0);
-    // a tip that started inside a structure has no contact, but is not in free space either
+    // a tip that started inside a structure has no contact without being in free space
     const place = this.volumes?.structureAt(device.tip) ?? null;
     const around = place === null ? null : this.nameAt(place);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
@@ -270,7 +269,7 @@ export class Session {
       ? { label: device.label, words: this.withEnclosing(readable(name), device.label) }
       : { label: 0, words: words.notFelt(readable(name)) };
   }
-  /** Name of a structure by its index. */
+  /** Name of a structure by its index; anonymous in a quiz. */
   nameAt(place: number): string {
     return this.quiz ? words.someStructure : this.scene!.structures[place]!.name;
   }
@@ -288,5 +287,5 @@ export class Session {
   }
 }
 
-/** Displayed form of a name such as "femoral_cartilage". */
+/** Display form of an identifier: "femoral cartilage" of "femoral_cartilage". */
 export const readable = (name: string): string => name.replaceAll("_", " ");
