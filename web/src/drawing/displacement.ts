@@ -1,22 +1,22 @@
-// Deformation of soft tissue: a coarse grid of displacements over part of the patient, which the shaders of the volume
-// and of the sections look up. It is the inverse map, from a deformed position to the position at rest, so that every
-// pixel needs one lookup and voxels are never resampled.
+// Deformation of soft tissue: a coarse grid of displacements over a region of the patient, sampled by the shaders of
+// the volume and of the sections. It is the inverse map, from a deformed position to the position at rest: one lookup
+// per sample, and no resampling of voxels.
 
 import type { Nodes } from "../protocol/yields.js";
 import { column, compose, invert, type Affine, type Vec3 } from "../base/geometry.js";
 
 export class Displacement {
-  private most: number | null = null; // maximum over all nodes, mm; null: not computed yet
+  private most: number | null = null; // maximum magnitude over all nodes, mm; null: outdated
 
   /**
-   * @param mm  of each node, i fastest: displacement x, y, z in the patient, and 1 if the strain is known there, else 0
+   * @param mm  four components per node, i fastest: displacement in the patient frame, and 1 if strain is known, else 0
    */
   constructor(
     readonly nodes: Nodes,
     readonly mm: Float32Array<ArrayBuffer> = new Float32Array(4 * nodes.dims.reduce((a, b) => a * b)),
   ) {}
 
-  /** Copies displacements, three components per node, into a box of nodes, i fastest. */
+  /** Replaces displacements of a box of nodes, three components per node, i fastest. */
   write(lo: Vec3, size: Vec3, mm: ArrayLike<number>): void {
     const { dims } = this.nodes;
     for (let k = 0, n = 0; k < size[2]; k++)
@@ -39,7 +39,7 @@ export class Displacement {
         }
     return box;
   }
-  /** Largest displacement of all nodes, mm, which interpolation does not exceed. */
+  /** Maximum displacement over all nodes, mm; an upper bound of interpolated ones. */
   get max_mm(): number {
     if (this.most === null) {
       let most = 0;
@@ -52,8 +52,8 @@ export class Displacement {
 }
 
 /**
- * GLSL functions `moved`, which maps a displayed position to the position at rest, both in voxels of the volume, and
- * `strain`. Without deformation `moved` is the identity.
+ * GLSL functions: `moved` maps a displayed position to the position at rest, both in voxels of the volume (identity
+ * without deformation); `strain`.
  */
 export const MOVED = `
 #if DISPLACED
@@ -92,7 +92,7 @@ vec3 moved(vec3 voxel) {
 #define moved(voxel) (voxel)
 #endif`;
 
-/** Displacement field as textures that shaders look up. */
+/** Displacement field as 3-D textures. */
 export class DisplacementTexture {
   private texture: WebGLTexture | null = null;
 
@@ -108,8 +108,8 @@ export class DisplacementTexture {
   }
 
   /**
-   * Replaces the field in the same textures.
-   * @returns false if its number of nodes differs
+   * Uploads another field into the same textures.
+   * @returns false, without effect, if its number of nodes differs
    */
   show(displacement: Displacement): boolean {
     const { dims } = displacement.nodes;
@@ -119,7 +119,7 @@ export class DisplacementTexture {
     return true;
   }
 
-  /** Uploads all of it, also after a loss of the context. */
+  /** Creates the textures and uploads the whole field; also after a context loss. */
   setUp(): void {
     const gl = this.gl;
     const { dims } = this.displacement.nodes;
@@ -153,7 +153,7 @@ export class DisplacementTexture {
       gl.pixelStorei(name, 0);
   }
 
-  /** Sets the uniforms of the current program. */
+  /** Sets the uniforms of `program`, which must be in use. */
   aim(program: WebGLProgram, voxelFromPatient: Affine): void {
     const gl = this.gl;
     const at = (name: string) => gl.getUniformLocation(program, name);
@@ -166,8 +166,8 @@ export class DisplacementTexture {
   }
 }
 
-/** Maximum displacement along each voxel axis, in voxels, for a displacement of `mm` in any direction. */
+/** Bounds of the displacement along each voxel axis, in voxels, for a displacement of at most `max_mm`. */
 export function reachOf(max_mm: number, voxelFromPatient: Affine): Vec3 {
-  // norm of each row of voxelFromPatient, with a margin for rounding in textures
+  // row norms of voxelFromPatient, with a margin for rounding in textures
   return [0, 1, 2].map((r) => 1.001 * max_mm * Math.hypot(...voxelFromPatient[r]!.slice(0, 3))) as Vec3;
 }

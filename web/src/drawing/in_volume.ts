@@ -1,4 +1,4 @@
-// Overlays on a picture of the volume, positioned in 3-D: dashed where a solid surface occludes them.
+// Overlays on a picture of the volume, positioned in 3-D and dashed where a solid surface occludes them.
 
 import { quantity } from "../words/figures.js";
 import { add, apply, besides, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
@@ -12,7 +12,7 @@ export interface InVolume {
   hides(p: Vec3, slack_mm: number): boolean;
 }
 
-/** Visible and occluded parts of a straight line, in order. */
+/** Alternating visible and occluded intervals of a straight line, in order. */
 export function runs(
   a: Vec3,
   b: Vec3,
@@ -29,7 +29,7 @@ export function runs(
   }
   return found;
 }
-/** One sample per six CSS pixels. */
+/** Number of samples of a line: one per six CSS pixels. */
 const piecesOf = (frame: Frame, a: [number, number], b: [number, number]): number =>
   Math.min(80, Math.max(1, Math.ceil(Math.hypot(b[0] - a[0], b[1] - a[1]) / (6 * frame.ratio))));
 
@@ -120,7 +120,7 @@ export function drawShaft(
   }
 }
 
-/** Shows the height of a tool: a line down to the nearest surface with contact below it, and a shadow there. */
+/** Draws the height of a tool: a line down to the nearest surface with contact below, and a shadow on the latter. */
 export function drawHeight(
   frame: Frame,
   seen: InVolume,
@@ -132,7 +132,7 @@ export function drawHeight(
   const { foot, height_mm } = ground;
   const colour = "rgba(238, 243, 245, 0.8)";
   const up = scale(sub(tool, foot), 1 / height_mm);
-  // shadow: a disc on the surface
+  // shadow: a disc orthogonal to the line
   const [aside, forward] = besides(up);
   const size = Math.max(1.2, radius_mm);
   context.save();
@@ -166,7 +166,7 @@ export function drawHeight(
     );
 }
 
-/** Corners, in order, of the polygon in which a plane cuts the volume's bounding box; empty if it does not. */
+/** Corners, in order, of the polygon in which a plane intersects the volume's bounding box; empty: no intersection. */
 export function boxSection(plane: Plane, volumes: Volumes): Vec3[] {
   const normal = normalOf(plane);
   const corners = Array.from({ length: 8 }, (_, n) =>

@@ -1,4 +1,4 @@
-// Rulers and angles: points in the patient, so that a measure stays in place when the picture moves.
+// Rulers and angles, by points in the patient frame, independent of the view.
 
 import { quantity } from "../words/figures.js";
 import { angleAt_deg, length, sub, type Vec3, type PlaneKind } from "../base/geometry.js";
@@ -17,11 +17,11 @@ export interface Measure {
 export const isWhole = (measure: Pick<Measure, "kind" | "points">): boolean =>
   measure.points.length === (measure.kind === "ruler" ? 2 : 3);
 
-/** The second point of an angle is its vertex. */
+/** Value of a measure with unit; the second point of an angle is its vertex. */
 export function measureText({ kind, points }: Pick<Measure, "kind" | "points">): string {
   if (kind === "ruler") return points.length < 2 ? "" : quantity(length(sub(points[1]!, points[0]!)), "mm");
   const [a, corner, b] = points;
-  // undefined while an arm has zero length
+  // an angle is undefined while an arm has zero length
   if (!a || !corner || !b || length(sub(a, corner)) === 0 || length(sub(b, corner)) === 0) return "";
   return `${angleAt_deg(corner, a, b).toFixed(1)}°`;
 }
@@ -31,7 +31,7 @@ const FARTHEST_MM = 12;
 
 /**
  * Appearance of a measure at a distance from the section's plane; null if it is not drawn.
- * @param within_mm  up to this distance it counts as lying in the plane
+ * @param within_mm  distance up to which it counts as lying in the plane
  */
 export function shownAt(far_mm: number, within_mm: number): { strength: number; off: string } | null {
   if (far_mm <= within_mm) return { strength: 1, off: "" };
@@ -75,7 +75,7 @@ export function drawMeasure(
   context.restore();
 }
 
-/** CSV (RFC 4180); points in LPS, mm: two for a ruler, three for an angle. */
+/** Table of measures, CSV (RFC 4180); points in LPS, mm: two for a ruler, three for an angle. */
 export function measuresTable(measures: readonly Measure[]): string {
   const quoted = (name: string) => `"${name.replaceAll('"', '""')}"`;
   const axes = [1, 2, 3].flatMap((n) => ["x", "y", "z"].map((axis) => `${axis}${n}_lps_mm`));

@@ -1,5 +1,5 @@
-// Overlays of no-go regions: planes and balls, which have no voxels, with a dashed line where they begin to push; while
-// a region pushes, a border around the picture and a text. Colour is never the only cue.
+// Overlays of no-go regions: planes and balls, which have no voxels, with a dashed line at the margin where they begin
+// to push; while a region pushes, a border around the picture and a text. Colour is never the only cue.
 
 import { quantity } from "../words/figures.js";
 import { add, besides, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
@@ -11,11 +11,11 @@ import { words } from "../words/words.js";
 
 export const NO_GO = "#ff8d7c";
 const SHADE = "rgba(6, 9, 11, 0.7)";
-/** Spacing and length of the strokes that hatch a border; CSS pixels. */
+/** Spacing and length of hatching strokes; CSS pixels. */
 const HATCH_APART = 14,
   HATCH_LONG = 8;
 const RIM = 5;
-/** Number of line segments of a circle in the volume. */
+/** Number of segments of a circle's polygon in the volume. */
 const PARTS = 32;
 
 const twice = (draw: (thick: number, colour: string) => void): void => {
@@ -26,10 +26,10 @@ const twice = (draw: (thick: number, colour: string) => void): void => {
 interface OnPlane {
   plane: Plane;
   pixel(p: Vec3): [number, number];
-  mmPerPixel: number; /* of the canvas */
+  mmPerPixel: number; /* mm per canvas pixel */
 }
 
-/** Intersection of a plane of the patient with that of a picture, extended beyond the picture's edges. */
+/** Draws the intersection of a region's plane with a picture's plane, across the whole picture. */
 function drawBorder(
   frame: Frame,
   { plane, pixel, mmPerPixel }: OnPlane,
@@ -38,7 +38,7 @@ function drawBorder(
   isWhereItPushes: boolean,
 ): void {
   const normal = normalOf(plane);
-  // direction to the permitted side, within the picture's plane
+  // direction to the permitted side, projected onto the picture's plane
   const free = sub(outward, scale(normal, dot(outward, normal)));
   const size = length(free);
   // parallel planes do not intersect
@@ -61,7 +61,7 @@ function drawBorder(
   for (let mm = -far_mm; mm < far_mm; mm += apart_mm) line(frame, at(mm), at(mm - long_mm, long_mm), 1, NO_GO);
 }
 
-/** Draws planes and balls where a section intersects them. */
+/** Draws the intersections of planes and balls with a section. */
 export function drawNoGoOnPlane(frame: Frame, session: Session, on: OnPlane): void {
   for (const { plane, ball, keep_away_mm } of session.scene!.no_go) {
     if (plane) {
@@ -98,7 +98,7 @@ function hatchDisc(frame: Frame, [x, y]: [number, number], radius: number): void
   context.restore();
 }
 
-/** Draws a plane where it intersects the volume's bounding box, and a ball as three circles. */
+/** Draws the intersection of planes with the volume's bounding box, and balls as three great circles. */
 export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session, volumes: Volumes): void {
   for (const { plane, ball } of session.scene!.no_go) {
     if (plane) {
@@ -136,8 +136,8 @@ export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session,
 }
 
 /**
- * Warning while a region pushes the tool out: a border, the region's name and the penetration depth.
- * @param top  of the text, CSS pixels
+ * Draws a warning while a region pushes the tool out: a border, the region's name and the penetration depth.
+ * @param top  vertical position of the text, CSS pixels
  */
 export function drawNoGoWarning(frame: Frame, session: Session, top: number): void {
   const pushing = session.pushing;

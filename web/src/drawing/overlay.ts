@@ -1,4 +1,4 @@
-// Overlays shared by all pictures: orientation letters, scale bar, side, tool and force. Sizes are in CSS pixels;
+// Overlays shared by all pictures: orientation letters, scale bar, side mark, tool and force. Sizes are in CSS pixels;
 // `ratio` is the number of canvas pixels per CSS pixel.
 
 import type { Scene } from "../protocol/messages.js";
@@ -12,7 +12,7 @@ export const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", "Liberatio
 const TOOL = "#4fd8ee";
 const FORCE = "#ffd34d";
 const GREY = "#a4adb3";
-/** Forces below this are rounding errors, whose direction is meaningless. */
+/** Threshold below which a force is a rounding error without meaningful direction. */
 const LEAST_FORCE_N = 1e-5;
 
 export interface Frame {
@@ -22,7 +22,7 @@ export interface Frame {
   ratio: number;
 }
 
-/** Text with an outline, legible on any background. */
+/** Draws text with an outline, legible on any background. */
 export function text(
   frame: Frame,
   said: string,
@@ -47,6 +47,7 @@ export function text(
 }
 
 /**
+ * Draws orientation letters at the four edges.
  * @param hasControls  the picture's head has controls, which reach the middle of a narrow picture
  * @param slider  width of the slider at the right edge; CSS pixels
  */
@@ -61,7 +62,8 @@ export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, h
 }
 
 /**
- * Side mark at the lower right, clear of the letters; above it the warning if placement or side is uncertain.
+ * Draws the side mark at the lower right, clear of the letters, and above it a warning if placement or side is
+ * uncertain.
  * @param slider  width of the slider at the right edge, which ends above the lowest line; CSS pixels
  */
 export function drawSide(frame: Frame, scene: Scene, slider = 0): void {
@@ -88,7 +90,7 @@ export function drawSide(frame: Frame, scene: Scene, slider = 0): void {
 const doubts = (scene: Scene): ("side" | "placement")[] =>
   (["side", "placement"] as const).filter((doubt) => scene.caveats.some(({ concerns }) => concerns === doubt));
 
-/** Scale bar at the lower left. */
+/** Draws the scale bar at the lower left. */
 export function drawScale(frame: Frame, mmPerPixel: number): void {
   const { context, width, height, ratio } = frame;
   const mm = niceLength(mmPerPixel * Math.min(width / 3.2, 160 * ratio));
@@ -121,11 +123,11 @@ export function drawScale(frame: Frame, mmPerPixel: number): void {
 
 export interface Projection {
   pixel(p: Vec3): [number, number]; // canvas pixels
-  direction(v: Vec3): [number, number]; // projection of a unit vector of the patient, at most 1 long, y down
+  direction(v: Vec3): [number, number]; // projection of a unit vector, patient frame: length at most 1, y down
   pixelsPerMm(p: Vec3): number;
-  /** Opacity of overlays at `p`, 0 to 1. */
+  /** Opacity of overlays at a position, 0 to 1. */
   clearness(p: Vec3): number;
-  /** Draws a capsule of the tool, where that is more than its outline on a plane. */
+  /** Draws a capsule of the tool; absent: its outline in the plane is drawn. */
   capsule?(from: Vec3, to: Vec3, radii_mm: readonly [number, number], colour: string): void;
 }
 
@@ -177,7 +179,7 @@ export function drawTrail(frame: Frame, session: Session, projection: Projection
   }
 }
 
-/** Outline of a stadium: all points within a distance of a line segment, which may vary along it. */
+/** Traces the outline of a stadium: convex hull of two discs, whose radii may differ. */
 function stadium(
   frame: Frame,
   a: [number, number],
@@ -189,7 +191,7 @@ function stadium(
   const { context, ratio } = frame;
   const towards = Math.atan2(b[1] - a[1], b[0] - a[0]),
     apart = Math.hypot(b[0] - a[0], b[1] - a[1]);
-  // points of tangency; seen end-on, one circle contains the other
+  // angle of the points of tangency; end-on, one disc contains the other
   const quarter = Math.acos(Math.max(-1, Math.min(1, (first - last) / Math.max(apart, 1e-9))));
   context.beginPath();
   context.arc(...a, first, towards + quarter, towards - quarter);
@@ -200,7 +202,7 @@ function stadium(
   context.stroke();
 }
 
-/** Draws the tool at its proxy, the device's own position, the line between them, and the force. */
+/** Draws the tool at its proxy, the device's position, the line between them, and the force. */
 export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
   const { context, ratio } = frame;
   const pose = session.pose!;
@@ -212,7 +214,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
   context.save();
   context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
 
-  // the device's own position, faint
+  // device position, faint
   if (Math.hypot(hand[0] - tool[0], hand[1] - tool[1]) > 2 * ratio) {
     line(frame, tool, hand, 3, "rgba(6, 9, 11, 0.6)");
     line(frame, tool, hand, 1.2, "rgba(238, 243, 245, 0.75)", [3, 3]);
@@ -267,14 +269,13 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
       context.fillStyle = arrow;
       context.fill();
     } else {
-      // component towards or away from the viewer
+      // force along the viewing direction
       context.beginPath();
       context.arc(tool[0], tool[1], 2.6 * ratio, 0, 2 * Math.PI);
       context.fillStyle = arrow;
       context.fill();
     }
-    // the figure is beyond the arrow's head, or beside the tool if the force is seen end-on, and always inside the
-    // picture
+    // magnitude: beyond the arrow's head, or next to the tool if the force is end-on; clamped to the picture
     const isLong = shownLength > 5 * ratio;
     const [wx, wy] = isLong
       ? [tip[0] + dx * 26 * ratio, tip[1] + dy * 14 * ratio]
@@ -295,7 +296,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
   context.restore();
 }
 
-/** Bar of the force against its limit, at the upper right of pictures in which a pointer is the device. */
+/** Draws a bar of the force relative to its limit, at the upper right; for sessions with a pointer as device. */
 export function drawForceBar(frame: Frame, session: Session, device: DevicePose): void {
   const { context, width, ratio } = frame;
   const [long, thick] = [96 * ratio, 9 * ratio];
@@ -327,7 +328,7 @@ export function drawCross(frame: Frame, at: [number, number]): void {
   line(frame, [at[0], at[1] + gap], [at[0], height], 1, colour);
 }
 
-/** States in the middle of the picture that its data are stale. */
+/** Draws the age of stale data in the middle of the picture. */
 export function drawAge(frame: Frame, session: Session): void {
   if (session.isFresh || !session.pose) return;
   const { width, height, ratio } = frame;
@@ -336,7 +337,7 @@ export function drawAge(frame: Frame, session: Session): void {
   text(frame, words.oldData(age), width / 2, height / 2 - 26 * ratio, 15, "#f5c277", "center", "middle");
 }
 
-/** Orientation cube, at the lower right above the side mark. */
+/** Draws the orientation cube, at the lower right above the side mark. */
 export function drawCube(frame: Frame, directionOf: (v: Vec3) => Vec3): void {
   const { context, width, height, ratio } = frame;
   const half = 17 * ratio;
@@ -381,5 +382,5 @@ export function drawCube(frame: Frame, directionOf: (v: Vec3) => Vec3): void {
   }
 }
 
-/** Text about the structure in contact, shown beside the tool. */
+/** Text about the structure in contact, displayed next to the tool. */
 export const touchedText = (session: Session, device: DevicePose): string => session.contactOf(device).words;

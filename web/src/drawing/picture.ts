@@ -1,10 +1,10 @@
-// A picture on the page: two canvases of equal size, the rendering below and the overlays above.
+// Picture on the page: two canvases of equal size, the rendering below the overlays.
 
 import type { Frame } from "./overlay.js";
 import { ObservedSize } from "../base/screen.js";
 import { says } from "../words/words.js";
 
-/** Element id, which is also the key of the picture's name and help in the texts. */
+/** Kind of a picture; also the key of its name and help in the texts. */
 export type PictureId = "volume" | "oblique" | "axial" | "sagittal" | "coronal" | "scope";
 
 export class Picture {
@@ -38,7 +38,10 @@ export class Picture {
     return this.element.firstElementChild as HTMLElement;
   }
 
-  /** @returns whether its size has changed since the last call */
+  /**
+   * Resizes the canvases to the element.
+   * @returns whether the size has changed since the last call
+   */
   fit(): boolean {
     const [isOther] = [this.base, this.over].map(({ canvas }) => this.size.fit(canvas));
     return isOther!;

@@ -1,5 +1,5 @@
-// Overlays of trajectories: solid where they lie in a section's plane, dashed elsewhere, with a ring where they cross
-// it; in the volume dashed where occluded. Entries are rings, targets crosses.
+// Overlays of trajectories. Sections: solid within the plane, dashed elsewhere, a ring at the intersection with the
+// plane. Volume: dashed where occluded. Entries are rings, targets crosses.
 
 import type { Trajectory } from "../protocol/messages.js";
 import { add, dot, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
@@ -10,7 +10,7 @@ import type { PlanStore } from "../state/plan_store.js";
 const PLANNED = "#b7f58a",
   CHOSEN = "#ffffff";
 const SHADE = "rgba(6, 9, 11, 0.75)";
-/** Up to this distance from a section's plane, a point counts as lying in it. */
+/** Distance from a section's plane up to which a point counts as lying in it. */
 const IN_PLANE_MM = 1;
 /** Maximum distance from a section's plane at which a trajectory is drawn. */
 const FARTHEST_MM = 40;
@@ -59,7 +59,7 @@ export function drawPlanOnPlane(
     if (!meets && Math.min(Math.abs(from), Math.abs(to)) > FARTHEST_MM) return;
     const colour = place === chosen ? CHOSEN : PLANNED;
     const at = (share: number) => add(entry_mm, scale(sub(target_mm, entry_mm), share));
-    // parameters at which it enters and leaves the slab of one millimetre about the plane
+    // interval of the trajectory within IN_PLANE_MM of the plane
     const shareAt = (mm: number) => Math.min(1, Math.max(0, (mm - from) / (to - from)));
     const isAlong = Math.abs(to - from) < 1e-6;
     const isIn = Math.abs(from) <= IN_PLANE_MM;

@@ -6,14 +6,14 @@ void main() {
   gl_Position = vec4(corner, 0.0, 1.0);
 }`;
 
-/** Whether WebGL is emulated by the processor, which is about a hundred times slower. */
+/** Whether WebGL is emulated on the CPU, about a hundred times slower than a graphics card. */
 export function isSoftware(gl: WebGL2RenderingContext): boolean {
   const info = gl.getExtension("WEBGL_debug_renderer_info");
   return /swiftshader|llvmpipe|software/i.test(String(info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : ""));
 }
 
 /**
- * Compiles, links and uses a program. On a lost context it draws nothing.
+ * Compiles, links and uses a program. Without effect on a lost context.
  * @throws Error if the browser rejects the shader
  */
 export function usedProgram(gl: WebGL2RenderingContext, fragment: string): WebGLProgram {

@@ -5,7 +5,7 @@ import { text, type Frame } from "./overlay.js";
 
 import { words } from "../words/words.js";
 
-/** From zero to MOST_STRAIN in equal steps; luminance increases ("inferno" of matplotlib). */
+/** Colours from zero to MOST_STRAIN in equal steps, of increasing luminance ("inferno" of matplotlib). */
 export const STRAIN_COLOURS: Rgb[] = [
   [0, 0, 4],
   [87, 16, 110],
@@ -13,12 +13,12 @@ export const STRAIN_COLOURS: Rgb[] = [
   [249, 142, 9],
   [252, 255, 164],
 ];
-/** Strain is clamped to MOST_STRAIN; below LEAST_STRAIN the overlay fades out. */
+/** Strain to which the colours are clamped, and strain below which they fade out. */
 export const MOST_STRAIN = 0.25,
   LEAST_STRAIN = 0.02;
 
 /**
- * Legend of the colours, at the lower left above the scale bar.
+ * Draws the legend of the colours, at the lower left above the scale bar.
  * @param yields  whether any tissue is deformable
  */
 export function drawStrainLegend(frame: Frame, yields: boolean): void {

@@ -1,4 +1,4 @@
-// List of measures: names, navigation to a measure, deletion, export as a table.
+// List of measures: renaming, navigation to a measure, deletion, export as a table.
 
 import { byId, element } from "../base/dom.js";
 import { download, fileStem } from "../base/download.js";
@@ -9,9 +9,9 @@ import { says, words } from "../words/words.js";
 
 export class Measures {
   private list: Measure[] = [];
-  private made = 0; // number of measures made since the page was opened, for default names
+  private made = 0; // number of measures made since the page was opened, for their default names
 
-  /** @param goTo  shows a measure in its plane */
+  /** @param goTo  moves the planes to a measure */
   constructor(
     private readonly session: Session,
     private readonly history: History,
@@ -31,7 +31,7 @@ export class Measures {
     this.made += 1;
     this.change([...this.list, { ...measure, name: `${words[measure.kind]} ${this.made}` }]);
   }
-  /** Discards the measures of another patient. */
+  /** Discards all measures, when another patient is loaded. */
   forget(): void {
     this.set([]);
   }
@@ -61,7 +61,7 @@ export class Measures {
     const name = says(element("input", { type: "text", value: measure.name, autocomplete: "off", spellcheck: false }), {
       label: "measureName",
     });
-    // the row is kept, because the focus is moving within it
+    // updates the row in place, because the focus is moving within it
     name.addEventListener("change", () => {
       const list = this.list.map((one, other) => (other === place ? { ...one, name: name.value } : one));
       this.note(list);

@@ -1,22 +1,22 @@
-// Sections without WebGL 2, on the main thread: nearest neighbour, no slabs, tissue at rest. About ten times slower
-// than a graphics card; section_view.ts draws coarse pictures first if that blocks the page for too long.
+// Sections without WebGL 2, on the main thread: nearest neighbour, no slabs, undeformed tissue. About ten times slower
+// than a graphics card; section_view.ts draws coarse pictures first if a full one would block the page for too long.
 
 import { add, apply, scale, turn, type Plane, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 import { Slicer, type Part, type SliceStyle } from "./slicer.js";
 
-/** Interface of both slicers. */
+/** Common interface of both slicers. */
 export type AnySlicer = Pick<Slicer, keyof Slicer>;
 
 const BACKGROUND = [9, 12, 14];
 const NO_SCAN = [20, 23, 26];
 const LEAST_OUTLINE = 0.6;
-/** Estimated time per pixel before the first picture. */
+/** Estimated drawing time per pixel before the first picture. */
 const FIRST_PIXEL_MS = 2e-5;
 
 /**
- * A slicer by WebGL 2 if available.
- * @param onPlain  called if it is not
+ * Slicer by WebGL 2, else on the main thread.
+ * @param onPlain  called if WebGL 2 is unavailable
  */
 export function anySlicer(onPlain: () => void): AnySlicer {
   try {
@@ -36,7 +36,7 @@ export class PlainSlicer implements AnySlicer {
   onLost = (): void => {};
   onRestorable = (): void => {};
   took_ms = 0;
-  private began_ms: number | null = null; // start of the first plane since the last mark
+  private began_ms: number | null = null; // start of the first drawing since the latest mark; null: none
   private pixel_ms = FIRST_PIXEL_MS;
   private volumes: Volumes | null = null;
   private colours = new Uint8Array(1024);
@@ -47,7 +47,7 @@ export class PlainSlicer implements AnySlicer {
   async restore(volumes: Volumes | null): Promise<void> {
     this.volumes = volumes;
   }
-  // voxels are read in place, and deformation is not displayed
+  // no effect: voxels are read in place, and deformation is not displayed
   async update(): Promise<void> {}
   displace(): void {}
   updateDisplacement(): void {}
@@ -93,7 +93,7 @@ export class PlainSlicer implements AnySlicer {
     this.pixel_ms = (performance.now() - began_ms) / (width * rows);
   }
 
-  /** Same composition as slicer.ts's shader, with nearest neighbours. */
+  /** Fills an image by the same compositing as the shader in slicer.ts, with nearest-neighbour interpolation. */
   private fill(
     image: ImageData,
     plane: Plane,

@@ -1,4 +1,4 @@
-// Picture of one plane: the oblique section that follows the tip, or an axial, sagittal or coronal one.
+// Picture of one section: oblique, through the tip, or axial, sagittal or coronal.
 
 import {
   add,
@@ -47,25 +47,26 @@ import type { AnySlicer } from "./plain_slicer.js";
 import { drawStrainLegend } from "../drawing/strain.js";
 import { words } from "../words/words.js";
 
-/** Extent and pan within the plane, and offset along its normal. */
+/** View of a section: extent and pan within the plane, offset along its normal. */
 export interface SectionStand {
   across_mm: number;
   pan: [number, number];
   offset_mm: number;
 }
-/** Direction that the oblique plane contains besides the tip. */
+/** Direction that the oblique plane contains: tool axis, force, or none. */
 export type Along = "tool" | "force" | "fixed";
 export const ALONG: Along[] = ["tool", "force", "fixed"];
 /** Width of the slider at the right edge; CSS pixels. */
 const SLIDER_PIXELS = 26;
-/** Displacement of the tip per key press; CSS pixels. */
+/** Displacement of the tip per arrow key press; CSS pixels. */
 const KEY_STEP_PIXELS = 2;
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // fraction of the remaining rotation towards the target plane per frame
-/** Radians: far less than a pixel at the edge of a picture. */
+/** Rotation towards the target plane below which the plane snaps to it, rad: less than a pixel at a picture's edge. */
 const LEAST_STEP = 1e-5;
 /**
- * During motion, pictures that would take too long are drawn at a lower resolution; at rest, they are refined in bands.
+ * Progressive refinement: time without changes after which a coarse picture is redrawn at full resolution, in bands;
+ * maximum reduction of the resolution; minimum number of rows of a band.
  */
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
@@ -78,31 +79,31 @@ const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.
 export class SectionView {
   readonly picture: Picture;
   along: Along = "tool";
-  /** Anatomical plane that the oblique one stays as close to as possible. */
+  /** Anatomical plane to whose normal the oblique plane's is as close as possible. */
   like: Anatomical = "sagittal";
-  offset_mm = 0; // along the normal, from the followed position
-  mmPerPixel = 0.25; // per CSS pixel
-  pan: [number, number] = [0, 0]; // mm within the picture
+  offset_mm = 0; // offset along the normal from the session's anchor
+  mmPerPixel = 0.25; // mm per CSS pixel
+  pan: [number, number] = [0, 0]; // displacement of the picture's centre, right and down, mm
   normal: Vec3 = [1, 0, 0]; // unit normal of the plane
   private hanging: Hanging | undefined;
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
   private byKeys = false;
-  private held: Vec3 | null = null; // point of the plane while the pointer moves the tip
-  private mouse: { clientX: number; clientY: number } | null = null; // position over this picture
+  private held: Vec3 | null = null; // target of the tip, a point of the plane, while it is moved here; null: else
+  private mouse: { clientX: number; clientY: number } | null = null; // mouse position on this picture
   private drawn = "";
-  private drawn_ms = -Infinity; // time of the first drawing of the current contents
-  private isAwaited = false; // not drawn yet
-  private sharpTo = Infinity; // rows that are at full resolution while it is refined in bands
-  private size = 0; // shorter side of the picture
+  private drawn_ms = -Infinity; // time at which the current contents were first drawn
+  private isAwaited = false; // current contents are not drawn yet, for lack of a compiled shader
+  private sharpTo = Infinity; // number of rows at full resolution during refinement; Infinity: all
+  private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
   private readonly pointers = new Map<number, [number, number]>();
   private gesture = 0; // undo group of changes to the view
   private readonly chooser = new SliceChooser(
     (slice) => this.goTo(slice),
     () => (this.history.gesture += 1),
   );
-  private plans = false; // presses create or move trajectories
-  private measure: Pick<Measure, "kind" | "points"> | null = null; // in progress
-  private restsAt: Vec3 | null = null; // position of the plane meanwhile, without its offset
+  private plans = false; // the current press creates or moves a trajectory
+  private measure: Pick<Measure, "kind" | "points"> | null = null; // measurement in progress
+  private restsAt: Vec3 | null = null; // fixed anchor of the plane during a measurement
 
   constructor(
     readonly kind: PlaneKind,
@@ -126,7 +127,6 @@ export class SectionView {
     const volumes = this.session.volumes;
     const { clientWidth, clientHeight } = this.picture.surface;
     if (volumes && clientWidth > 0) {
-      // by the current size, whatever the last drawn size was
       this.size = Math.min(clientWidth, clientHeight);
       this.mmPerPixel = (0.68 * volumes.size) / this.size;
     }
@@ -135,13 +135,13 @@ export class SectionView {
     this.session.touch();
   }
 
-  /** Extent across the shorter side of the picture, mm; 0 before it was shown. */
+  /** Extent across the shorter side of the picture, mm; 0: never shown. */
   get across_mm(): number {
     return this.mmPerPixel * this.size;
   }
   set across_mm(mm: number) {
     const { clientWidth, clientHeight } = this.picture.surface;
-    // a hidden picture keeps its size
+    // a hidden picture has no size: keeps the previous one
     this.size = Math.min(clientWidth, clientHeight) || this.size;
     if (this.size > 0 && mm > 0) this.mmPerPixel = mm / this.size;
   }
@@ -154,8 +154,8 @@ export class SectionView {
     this.session.touch();
   }
   /**
-   * Changes the view, as an undo step.
-   * @param gesture  changes by one control with the same gesture are one undo step
+   * Changes the view, undoably.
+   * @param gesture  changes with equal `by` and gesture are one undo step
    */
   private change(by: string, act: () => void, gesture = this.history.gesture): void {
     this.history.change(`${by} ${this.kind}`, act, gesture);
@@ -173,7 +173,7 @@ export class SectionView {
   private through(): Vec3 {
     return this.held ?? add(this.restsAt ?? this.session.anchor(), scale(this.normal, this.offset_mm));
   }
-  /** Position of the plane, at the centre of the picture; patient frame. */
+  /** Plane for the current state, smoothed towards its target orientation; patient frame. */
   private place(): Plane {
     const { session, kind } = this;
     const through = this.through();
@@ -195,7 +195,7 @@ export class SectionView {
         normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
       if (normal) {
         const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
-        // snaps to the target: else ever smaller steps would be redrawn
+        // snaps to the target: exponential smoothing would cause redraws for ever
         const isThere = length(sub(same, this.normal)) < LEAST_STEP;
         this.normal = isThere ? same : normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
       }
@@ -204,7 +204,7 @@ export class SectionView {
     this.hanging = hanging;
     return this.centred(plane);
   }
-  /** Position at the centre of the picture: that of the volume, or the panned one. */
+  /** The plane with its centre at the projection of the volume's centre, displaced by the pan. */
   private centred(plane: Plane): Plane {
     const middle = this.session.volumes?.centre ?? plane.centre;
     const n = normalOf(plane);
@@ -220,7 +220,7 @@ export class SectionView {
       add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)),
     );
   }
-  /** Position under the mouse, at the centre of its pixel, which the picture samples. */
+  /** Position under the mouse, patient frame, at the centre of its pixel, where the section is sampled. */
   private readonly pointed = (): Vec3 | null => {
     if (!this.mouse || !this.picture.isShown) return null;
     const [x, y] = this.picture.at(this.mouse);
@@ -239,11 +239,14 @@ export class SectionView {
     return this.plane;
   }
 
-  /** Whether the picture is still to be refined. */
+  /** Whether the picture is not yet drawn at full resolution. */
   get isCoarse(): boolean {
     return this.picture.isShown && (this.isAwaited || this.sharpTo < this.picture.base.canvas.height);
   }
-  /** @param max_ms  maximum time to block the page */
+  /**
+   * Draws the section, if it has changed or can be refined, and its overlays.
+   * @param max_ms  maximum time to block the page
+   */
   draw(now: number, max_ms: number): void {
     const { session, picture } = this;
     const resized = picture.fit();
@@ -255,7 +258,7 @@ export class SectionView {
     const frame = picture.frame();
     const mm = this.mmPerPixel / frame.ratio;
 
-    // redraws when the picture of the volume has changed
+    // key of all that the section's pixels depend on
     const key = JSON.stringify([
       this.plane,
       mm,
@@ -278,11 +281,11 @@ export class SectionView {
     };
     const isOther = key !== this.drawn;
     const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / max_ms;
-    // the previous picture remains until the shader for another kind is compiled
+    // keeps the previous picture until the shader of another kind is compiled
     this.isAwaited =
       isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
     if (this.isAwaited) {
-      // nothing
+      // keeps the previous picture
     } else if (isOther || (this.isCoarse && most < 1)) {
       const reduction = Math.min(COARSEST, Math.sqrt(Math.max(1, most)));
       this.slicer.draw(picture.base, this.plane, mm, style, { reduction, from: 0, to: Infinity });
@@ -348,13 +351,13 @@ export class SectionView {
     this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
   }
 
-  /** Goes to a slice: planes stop there, or the tip moves there while the pointer holds it. */
+  /** Moves to a slice: the tip while it is held here, else the planes, which stop following. */
   private goTo(slice: number): void {
     const { session } = this;
     if (!session.volumes) return;
     const normal = normalOf(this.plane);
     const { first_mm, step_mm } = slicesAlong(session.volumes, normal);
-    // from the target plane: the drawn one may predate the tip's arrival
+    // relative to the target plane, because the drawn one lags behind
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
     if (this.held) {
       this.held = add(this.held, by);
@@ -373,7 +376,7 @@ export class SectionView {
   /** Pans the picture when the tip leaves it. */
   private keepInView(): void {
     const tip = this.session.pose?.devices[0]?.tip;
-    // never during a touch or a measurement
+    // not during a press or a measurement
     if (!tip || !this.session.follow || this.session.holding || this.pointers.size > 0 || this.restsAt) return;
     const { width, height, ratio } = this.picture.frame();
     const [x, y] = this.pixelOf(tip);
@@ -385,7 +388,7 @@ export class SectionView {
     this.plane = this.centred(this.plane);
   }
 
-  /** Moves the plane along its normal by a number of slices, or the tip while the pointer holds it. */
+  /** Moves along the normal by a number of slices: the tip while it is held here, else the plane. */
   private step(count: number, by = "keys"): void {
     if (!this.session.volumes) return;
     const normal = normalOf(this.plane);
@@ -474,7 +477,7 @@ export class SectionView {
       "wheel",
       (event) => {
         event.preventDefault();
-        // a sequence of wheel events is one step
+        // successive wheel events are one undo step
         if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300), "zoom");
         else this.step(Math.sign(event.deltaY), "wheel");
       },
@@ -499,7 +502,7 @@ export class SectionView {
       const action = actions[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
-      // holding a key down is one step
+      // the repeats of a key are one undo step
       if (!event.repeat) this.history.gesture += 1;
       action();
     });
@@ -509,11 +512,11 @@ export class SectionView {
   }
 
   private holdAt(p: Vec3): void {
-    // a following plane passes through the tip from here on, so that releasing it causes no jump
+    // without an offset, a following plane does not jump when the tip is released
     if (this.session.follow) this.offset_mm = 0;
     this.held = p;
   }
-  /** Zooms by two fingers. */
+  /** Abandons the edit of a trajectory by the current press. */
   private dropPlan(): void {
     if (!this.plans) return;
     this.plans = false;
@@ -526,7 +529,10 @@ export class SectionView {
     this.pointer.release();
   }
 
-  /** With a pointer as device, arrow keys move the tip; a key held down holds the tip. */
+  /**
+   * Moves the tip by an arrow or page key, with a pointer as device; the tip is held until the key is released.
+   * @returns false if the key or the state do not permit it
+   */
   private moveTipByKey(key: string): boolean {
     const { right, down } = this.plane;
     const ways: Record<string, Vec3> = {
@@ -577,7 +583,7 @@ export class SectionView {
     this.pointers.set(event.pointerId, at);
   }
 
-  /** Distance from a position on the screen to where a point is drawn; CSS pixels. */
+  /** Distance, CSS pixels, between a canvas position and the projection of a point. */
   private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
     const { ratio } = this.picture.frame();
     return (p) => {
@@ -587,12 +593,12 @@ export class SectionView {
   }
   private addMeasurePoint(p: Vec3): void {
     if (!this.measure) {
-      // stops the plane: otherwise the points would lie on different planes, and the length would be meaningless
+      // fixes the plane, so that all points of the measure lie on it
       this.restsAt = sub(this.plane.centre, scale(this.normal, this.offset_mm));
       this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
       return;
     }
-    // touches have no previous hover position
+    // a touch has no preceding hover, which would have placed this point
     this.measure.points[this.measure.points.length - 1] = p;
     if (isWhole(this.measure)) this.finishMeasure();
     else this.measure.points.push(p);

@@ -1,5 +1,5 @@
-// Sections by a WebGL 2 shader, in one pass: scan with linear interpolation, structures with nearest neighbour. All
-// planes of the page share the 3-D textures.
+// Sections by a WebGL 2 shader, in one pass: trilinear interpolation of the scan, nearest neighbour for structures. All
+// sections share the 3-D textures.
 
 import type { Displacement } from "../drawing/displacement.js";
 import { DisplacementTexture, MOVED } from "../drawing/displacement.js";
@@ -12,13 +12,13 @@ import { NoMemory } from "../words/trouble.js";
 import { LEAST_STRAIN, MOST_STRAIN, STRAIN_COLOURS } from "../drawing/strain.js";
 import { words } from "../words/words.js";
 
-/** A colour, 0 to 255, as a constant of GLSL, 0 to 1. */
+/** GLSL constant, 0 to 1, of a colour, 0 to 255. */
 const vec3Literal = (rgb: readonly number[]): string => `vec3(${rgb.map((x) => (x / 255).toFixed(4)).join(", ")})`;
 
 /**
- * Variants of the shader avoid the cost of unused features.
- * @param isSlab  loops over the slab
- * @param isDisplaced  looks up deformation
+ * Fragment shader in variants, which avoid the cost of unused features.
+ * @param isSlab  samples a slab
+ * @param isDisplaced  samples the deformation
  * @param isStrained  computes strain
  */
 const fragment = (isSlab: boolean, isDisplaced: boolean, isStrained: boolean): string => `#version 300 es
@@ -127,18 +127,18 @@ void main() {
 }`;
 
 export interface SliceStyle {
-  window: [number, number]; // in stored values
+  window: [number, number]; // lower and upper end, in stored values of the scan
   fill: number;
   outlines: boolean;
-  strain: boolean; // colours of strain
+  strain: boolean; // strain is displayed
   slab: Slab;
 }
 const KINDS: Slab["kind"][] = ["mean", "maximum", "minimum"];
 
 const FINE = 2,
-  COARSE = 1; // samples per voxel
+  COARSE = 1; // samples per voxel through a slab, at full and at reduced resolution
 
-/** Part of a picture to draw at once: rows `from` up to `to`, one of `reduction` x `reduction` pixels. */
+/** Band of a picture: rows [from, to) of a grid whose pixels are `reduction` x `reduction` canvas pixels. */
 export interface Part {
   reduction: number;
   from: number;
@@ -147,24 +147,24 @@ export interface Part {
 
 export class Slicer {
   readonly canvas = document.createElement("canvas");
-  readonly mostSide: number; // of a 3-D texture
-  /** Whether WebGL is emulated by the processor, which is about a hundred times slower. */
+  readonly mostSide: number; // maximum side of a 3-D texture
+  /** Whether WebGL is emulated on the CPU, about a hundred times slower than a graphics card. */
   readonly isSoftware: boolean;
   onLost: () => void = () => {};
-  /** The graphics can be restored, by `restore`. */
+  /** Callback: the lost context can be restored, by `restore`. */
   onRestorable: () => void = () => {};
   private readonly gl: WebGL2RenderingContext;
-  private program: WebGLProgram | null = null; // current program
-  private readonly programs = new Map<string, WebGLProgram>(); // by their source
+  private program: WebGLProgram | null = null; // program in use
+  private readonly programs = new Map<string, WebGLProgram>(); // compiled programs by source
   private displacement: DisplacementTexture | null = null;
-  // programs of each kind of picture; a pending query until the first one has been drawn
+  // state of the program of each kind of picture: true once its first drawing is complete, else a fence
   private readonly compiled = new Map<string, WebGLSync | true>();
   private readonly textures: WebGLTexture[] = [];
-  private volumes: Volumes | null = null; // displayed volumes
+  private volumes: Volumes | null = null; // displayed volumes; null while they are uploaded
   private drawing: WebGLSync | null = null;
   private marked_ms = 0;
-  took_ms = 0; // duration of the latest drawing
-  /** Latest time per pixel and scan sample, of planes and slabs. Without a graphics card the page waits for drawing. */
+  took_ms = 0; // time from the latest completed mark to the end of drawing, ms
+  /** Latest drawing time per pixel and sample, of planes and slabs. Software WebGL draws synchronously. */
   private readonly place_ms: { plane: number; slab: number | null } = { plane: 0, slab: null };
   private readonly extension: WEBGL_lose_context | null;
 
@@ -177,7 +177,7 @@ export class Slicer {
     this.isSoftware = isSoftware(gl);
     this.extension = gl.getExtension("WEBGL_lose_context");
     this.canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault(); // requests restoration
+      event.preventDefault(); // asks the browser to restore the context
       this.onLost();
     });
     this.canvas.addEventListener("webglcontextrestored", () => this.onRestorable());
@@ -201,8 +201,8 @@ export class Slicer {
     this.isCompiled(false, false);
   }
   /**
-   * Whether the shader of such pictures is compiled. Without a graphics card it is compiled at the first drawing, which
-   * may take a second on a busy machine; the page does not wait for it.
+   * Whether the shader of a kind of picture is compiled. Software WebGL compiles at the first drawing, which may take a
+   * second on a busy machine; this call starts it and does not block.
    */
   isCompiled(isSlab: boolean, isStrained: boolean): boolean {
     const gl = this.gl;
@@ -248,7 +248,7 @@ export class Slicer {
   }
 
   /**
-   * Draws nothing until it resolves.
+   * Uploads volumes; nothing is drawn until it resolves.
    * @throws Error if the graphics memory is too small
    */
   async load(volumes: Volumes): Promise<void> {
@@ -325,7 +325,7 @@ export class Slicer {
       gl.pixelStorei(name, 0);
   }
 
-  /** Uploads a box of voxels that has changed. */
+  /** Uploads a box of changed voxels. */
   async update(lo: Vec3, size: Vec3): Promise<void> {
     const volumes = this.volumes;
     if (volumes) {
@@ -341,33 +341,33 @@ export class Slicer {
     this.displacement?.delete();
     this.displacement = displacement && new DisplacementTexture(this.gl, 3, displacement);
   }
-  /** Uploads a box of its nodes that has changed. */
+  /** Uploads a box of changed nodes of the deformation. */
   updateDisplacement(lo: Vec3, size: Vec3): void {
     this.displacement?.upload(lo, size);
   }
 
-  /** Restores everything but colours after a loss of the context. */
+  /** Restores everything but colours after a context loss. */
   async restore(volumes: Volumes | null): Promise<void> {
     this.textures.length = 0;
-    // pending queries belong to the lost context
+    // a pending fence belongs to the lost context
     this.drawing = null;
     this.setUp();
     try {
       if (volumes) await this.load(volumes);
     } catch (error) {
-      // lost again: another event follows
+      // a context lost again causes another event
       if (!this.isLost) throw error;
     }
   }
 
-  /** To be called after a frame's last plane; `isDone` resolves when the frame is drawn. */
+  /** Marks the end of a frame's drawing; `isDone` becomes true when the frame is complete. */
   mark(): void {
     if (this.isLost) return;
     this.drawing = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     this.gl.flush();
     this.marked_ms = performance.now();
   }
-  /** Whether the graphics card has finished all requests; more would only queue up. */
+  /** Whether the graphics card has completed the frame of the latest mark; further drawing would be queued. */
   get isDone(): boolean {
     const gl = this.gl;
     if (this.drawing && !gl.isContextLost() && gl.getSyncParameter(this.drawing, gl.SYNC_STATUS) !== gl.SIGNALED)
@@ -378,31 +378,31 @@ export class Slicer {
     return true;
   }
 
-  /** For tests: loses and restores the graphics like a browser. */
+  /** Loses or restores the context, like a browser; for tests. */
   lose(restores: boolean): void {
     if (restores) this.extension?.restoreContext();
     else this.extension?.loseContext();
   }
 
-  /** @param rgba  256 colours: 0 nothing, then the structures in order */
+  /** @param rgba  lookup table of 256 colours: 0 for no structure, then the structures in order */
   setColours(rgba: Uint8Array): void {
     const gl = this.gl;
     gl.activeTexture(gl.TEXTURE2);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, rgba);
   }
 
-  /** Thickness of a slab in voxels. */
+  /** Vector through a slab of thickness `mm`, in voxels. */
   private through(plane: Plane, mm: number): Vec3 {
     return turn(this.volumes!.voxelFromPatient, scale(normalOf(plane), mm));
   }
-  /** Estimated duration of a picture by the latest time per sample. */
+  /** Estimated drawing time of a picture, by the latest time per sample. */
   cost_msOf(plane: Plane, slab: Slab, pixels: number): number {
     const { place_ms } = this;
     if (!this.volumes || slab.kind === "none") return place_ms.plane * pixels;
     return (place_ms.slab ?? place_ms.plane) * placesThrough(this.through(plane, slab.mm), FINE) * pixels;
   }
 
-  /** Draws into `context`, whose canvas is width x height pixels. */
+  /** Draws a band of a plane into a context; without volumes, clears it. */
   draw(
     context: CanvasRenderingContext2D,
     plane: Plane,
@@ -416,7 +416,7 @@ export class Slicer {
     if (width === 0 || height === 0) return;
     const gl = this.gl;
     if (!this.volumes || gl.isContextLost()) {
-      // the canvas shows another position
+      // the previous contents show another position
       context.fillStyle = "#090c0e";
       context.fillRect(0, 0, context.canvas.width, context.canvas.height);
       return;
@@ -474,10 +474,10 @@ export class Slicer {
 }
 
 /**
- * Number of samples through a slab, odd.
- * @param through  thickness in voxels
- * @param density  samples per voxel along the axis with the most; with FINE no extremum is missed by more than a
- *   quarter of a voxel
+ * Number of samples through a slab; odd, so that one is at its middle.
+ * @param through  vector through the slab, in voxels
+ * @param density  samples per voxel along the axis with the most voxels; with FINE each extremum is within a quarter
+ *   of a voxel of a sample
  */
 export const placesThrough = (through: Vec3, density: number): number =>
   2 * Math.max(1, Math.ceil((density * Math.max(...through.map(Math.abs))) / 2)) + 1;

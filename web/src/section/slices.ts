@@ -1,19 +1,19 @@
-// Slices of a plane: their number, the current one, and its selection by a number or by a slider at the right edge of
-// the picture, which a second finger may operate while the first one holds the tip.
+// Slices along a normal, and their selection by a number or by a slider at the right edge of the picture, which a
+// second finger may operate while the first one holds the tip.
 
 import { element, write } from "../base/dom.js";
 import { apply, column, dot, length, normalize, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 import { says, words } from "../words/words.js";
 
-/** Slices with a common normal: offset of the first one along it, spacing, and number. */
+/** Slices with a common normal: offset of the first one along it, spacing, and count. */
 export interface Slices {
   first_mm: number;
   step_mm: number;
   count: number;
 }
 
-/** For a normal along a grid axis these are the grid's own slices. */
+/** Cosine of the angle to a grid axis above which a normal's slices are the grid's own. */
 const ALONG = 1 - 1e-6;
 
 export function slicesAlong(volumes: Volumes, normal: Vec3): Slices {
@@ -29,11 +29,11 @@ export function slicesAlong(volumes: Volumes, normal: Vec3): Slices {
   return { first_mm, step_mm, count: Math.round((Math.max(...places) - first_mm) / step_mm) + 1 };
 }
 
-/** Number, from 1, of the slice nearest to an offset along the normal. */
+/** Number, counted from 1, of the slice nearest to an offset along the normal. */
 export const sliceAt = ({ first_mm, step_mm, count }: Slices, place_mm: number): number =>
   Math.min(count, Math.max(1, Math.round((place_mm - first_mm) / step_mm) + 1));
 
-/** Number of slices per key press, as in the picture itself. */
+/** Number of slices per key press, the same as in the picture. */
 const STEPS: Record<string, number> = {
   ArrowUp: -1,
   ArrowLeft: -1,
@@ -60,7 +60,7 @@ export class SliceChooser {
     private readonly choose: (slice: number) => void,
     begin: () => void,
   ) {
-    // events on the track: the slider itself follows the first finger only
+    // pointer events on the track, because a native slider follows the first finger only
     const track = element("div", { className: "track" }, this.slider);
     const at = (event: PointerEvent) => {
       const { top, height } = track.getBoundingClientRect();
@@ -82,7 +82,7 @@ export class SliceChooser {
       if (!event.repeat) begin();
       this.go(this.shown.slice + by);
     });
-    // changes by other means than pointers and keys, such as assistive technology
+    // changes by assistive technology
     this.slider.addEventListener("input", () => this.go(Number(this.slider.value)));
     this.number.addEventListener("change", () => {
       begin();
