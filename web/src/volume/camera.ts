@@ -1,5 +1,5 @@
-// Camera in World, so that the object appears as it is oriented at the device. Parallel projection, which keeps lengths
-// comparable and left on the left; perspective on demand.
+// Camera in World, so that the object is displayed as oriented at the device. Parallel projection, in which lengths are
+// comparable; perspective on demand.
 
 import {
   add,
@@ -21,7 +21,7 @@ import {
 } from "../base/geometry.js";
 
 export type Preset = "anterior" | "posterior" | "left" | "right" | "superior" | "inferior";
-/** Right and up directions of the picture, in the patient. */
+/** Right and up directions of the picture, patient frame. */
 const PRESETS: Record<Preset, { right: Vec3; up: Vec3 }> = {
   anterior: { right: [1, 0, 0], up: [0, 0, 1] },
   posterior: { right: [-1, 0, 0], up: [0, 0, 1] },
@@ -31,14 +31,14 @@ const PRESETS: Record<Preset, { right: Vec3; up: Vec3 }> = {
   inferior: { right: [1, 0, 0], up: [0, -1, 0] },
 };
 
-/** Distance of the eye from the focus in perspective, in CSS pixels at the focus: a screen that subtends 35 degrees. */
+/** Distance of the eye from the focus in perspective, in CSS pixels at the focus; a screen subtends 35 degrees. */
 const EYE_PIXELS = 1100;
 
 export class Camera {
-  right: Vec3 = [1, 0, 0]; // World, unit
-  up: Vec3 = [0, 0, 1]; // World, unit
-  focus: Vec3 = [0, 0, 0]; // World, in the middle of the picture
-  mmPerPixel = 0.5; // at the focus
+  right: Vec3 = [1, 0, 0]; // unit, World
+  up: Vec3 = [0, 0, 1]; // unit, World
+  focus: Vec3 = [0, 0, 0]; // point at the picture's centre, World
+  mmPerPixel = 0.5; // mm per CSS pixel at the focus
   isPerspective = false;
   private worldFromPatient: Affine = [
     [1, 0, 0, 0],
@@ -53,7 +53,7 @@ export class Camera {
     this.worldFromPatient = worldFromPatient;
     this.patientFromWorld = invert(worldFromPatient);
   }
-  /** Rotation of the object; rounding of the same rotation is ignored, so that it causes no redraw. */
+  /** Sets the object's rotation; differences by rounding are ignored, so that they cause no redraw. */
   setRotation(felt: Quaternion): void {
     if (felt.some((x, i) => Math.abs(x - this.felt[i]!) >= 1e-6)) this.felt = felt;
   }
@@ -70,37 +70,37 @@ export class Camera {
   directionToWorld(v: Vec3): Vec3 {
     return rotate(this.felt, turn(this.worldFromPatient, v));
   }
-  /** Direction towards the viewer, World. */
+  /** Unit direction towards the viewer, World. */
   backward(): Vec3 {
     return cross(this.right, this.up);
   }
 
-  /** Distance of the eye from the focus, mm; the scale at the focus equals that of the parallel projection. */
+  /** Distance of the eye from the focus, mm, at which the scale at the focus equals that of the parallel projection. */
   get distance(): number {
     return EYE_PIXELS * this.mmPerPixel;
   }
-  /** Scale of a point relative to the focus. */
+  /** Factor by which perspective reduces the scale at a point: its depth from the eye over that of the focus. */
   shrinkOf(p: Vec3): number {
     if (!this.isPerspective) return 1;
-    // points beside or behind the eye are mapped far outside of the picture
+    // positive minimum: points next to or behind the eye are projected far outside of the picture
     return (
       Math.max(this.distance - dot(sub(this.toWorld(p), this.focus), this.backward()), 1e-3 * this.distance) /
       this.distance
     );
   }
-  /** Projection in pixels from the centre, y down. */
+  /** Projection of a point, patient frame: CSS pixels from the centre, y down. */
   project(p: Vec3): [number, number] {
     const d = sub(this.toWorld(p), this.focus);
     const mm = this.mmPerPixel * this.shrinkOf(p);
     return [dot(d, this.right) / mm, -dot(d, this.up) / mm];
   }
-  /** Ray through a pixel: a line in the patient, unit direction away from the viewer. */
+  /** Ray through a pixel, patient frame, with unit direction away from the viewer. */
   ray(x: number, y: number): { from: Vec3; into: Vec3 } {
     const { focus, right, up, backward, eye } = this.inPatient();
     const on = add(focus, add(scale(right, x * this.mmPerPixel), scale(up, -y * this.mmPerPixel)));
     return eye ? { from: eye, into: normalize(sub(on, eye)) } : { from: on, into: scale(backward, -1) };
   }
-  /** Point of the patient at a pixel, at the depth of `depthOf`. */
+  /** Point, patient frame, at a pixel and at the depth of another point. */
   unproject(x: number, y: number, depthOf: Vec3): Vec3 {
     const depth = dot(sub(this.toWorld(depthOf), this.focus), this.backward());
     const mm = this.mmPerPixel * this.shrinkOf(depthOf);
@@ -108,12 +108,12 @@ export class Camera {
     return this.toPatient(add(add(this.focus, across), scale(this.backward(), depth)));
   }
 
-  /** Looks at the patient from a side, in the object's current rotation. */
+  /** Orients the camera to view the patient from a side, for the object's current rotation. */
   look(preset: Preset): void {
     this.right = normalize(this.directionToWorld(PRESETS[preset].right));
     this.up = normalize(reject(this.directionToWorld(PRESETS[preset].up), this.right));
   }
-  /** Looks against a unit direction of the patient, with superior up if possible. */
+  /** Orients the camera to view against a unit direction, patient frame, with superior up if possible. */
   lookAlong(outward: Vec3): void {
     const backward = this.directionToWorld(outward);
     if (dot(backward, backward) < 0.5) return;
@@ -140,15 +140,15 @@ export class Camera {
     this.mmPerPixel = Math.min(5, Math.max(0.01, this.mmPerPixel / factor));
   }
 
-  /** World rotation of an object that is dragged by a number of pixels. */
+  /** Rotation, World, of an object that is dragged by a number of pixels. */
   dragged(dx: number, dy: number): Quaternion {
-    const perPixel = 0.008; // rad
+    const perPixel = 0.008; // rotation per pixel, rad
     const about = (axis: Vec3, angle: number): Quaternion =>
       [Math.cos(angle / 2), ...scale(axis, Math.sin(angle / 2))] as Quaternion;
     return multiply(about(this.up, dx * perPixel), about(this.right, dy * perPixel));
   }
 
-  /** Stand relative to the patient. */
+  /** Pose relative to the patient; eye: null in parallel projection. */
   inPatient(): { focus: Vec3; right: Vec3; up: Vec3; backward: Vec3; eye: Vec3 | null } {
     return {
       focus: this.toPatient(this.focus),
@@ -158,7 +158,6 @@ export class Camera {
       backward: this.directionToPatient(this.backward()),
     };
   }
-  /** Copy of the current camera. */
   copy(): Camera {
     return Object.assign(new Camera(), this);
   }

@@ -1,17 +1,16 @@
-// Grid of texels that rays are cast through: each has the two most frequent structures and their shares. Looks are not
-// part of it, so that a change of colour leaves it unchanged. Shares are smoothed over one texel in each direction, so
-// that a surface, the isosurface of coverage one half, is round and has a gradient for shading. A texel is a voxel, or
-// a block of `factor` voxels.
+// Grid of texels for ray casting: each has the two most frequent structures and their shares, independent of looks.
+// Shares are smoothed over one texel in each direction: a surface, the isosurface of coverage 1/2, is then smooth and
+// has a gradient for shading. A texel is a voxel, or a block of `factor` voxels.
 
 import type { Vec3 } from "../base/geometry.js";
 import { texelsFor, type Piece } from "./texels.js";
 
-/** Side, in texels, of the blocks whose contents are listed, so that rays skip empty space. */
+/** Side, in texels, of the blocks by which rays skip empty space. */
 export const BLOCK = 8;
-/** Bytes of a texel: two structures (index + 1) and their shares, 255 for all of it. */
+/** Bytes per texel: two structures (index + 1, 0 for none), and their shares (255 for the whole texel). */
 export const TEXEL_BYTES = 4;
 
-/** Sums of shares over the neighbourhood of a texel. */
+/** Accumulated shares of structures in the neighbourhood of a texel. */
 class Shares {
   private readonly sums = new Float64Array(256);
   private readonly met: number[] = [];
@@ -21,8 +20,8 @@ class Shares {
     this.sums[structure]! += weight;
   }
   /**
-   * Writes the two largest shares, besides that of nothing. They absorb further ones, so that surfaces have no dents
-   * where three structures meet.
+   * Writes the two largest shares of structures. They absorb further ones, so that surfaces have no dents where three
+   * structures meet.
    */
   write(texels: Uint8Array, at: number): void {
     let first = 0,
@@ -51,11 +50,11 @@ class Shares {
   }
 }
 
-/** Shares of structures in mixed texels, computed once and weighted by each neighbour. */
+/** Shares of structures in each mixed texel, computed once for use by all its neighbours. */
 class Mixtures {
   private readonly begins = [0];
   private readonly structures: number[] = [];
-  private readonly parts: number[] = []; // of a texel
+  private readonly parts: number[] = []; // shares of structures, 0 to 1, in texel after texel
   private readonly voxels = new Uint32Array(256); // histogram of the current texel
   private readonly met: number[] = [];
 
@@ -81,11 +80,11 @@ class Mixtures {
 }
 
 export class Field {
-  readonly dims: Vec3; // in texels
-  /** Size including an empty border of one texel, so that rays need no bounds checks. */
+  readonly dims: Vec3; // number of texels along each axis
+  /** Number of texels including an empty border of one texel, which saves rays the bounds checks. */
   readonly bordered: Vec3;
   readonly texels: Uint8Array;
-  /** Mean scan value of each texel, without a border. */
+  /** Mean scan value of each texel, without the border; null: no scan. */
   readonly haze: Int16Array | null;
   readonly blocks: Vec3;
   private readonly present: Uint32Array; // bit set of the structures in each block, 8 words per block
@@ -108,7 +107,7 @@ export class Field {
   private get isWhole(): boolean {
     return this.factor.every((n) => n === 1);
   }
-  /** Offset of a texel's bytes. */
+  /** Offset of a texel's bytes in `texels`. */
   at(x: number, y: number, z: number): number {
     return TEXEL_BYTES * (x + 1 + this.bordered[0] * (y + 1 + this.bordered[1] * (z + 1)));
   }
@@ -119,7 +118,7 @@ export class Field {
     this.lookInto(piece.lo, piece.size);
   }
 
-  /** Range of a texel's voxels within a piece: first voxel and number along each axis. */
+  /** Voxels of a texel within a piece: index of the first one, and number along each axis. */
   private blockOf(
     { from, span }: Piece,
     x: number,
@@ -136,13 +135,13 @@ export class Field {
     };
   }
 
-  /** For a box of texels and its neighbours: the structure that fills each texel, or -1 - n for mixture n. */
+  /** Contents of a box of texels and its neighbours: the structure that fills each texel, or -1 - n for mixture n. */
   private fillings(piece: Piece): { low: Vec3; count: Vec3; filling: Int32Array; mixtures: Mixtures } {
     const low = piece.lo.map((n) => Math.max(0, n - 1)) as Vec3;
     const count = piece.lo.map((n, axis) => Math.min(this.dims[axis]!, n + piece.size[axis]! + 1) - low[axis]!) as Vec3;
     const filling = new Int32Array(count[0] * count[1] * count[2]);
     const mixtures = new Mixtures();
-    // without downsampling, the voxels are the texels
+    // without downsampling, texels are voxels
     if (this.isWhole) filling.set(piece.structure);
     else {
       const {
@@ -176,7 +175,7 @@ export class Field {
     return { low, count, filling, mixtures };
   }
 
-  /** Smoothing kernel [1 2 1] / 4 along each axis; the outermost texel is repeated at the volume's border. */
+  /** Smooths shares by the kernel [1 2 1] / 4 along each axis; border texels of the volume are repeated outside. */
   private smooth(piece: Piece): void {
     const { lo, size } = piece;
     const { low, count, filling, mixtures } = this.fillings(piece);
@@ -191,7 +190,7 @@ export class Field {
           ];
           rows[r] = count[0] * (yy + count[1] * zz);
         }
-        // structure that fills all nine texels at a position of the rows, or -1
+        // structure that fills all nine texels at position x of the rows, or -1
         const across = (x: number): number => {
           const here = filling[rows[0]! + x]!;
           for (let r = 1; r < 9; r++) if (filling[rows[r]! + x] !== here) return -1;
@@ -218,7 +217,7 @@ export class Field {
     }
   }
 
-  /** Computes one texel from its 27 neighbours. */
+  /** Computes one texel from its neighbourhood of 27 texels. */
   private gather(
     width: number,
     filling: Int32Array,
@@ -263,7 +262,7 @@ export class Field {
     }
   }
 
-  /** Updates the bit sets of some blocks. */
+  /** Updates `present` for the blocks that a box of texels intersects. */
   private lookInto(lo: Vec3, size: Vec3): void {
     const { blocks, dims, texels, present } = this;
     const [first, last] = [lo.map((n) => n >> 3), lo.map((n, axis) => (n + size[axis]! - 1) >> 3)];
@@ -292,8 +291,8 @@ export class Field {
   }
 
   /**
-   * Solid and translucent coverage of each texel of a box: two bytes, x fastest.
-   * @param looks  256 RGBA values: nothing, then the structures in order
+   * Coverage of each texel of a box by opaque and by translucent structures: two bytes, x fastest.
+   * @param looks  256 RGBA values: 0 for no structure, then the structures in order
    */
   covers(lo: Vec3, size: Vec3, looks: ArrayLike<number>): Uint8Array<ArrayBuffer> {
     const { texels } = this;
@@ -315,8 +314,8 @@ export class Field {
   }
 
   /**
-   * Chebyshev distance of each block to the nearest non-empty block; 0 for non-empty blocks.
-   * @param shown  by index + 1: whether a structure is visible
+   * Chebyshev distance of each block to the nearest block with a visible structure, in blocks, at most 255.
+   * @param shown  whether a structure is visible, indexed by the structure's index + 1
    */
   leaps(shown: ArrayLike<unknown>): Uint8Array {
     const mask = new Uint32Array(8);
@@ -328,7 +327,7 @@ export class Field {
       for (let w = 0; w < 8; w++) any |= this.present[8 * n + w]! & mask[w]!;
       leaps[n] = any !== 0 ? 0 : 255;
     }
-    // chessboard distance transform: a forward and a backward pass over visited neighbours
+    // chessboard distance transform: a forward and a backward pass over the preceding neighbours
     const pass = (step: 1 | -1) => {
       const order = (n: number, count: number) => (step > 0 ? n : count - 1 - n);
       for (let c = 0; c < nz; c++) {

@@ -1,36 +1,36 @@
-// Picture of the volume: coarse during motion, sharp at rest.
+// Progressive picture of the volume: coarse during motion, sharp at rest.
 
 import type { Picture } from "../drawing/picture.js";
 import { BACKGROUND, type Found, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 
-/** Pictures that take longer are drawn at a lower resolution during motion. */
+/** Rendering time to which pictures are limited during motion, by a lower resolution. */
 const SLOW_MS = 40;
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
-/** Estimated cost of a full-size picture without a graphics card, before the first one. */
+/** Estimated rendering time of a full-size picture without a graphics card, before the first one. */
 const FIRST_MS = 160;
 
-/** Camera of a picture, kept so that overlays match the picture displayed. */
+/** Camera of a picture, stored with it so that overlays match the displayed picture. */
 export interface Shot<Camera> {
   camera: Camera;
-  /** @param reduction  screen pixels per picture pixel */
+  /** @param reduction  CSS pixels per picture pixel */
   view(reduction: number): View;
 }
 
 export class LivePicture<Camera> {
-  /** The displayed picture. */
+  /** Displayed picture; null: none yet. */
   seen: { bitmap: ImageBitmap; found: Found; camera: Camera } | null = null;
-  private key = ""; // key of the latest request
+  private key = ""; // key of the current contents
   private reduction: number;
   private isWanted = false;
-  private sharp = false; // sharp picture displayed or requested
-  private asked: "" | "coarse" | "sharp" = ""; // picture in progress
+  private sharp = false; // the displayed or the requested picture is sharp
+  private asked: "" | "coarse" | "sharp" = ""; // quality of the picture that is being rendered
   private asks = 0;
-  private take: (() => Shot<Camera>) | null = null; // camera at the time of the call
-  private cost_ms: number; // of a full-size picture
+  private take: (() => Shot<Camera>) | null = null; // returns the camera at the time of the call
+  private cost_ms: number; // rendering time of a full-size picture, estimated by the latest one
 
-  /** @param isSquare  a centred square that fills the shorter side */
+  /** @param isSquare  the picture is a centred square whose side is the element's shorter side */
   constructor(
     private readonly picture: Picture,
     private readonly renderer: VolumeRenderer,
@@ -39,14 +39,14 @@ export class LivePicture<Camera> {
     private readonly onSeen: () => void,
   ) {
     this.reduction = isSoftware ? 2 : 1;
-    // the first picture is needed soon
+    // the first picture is coarse without a graphics card, to be displayed soon
     this.cost_ms = isSoftware ? FIRST_MS : 0;
   }
 
   /**
-   * To be called for every frame: requests a picture if needed.
-   * @param key  of the contents
-   * @param isHeld  the user is dragging: motion may resume at any moment
+   * Requests a picture if needed; to be called for every frame.
+   * @param key  key of all that the picture depends on
+   * @param isHeld  the user is dragging, so that motion may resume at any moment: no sharp picture
    */
   update(now: number, key: string, isHeld: boolean, take: () => Shot<Camera>): void {
     const { renderer } = this;
@@ -57,7 +57,7 @@ export class LivePicture<Camera> {
       this.isWanted = true;
       this.sharp = false;
     } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld && !renderer.isGivingWay)
-      this.isWanted = this.sharp = true; // first coarse, then sharp
+      this.isWanted = this.sharp = true; // the sharp picture, which follows the coarse one
     this.ask();
   }
   private ask(): void {
@@ -76,7 +76,7 @@ export class LivePicture<Camera> {
   get isSharp(): boolean {
     return this.seen !== null && this.sharp && !this.isWanted && this.asked === "";
   }
-  /** Resolution that is affordable during motion. */
+  /** Renders and shows a picture: during motion, at a resolution for which it should take at most SLOW_MS. */
   private async render(shot: Shot<Camera>): Promise<void> {
     const { ratio } = this.picture.frame();
     const least = this.isSoftware ? Math.max(ratio, 1.5) : 1;
@@ -91,18 +91,18 @@ export class LivePicture<Camera> {
     if (ask === this.asks) {
       this.asked = "";
       if (!drawn) this.sharp = false;
-      // motion meanwhile: does not wait for the next frame
+      // requests the picture of motion meanwhile without waiting for the next frame
       this.ask();
     }
     if (!drawn) return;
     this.seen?.bitmap.close();
     this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera };
     this.show();
-    // the picture may have been hidden meanwhile, and has no size then
+    // a picture that was hidden meanwhile has no size
     if (this.picture.isShown) this.onSeen();
   }
 
-  /** Copies the displayed bitmap into the picture, or clears it. */
+  /** Copies the latest bitmap into the picture's canvas, or clears it. */
   show(): void {
     const { base } = this.picture;
     const { width, height } = base.canvas;
@@ -113,7 +113,7 @@ export class LivePicture<Camera> {
     const [w, h] = this.isSquare ? [Math.min(width, height), Math.min(width, height)] : [width, height];
     base.drawImage(this.seen.bitmap, (width - w) / 2, (height - h) / 2, w, h);
   }
-  /** Discards the picture after a loss of the graphics. */
+  /** Discards the picture after a context loss. */
   lost(): void {
     this.seen?.bitmap.close();
     this.seen = null;

@@ -1,4 +1,4 @@
-// Arthroscope: pose of its camera, at the tool's tip or moved away from it.
+// Arthroscope: pose of its camera, on the tool's shaft or moved away from it.
 
 import {
   aboutAxis,
@@ -13,7 +13,7 @@ import {
   type Vec3,
 } from "../base/geometry.js";
 
-/** Orthonormal directions in the patient. */
+/** Pose of a camera: position, mm, and orthonormal directions; patient frame. */
 export interface ScopeFrame {
   eye: Vec3;
   forward: Vec3;
@@ -24,15 +24,12 @@ export interface ScopeFrame {
 export const OPTICS_DEG = [0, 30, 70] as const;
 /** Half angle of view, degrees. */
 export const HALF_FIELD_DEG = 40;
-/**
- * Distance of the camera behind the tip along the shaft, mm. In contact, a camera at the tip itself would see the
- * surface only.
- */
+/** Distances of the camera behind the tip along the shaft, mm. At 0, a surface in contact fills the view. */
 export const BACK_MM = [0, 4, 8, 15] as const;
 
 /**
- * Distance from the contact at which the camera is outside of solids, with clearance or at the middle of a gap.
- * @param isClosed  whether the view is blocked at a distance, mm
+ * Distance of the camera from the contact, outside of solids: with clearance `room_mm`, or at the middle of a gap.
+ * @param isClosed  whether the view is blocked at a distance from the contact, mm
  * @returns at most `max_mm`; null if it is blocked everywhere up to there
  */
 export function standOff(
@@ -54,13 +51,13 @@ export function standOff(
 export type ScopeStand = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;
 
 export class Scope {
-  /** Number of the device that holds the scope; null: default. */
+  /** Number of the device that holds the scope; null: the default device. */
   tool: number | null = null;
   optics_deg: number = 30;
   back_mm: number = 8;
-  /** Rotation of the optics about the shaft, by the light post; 0: tilted towards the picture's top. */
+  /** Rotation of the optics about the shaft, by the light post, degrees; 0: tilted towards the picture's top. */
   post_deg = 0;
-  free: ScopeFrame | null = null; // pose after it was moved off the shaft
+  free: ScopeFrame | null = null; // pose after the camera was moved off the shaft; null: on the shaft
 
   get isFree(): boolean {
     return this.free !== null;
@@ -68,20 +65,24 @@ export class Scope {
   toTip(): void {
     this.free = null;
   }
-  /** Settings and free pose, for undo. */
+  /** Undoable state: settings and free pose. */
   get stand(): ScopeStand {
     const { tool, optics_deg, back_mm, post_deg, free } = this;
     return { tool, optics_deg, back_mm, post_deg, free };
   }
 
-  /** @param axes  of the tool, in the patient: the third one points from the tip along the shaft */
+  /**
+   * Pose of the camera.
+   * @param tip  position of the tip, patient frame
+   * @param axes  axes of the tool, patient frame; the third one points from the tip along the shaft
+   */
   frame(tip: Vec3, axes: [Vec3, Vec3, Vec3]): ScopeFrame {
     if (this.free) return this.free;
     const [right, up, shaft] = axes;
     const forward = scale(shaft, -1);
     const post = (this.post_deg * Math.PI) / 180;
     const side = add(scale(up, Math.cos(post)), scale(right, Math.sin(post)));
-    // the camera head keeps its orientation: only the optics rotate
+    // the optics rotate, the camera head keeps its orientation
     const lean = aboutAxis(cross(forward, side), (this.optics_deg * Math.PI) / 180);
     return {
       eye: add(tip, scale(shaft, this.back_mm)),
@@ -94,7 +95,7 @@ export class Scope {
   turnPost(by_deg: number): void {
     this.post_deg = (((this.post_deg + by_deg) % 360) + 360) % 360;
   }
-  /** Moves the camera off the shaft from its current pose: turns right and up, and advances. */
+  /** Moves the camera off the shaft, from a pose: rotates right and up, and advances. */
   move(from: ScopeFrame, right_rad: number, up_rad: number, ahead_mm: number): void {
     const turn: Quaternion = multiply(aboutAxis(from.up, -right_rad), aboutAxis(from.right, up_rad));
     const forward = normalize(rotate(turn, from.forward));

@@ -1,4 +1,4 @@
-// Arthroscopic view of the volume: the camera is at the tool's tip, or was moved from there by keys, mouse or touch.
+// Arthroscopic view of the volume: the camera is on the tool's shaft, or moved from there by keys, mouse or touch.
 
 import { element } from "../base/dom.js";
 import { quantity } from "../words/figures.js";
@@ -26,18 +26,18 @@ import type { VolumeRenderer } from "./volume_renderer.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
 import { says, words } from "../words/words.js";
 
-/** Near clipping distance, so that a surface in contact does not block the view. */
+/** Near clipping distance, which keeps a surface in contact from blocking the view. */
 const NEAREST_MM = 0.5;
-/** Distance at which its light has halved, a depth cue. */
+/** Distance at which the light at the camera has halved, as a depth cue. */
 const REACH_MM = 40;
 const TANGENT = Math.tan((HALF_FIELD_DEG * Math.PI) / 180);
 const KEY_TURN_RAD = (5 * Math.PI) / 180;
 const KEY_POST_DEG = 15;
 const KEY_STEP_MM = 1;
 const DRAG_RAD_PER_PIXEL = 0.004;
-const WHEEL_MM = 0.02; // per unit of wheel movement
+const WHEEL_MM = 0.02; // advance per unit of wheel movement
 const PINCH_MM = 30; // advance when the distance between two fingers grows by a factor of e
-/** Directions in which occlusion around a position is tested. */
+/** Unit directions in which occlusion around a position is sampled. */
 const AROUND: Vec3[] = Array.from(
   { length: 27 },
   (_, n) => [(n % 3) - 1, (Math.floor(n / 3) % 3) - 1, Math.floor(n / 9) - 1] as Vec3,
@@ -45,12 +45,12 @@ const AROUND: Vec3[] = Array.from(
   .filter((v) => length(v) > 0)
   .map(normalize);
 
-/** Camera position: on the shaft, or retracted from the contact. */
+/** Pose of the camera; `off_mm`: distance by which it is retracted from the contact, null on the shaft. */
 interface Stand extends ScopeFrame {
   off_mm: number | null;
 }
 
-/** Pixels and directions of a picture with a given width. */
+/** View of a square picture of `size` x `size` pixels. */
 export function scopeView({ eye, forward, right, up }: ScopeFrame, size: number): View {
   const corner = add(add(eye, forward), add(scale(right, -TANGENT), scale(up, TANGENT)));
   const step = (2 * TANGENT) / size;
@@ -70,7 +70,7 @@ export function scopeView({ eye, forward, right, up }: ScopeFrame, size: number)
 export class ScopeView {
   readonly picture = new Picture("scope");
   readonly scope = new Scope();
-  told = ""; // text in the picture
+  told = ""; // text displayed in the picture
   private readonly live: LivePicture<Stand>;
   private readonly pointers = new Map<number, [number, number]>();
   private readonly holder = says(element("select", { className: "small", hidden: true }), {
@@ -82,7 +82,7 @@ export class ScopeView {
     title: "atTipTitle",
   });
 
-  private gesture = 0; // undo group of its movements
+  private gesture = 0; // undo group of movements of the camera
   private readonly setTo: (to: ScopeStand) => void;
 
   constructor(
@@ -135,14 +135,14 @@ export class ScopeView {
     this.listen();
   }
 
-  /** Sets the scope of a task, on the second device's shaft. */
+  /** Sets up the scope of a task, on the shaft of the default device. */
   standAs(optics_deg: number, back_mm: number): void {
     this.change("task", () => this.setTo({ tool: null, optics_deg, back_mm, post_deg: 0, free: null }));
   }
 
   /**
-   * Changes the view, as an undo step.
-   * @param gesture  changes by one control with the same gesture are one undo step
+   * Changes the view, undoably.
+   * @param gesture  changes with equal `by` and gesture are one undo step
    */
   private change(by: string, act: () => void, gesture = ++this.history.gesture): void {
     this.history.change(`scope ${by}`, act, gesture);
@@ -152,7 +152,7 @@ export class ScopeView {
     this.live.lost();
   }
 
-  /** Number of the device that holds the scope; by default the second of several, next to the probe. */
+  /** Number of the device that holds the scope; by default the second one, if there are several. */
   private get heldBy(): number {
     const devices = this.session.scene?.tools.length ?? 1;
     return this.scope.tool !== null && this.scope.tool < devices ? this.scope.tool : Math.min(1, devices - 1);
@@ -170,7 +170,7 @@ export class ScopeView {
   get isSharp(): boolean {
     return this.live.isSharp;
   }
-  /** Current pose; null until the tool's pose is known. */
+  /** Current pose of the camera; null until the tool's pose is known. */
   frame(): Stand | null {
     const { pose } = this.session;
     const device = pose?.devices.find(({ number }) => number === this.heldBy);
@@ -186,8 +186,8 @@ export class ScopeView {
     return { ...onShaft, ...this.standOff(pose, device, onShaft.eye) };
   }
   /**
-   * A camera on the shaft sees nothing if the shaft passes through a solid. It is then retracted from the contact as
-   * far as necessary.
+   * Position of the camera: on the shaft, or, if the view from there is blocked by a solid, retracted from the contact
+   * by the necessary distance.
    */
   private standOff(pose: Pose, device: DevicePose, onShaft: Vec3): { eye: Vec3; off_mm: number | null } {
     const { session, scope } = this;
@@ -203,7 +203,7 @@ export class ScopeView {
         : null;
     return off_mm === null ? stays : { eye: at(off_mm), off_mm };
   }
-  /** Whether an eye at a position is inside a solid, or its view is mostly blocked. */
+  /** Whether an eye at a position is inside a solid, or solids surround more than half of it at NEAREST_MM. */
   private isClosed(eye: Vec3): boolean {
     const { volumes, looks } = this.session;
     const isSolid = (p: Vec3) => {
@@ -217,8 +217,8 @@ export class ScopeView {
     if (this.ask(now)) this.drawOver();
   }
   /**
-   * Updates the picture if needed.
-   * @returns whether it is visible
+   * Requests a picture if needed.
+   * @returns whether the picture is visible
    */
   ask(now: number): boolean {
     const { session, picture } = this;
@@ -238,7 +238,7 @@ export class ScopeView {
     return true;
   }
 
-  /** Name of the structure around the scope. */
+  /** Name of the structure that contains the camera; null: none. */
   private get around(): string | null {
     const found = this.live.seen?.found;
     if (!found) return null;
@@ -251,7 +251,7 @@ export class ScopeView {
     return readable(this.session.nameAt(inside[inside.length >> 1]!.place));
   }
 
-  /** Describes its position and the centre of its view. */
+  /** Text about the camera's position and the centre of its view. */
   private where(): string {
     const { scope } = this;
     const { found, camera } = this.live.seen!;
@@ -293,7 +293,7 @@ export class ScopeView {
     }
     context.clip();
     for (const each of session.drawn) {
-      // the camera is at the holder's tip
+      // the tool that holds the camera is not drawn while the camera is at its tip
       if (each.number === this.heldBy && !scope.isFree && scope.back_mm === 0) continue;
       const depth = (p: Vec3) => Math.max(dot(sub(p, eye), forward), 0.01);
       const pixelsPerMm = (p: Vec3) => radius / TANGENT / depth(p);
@@ -310,7 +310,7 @@ export class ScopeView {
     }
     context.restore();
 
-    // border of the round field, with a mark in the direction of tilt
+    // border of the round field of view, with a mark in the direction of tilt
     context.beginPath();
     context.arc(x, y, radius - ratio, 0, 2 * Math.PI);
     context.lineWidth = 2 * ratio;
@@ -392,7 +392,7 @@ export class ScopeView {
       "wheel",
       (event) => {
         event.preventDefault();
-        // a sequence of wheel events is one step
+        // successive wheel events are one undo step
         this.move(0, 0, -event.deltaY * WHEEL_MM, this.history.gesture, "wheel");
       },
       { passive: false },
@@ -414,13 +414,13 @@ export class ScopeView {
       const action = keys[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
-      // holding a key down is one step
+      // the repeats of a key are one undo step
       if (!event.repeat) this.gesture = ++this.history.gesture;
       action();
     });
   }
 
-  /** Picture of a scope at a pose, rendered on request: RGBA by rows from the top. */
+  /** Picture of a scope at a pose: RGBA by rows from the top. */
   async pixels(frame: ScopeFrame, size: number): Promise<Uint8ClampedArray> {
     await this.renderer.loaded;
     this.renderer.follow(this.session);

@@ -1,11 +1,11 @@
-// Volume rendering by palpate, for browsers without WebGL 2 (docs/reference/viewer-http.md, "Pictures"), with the same
-// messages as the worker. One picture is requested at a time, always the newest.
+// Volume rendering by palpate, for browsers without WebGL 2 (docs/reference/viewer-http.md, "Pictures"). Messages are
+// those of the worker. One picture is requested at a time, always the newest.
 
 import type { Vec3 } from "../base/geometry.js";
 import type { View } from "./view.js";
 import type { Answered, Asked, Port, Work } from "./volume_service.js";
 
-/** Volume hash and number of structures. */
+/** Volume that palpate renders: hash and number of structures. */
 export interface Served {
   hash: string;
   structures: number;
@@ -15,10 +15,10 @@ export interface Served {
 type Draw = Extract<Asked, { type: "draw" }>;
 
 const HEAD_BYTES = 24;
-const AGAIN_MS = 500; // retry interval after a failure
+const AGAIN_MS = 500; // interval of retries after a failure
 
 /**
- * Request body: docs/reference/viewer-http.md.
+ * Parameters of a picture request: docs/reference/viewer-http.md.
  * @param looks  RGBA of each structure
  */
 export function pictureQuery(view: View, looks: Uint8Array): string {
@@ -27,13 +27,13 @@ export function pictureQuery(view: View, looks: Uint8Array): string {
     values.map((value) => String(Number(value.toPrecision(9)))).join(",");
   const query = [`view=${numbers([width, height, ...corner, ...across, ...down, ...(eye?.at ?? [])])}`];
   if (looks.length > 0) query.push(`looks=${Array.from(looks, (byte) => byte.toString(16).padStart(2, "0")).join("")}`);
-  // plane clipping only: the protocol has no holes
+  // the protocol supports clipping by planes only
   if (cut && cut.widening === Infinity) query.push(`cut=${numbers([...cut.at, ...(into.map((x) => -x) as Vec3)])}`);
   return query.join("&");
 }
 
 /**
- * Picture and depth of a response.
+ * Colours and depths of a response.
  * @throws RangeError if its size is wrong
  */
 export function readPicture(bytes: ArrayBuffer): {
@@ -58,7 +58,7 @@ export function readPicture(bytes: ArrayBuffer): {
     for (let column = 0; column < width; column++, n++) {
       rgba.set([rgb[3 * n]!, rgb[3 * n + 1]!, rgb[3 * n + 2]!, 255], 4 * n);
       const depth = depths.getUint16(2 * n, true);
-      // rows from the bottom
+      // rows from the bottom, as `Found` has them
       found.set([depth >> 8, depth & 255, places[n]!], 4 * (column + width * (height - 1 - row)));
     }
   }
@@ -104,7 +104,7 @@ class ServedPictures {
     if (this.isDrawing) return;
     this.isDrawing = true;
     for (let asked = this.queue.shift(); asked; asked = this.queue.shift()) {
-      // a request that gives way is dropped if a newer one is waiting
+      // drops a request that gives way if a newer one is queued
       const drawn = asked.givesWay && this.queue.length > 0 ? null : await this.picture(asked.view).catch(() => null);
       if (drawn) this.work.pictures += 1;
       else if (this.queue.length === 0) await new Promise((later) => setTimeout(later, AGAIN_MS));
@@ -140,7 +140,7 @@ class ServedPictures {
   }
 }
 
-/** Handles requests at a port by palpate's pictures. */
+/** Handles requests at a port by pictures that palpate renders. */
 export function servePictures(port: Port, served: () => Served | null): void {
   new ServedPictures(port, served);
 }

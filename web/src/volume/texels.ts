@@ -1,16 +1,16 @@
-// Downsampling: number of voxels per texel, texels affected by a box of voxels, and the pieces in which voxels are sent
-// to the renderer (field.ts).
+// Downsampling for the renderer (field.ts): number of voxels per texel, texels affected by a box of voxels, and pieces
+// in which voxels are sent.
 
 import type { Vec3 } from "../base/geometry.js";
 import type { Memory } from "../protocol/scene.js";
 
-/** Box of texels with the voxels that they are computed from. */
+/** Box of texels, with the voxels that determine them. */
 export interface Piece {
   lo: Vec3; // first texel
   size: Vec3;
   from: Vec3; // first voxel
   span: Vec3;
-  structure: Uint8Array; // voxels, i fastest: index in the list of structures + 1, or 0
+  structure: Uint8Array; // voxels, i fastest: index in the scene's list + 1, or 0
   scan: Int16Array | null;
 }
 
@@ -19,14 +19,14 @@ export const texelsFor = (voxels: Vec3, factor: Vec3): Vec3 =>
   voxels.map((n, axis) => Math.ceil(n / factor[axis]!)) as Vec3;
 
 /**
- * Voxels per texel along each axis, such that the grid fits the device. The finest axis is coarsened first.
- * @param edges  of a voxel, mm
+ * Number of voxels per texel along each axis with which the grid fits the memory. The finest axis is coarsened first.
+ * @param edges  lengths of a voxel's edges, mm
  */
 export function coarsening(dims: Vec3, edges: Vec3, { mostTexels, mostSide }: Memory): Vec3 {
   const factor: Vec3 = [1, 1, 1];
   for (;;) {
     const texels = texelsFor(dims, factor);
-    // including the border (Field.bordered)
+    // sides include the border (Field.bordered)
     const long = texels.findIndex((n) => n + 2 > mostSide);
     if (long < 0 && texels[0] * texels[1] * texels[2] <= mostTexels) return factor;
     const size = factor.map((n, axis) => (texels[axis]! > 1 ? n * edges[axis]! : Infinity));
@@ -34,7 +34,7 @@ export function coarsening(dims: Vec3, edges: Vec3, { mostTexels, mostSide }: Me
   }
 }
 
-/** Texels affected by a box of voxels, including neighbours by smoothing. */
+/** Box of texels affected by a box of voxels, including the neighbours that smoothing reaches. */
 export function texelsOf(lo: Vec3, size: Vec3, voxels: Vec3, factor: Vec3): { lo: Vec3; size: Vec3 } {
   const dims = texelsFor(voxels, factor);
   const first = lo.map((n, axis) => Math.max(0, Math.floor(n / factor[axis]!) - 1)) as Vec3;
@@ -42,7 +42,7 @@ export function texelsOf(lo: Vec3, size: Vec3, voxels: Vec3, factor: Vec3): { lo
   return { lo: first, size: end.map((n, axis) => n - first[axis]!) as Vec3 };
 }
 
-/** Copies the voxels of some texels from the volume. */
+/** Piece with a copy of the volume's voxels for a box of texels. */
 export function pieceOf(
   volume: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null },
   factor: Vec3,

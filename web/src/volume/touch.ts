@@ -1,22 +1,22 @@
-// Picking of surfaces with contact in pictures with depth, and the path of the tip to them.
+// Picking of surfaces with contact forces along a ray, and the path of the tip to them.
 
 import { add, apply, besides, column, dot, length, scale, sub, turn, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 
-/** Predicate: whether contact forces act at a position. */
+/** Predicate: whether contact forces act at a position, patient frame. */
 export type IsFelt = (p: Vec3) => boolean;
 
-/** Distance before the surface from which the tip approaches, and penetration at the end, so that there is a force. */
+/** Distance in front of the surface from which the tip approaches it, and final penetration, which causes a force. */
 const OUTSIDE_MM = 3;
 const DEEP_MM = 0.5;
-/** Penetration permitted while the tip leaves its current contact. */
+/** Path length within which the tip may leave its current contact. */
 const LEAVES_MM = 5;
-/** Detours towards the viewer until the path is clear; a tip below an obstacle first moves sideways. */
+/** Candidate detours towards the viewer, after candidate displacements sideways for a tip below an obstacle. */
 const LIFTS_MM = [0, 3, 6, 12, 25, 50, 100, 200];
 const ASIDE_MM = [0, 6, 12, 25, 50];
 const SIDES = 8;
 
-/** Parameter range, mm, of a line within the bounding box of a volume; empty if to < from. */
+/** Interval, mm, of a line within the bounding box of a volume: begin and end; empty if end < begin. */
 function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
   const [at, by] = [apply(volumes.voxelFromPatient, from), turn(volumes.voxelFromPatient, into)];
   let [begin, end] = [-Infinity, Infinity];
@@ -29,8 +29,8 @@ function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
 }
 
 /**
- * First surface with contact along a line.
- * @param min_mm  start of the search
+ * First position with contact forces along a line; null: none.
+ * @param min_mm  start of the search, distance from `from` along `into`
  */
 export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
   const [begin, end] = within(volumes, from, into);
@@ -49,10 +49,10 @@ export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Ve
   return null;
 }
 
-/** Path of the tip to the surface under a press: waypoints, the last of which has contact. */
+/** Path of the tip to a surface, free of contact up to there: waypoints, the last of which is below the surface. */
 export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
   const [outside, inside] = [sub(surface, scale(into, OUTSIDE_MM)), add(surface, scale(into, DEEP_MM))];
-  // @param leaves_mm  initial distance over which the tip may remain in contact
+  // leaves_mm: initial path length within which the tip may be in contact
   const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
     const far = length(sub(b, a));
     let hasLeft = false;
@@ -64,7 +64,7 @@ export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step
     return true;
   };
   if (isFree(tip, outside, LEAVES_MM)) return [outside, inside];
-  // never to the far side of a surface, which the proxy would not pass
+  // detours on the viewer's side, because the proxy would stay on the near side of an obstacle
   const [first, second] = besides(into);
   const least = Math.min(dot(tip, into), dot(outside, into));
   const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));
@@ -86,9 +86,9 @@ export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step
 
 /** Height above the nearest surface with contact below a position. */
 export class Ground {
-  private readonly steps: { way: Vec3; far_mm: number }[] = []; // search offsets, nearest first
-  private readonly stride: number; // voxels between offsets
-  // cache by device number
+  private readonly steps: { way: Vec3; far_mm: number }[] = []; // offsets of sampled voxels, nearest first
+  private readonly stride: number; // spacing of offsets, voxels
+  // cache of `below` by device number
   private readonly ofTools = new Map<number, { at: string; found: ReturnType<Ground["below"]> }>();
 
   constructor(
@@ -112,7 +112,7 @@ export class Ground {
     this.steps.sort((a, b) => a.far_mm - b.far_mm);
   }
 
-  /** Like `below`, which may take as long as a frame, but cached per device until the tool moves. */
+  /** Result of `below`, cached per device until the tool moves, because it may take as long as a frame. */
   belowTool(number: number, p: Vec3, isFelt: IsFelt): ReturnType<Ground["below"]> {
     const at = p.join();
     if (this.ofTools.get(number)?.at !== at) this.ofTools.set(number, { at, found: this.below(p, isFelt) });
@@ -125,11 +125,11 @@ export class Ground {
 
   below(p: Vec3, isFelt: IsFelt): { foot: Vec3; height_mm: number } | null {
     const { volumes } = this;
-    // from the voxel's centre, so that offsets hit centres of voxels
+    // starts at the voxel's centre, so that offsets end at centres of voxels
     const middle = apply(volumes.patientFromVoxel, apply(volumes.voxelFromPatient, p).map(Math.round) as Vec3);
     const met = this.steps.find(({ way }) => isFelt(add(middle, way)));
     if (!met) return null;
-    // refines among the skipped voxels around the hit
+    // refines the hit among the voxels that the stride has skipped
     let towards = sub(add(middle, met.way), p);
     const size = 2 * this.stride - 1;
     for (let n = 0; n < size ** 3; n++) {

@@ -1,4 +1,4 @@
-// View of the volume: rays through its pixels, and the depth of the first solid surface along each.
+// View of the volume: rays through pixels, and the depth of the first solid surface along each.
 
 import type { Camera } from "./camera.js";
 import { dot, length, scale, sub, type Vec3 } from "../base/geometry.js";
@@ -8,34 +8,34 @@ export const BACKGROUND: Vec3 = [9 / 255, 12 / 255, 14 / 255];
 
 /** Eye of a perspective view. */
 export interface Eye {
-  at: Vec3; // patient
+  at: Vec3; // position, patient
   nearest_mm: number; // near clipping distance
   reach_mm: number; // distance at which the light at the eye has halved; Infinity: constant
   isRound: boolean; // circular field of view
 }
-/** Clipping in front of a position: a disc, widening towards the viewer. */
+/** Clipped region in front of a position: a cone that begins as a disc and widens towards the viewer. */
 export interface Cut {
-  at: Vec3; // patient
-  radius_mm: number; // of the disc
-  widening: number; // mm of radius per mm towards the viewer; Infinity: half-space in front of a plane
+  at: Vec3; // centre of the disc, patient
+  radius_mm: number; // radius of the disc
+  widening: number; // increase of the radius per distance towards the viewer; Infinity: half-space
   kept: number; // structure that is not clipped: its index + 1, or 0
 }
-/** Rays through the pixels of a picture. */
+/** Rays through the pixels of a picture; patient frame. */
 export interface View {
   width: number;
   height: number;
-  corner: Vec3; // patient, top left corner of the top left pixel; arbitrary depth without an eye
-  across: Vec3; // one pixel to the right
-  down: Vec3; // one pixel down
-  into: Vec3; // unit, away from the viewer; with an eye, at the picture's centre
+  corner: Vec3; // top left corner of the top left pixel; without an eye at arbitrary depth
+  across: Vec3; // displacement by one pixel to the right
+  down: Vec3; // displacement by one pixel down
+  into: Vec3; // unit direction away from the viewer; with an eye, at the picture's centre
   eye: Eye | null;
   cut: Cut | null;
-  isFine: boolean; // smoothest surfaces
+  isFine: boolean; // smoothest surfaces, as at rest
 }
 
 /**
  * View of a camera.
- * @param reduction  screen pixels per picture pixel
+ * @param reduction  CSS pixels per picture pixel
  */
 export function viewOf(camera: Camera, width: number, height: number, reduction: number, cut: Cut | null = null): View {
   const w = Math.max(16, Math.round(width / reduction));
@@ -56,9 +56,9 @@ export function viewOf(camera: Camera, width: number, height: number, reduction:
   };
 }
 
-/** Depth and structure of the first solid surface along each pixel's ray. */
+/** Depth map: depth and structure of the first solid surface along each pixel's ray. */
 export class Found {
-  /** @param bytes  by rows from the bottom: depth in two bytes, as a fraction of 65535; index of the structure + 1 */
+  /** @param bytes  rows from the bottom: depth in two bytes, as a fraction of 65535; index of the structure + 1 */
   constructor(
     private readonly bytes: Uint8Array,
     private readonly view: View,
@@ -66,13 +66,13 @@ export class Found {
     private readonly extent_mm: number,
   ) {}
 
-  /** Position of a point in the picture, 0 to 1, and its depth along the ray; null behind the eye. */
+  /** Position of a point in the picture, 0 to 1, and its depth along the ray, mm; null: behind the eye. */
   place(p: Vec3): { x: number; y: number; way_mm: number } | null {
     const { corner, across, down, into, eye, width, height } = this.view;
     const from = sub(p, eye ? eye.at : corner);
     const depth = dot(from, into);
     if (eye && depth <= 0) return null;
-    // intersection of its ray with the plane of the picture
+    // intersection of the point's ray with the picture's plane
     const onPlane = eye ? sub(scale(from, dot(sub(corner, eye.at), into) / depth), sub(corner, eye.at)) : from;
     return {
       x: dot(onPlane, across) / dot(across, across) / width,
@@ -80,7 +80,7 @@ export class Found {
       way_mm: eye ? length(from) : depth,
     };
   }
-  /** @returns null if the ray meets no solid or is outside of the picture */
+  /** Depth and structure at a position in the picture, 0 to 1; null: no solid, or outside of the picture. */
   at(x: number, y: number): { way_mm: number; place: number } | null {
     const { width, height } = this.view;
     const [column, row] = [Math.floor(x * width), Math.floor(y * height)];

@@ -1,5 +1,5 @@
-// Ray casting of the field (field.ts) by a shader of our own. The shader looks up the structures' looks, so that
-// colour, opacity and visibility are a table of 256 entries.
+// Ray casting of the field (field.ts) by a WebGL 2 shader. Colour, opacity and visibility of structures are a lookup
+// table of 256 entries.
 
 import type { Displacement } from "../drawing/displacement.js";
 import { DisplacementTexture, MOVED, reachOf } from "../drawing/displacement.js";
@@ -10,19 +10,20 @@ import { inPieces, slicesOfPiece } from "../base/pieces.js";
 import { isSoftware, usedProgram } from "../drawing/shader_program.js";
 import { BACKGROUND, type Cut, type View } from "./view.js";
 
-/** Texture units; 4 is the displacement's. */
+/** Texture unit of the coverage; the displacement has unit 4. */
 const COVERS = 5;
 /**
- * Maximum number of texels whose coverage is recomputed on a change of looks, which takes some milliseconds; the limit
- * of fields without a graphics card.
+ * Maximum number of texels whose coverage is recomputed on a change of looks, which takes some milliseconds. Fields
+ * without a graphics card are below it.
  */
 const QUICK_TEXELS = 2e6;
 // Software WebGL executes both branches of every `if`, but skips loops without iterations. Expensive parts are
 // therefore in loops that rarely run, from the outside in: surfaces, samples near a surface, steps to the next surface.
-// It also inlines every call, and many copies compile for seconds, so that neighbours are visited in loops too. SCAN:
-// the scan around the structures. THIN: translucent structures. EYE: perspective. FINE: smooth surfaces, for half as
-// much time again. CUT: clipping. DISPLACED: deformation. ROUGH: pictures that are replaced soon, in an eighth of the
-// time: coverage is one lookup in a filtered texture made for the current looks (`covers`), and a surface has the
+// It also inlines every call, and many copies take seconds to compile, so that neighbours are visited in loops, too.
+//
+// Variants. SCAN: the scan around the structures. THIN: translucent structures. EYE: perspective. FINE: smooth
+// surfaces, in 1.5 times the time. CUT: clipping. DISPLACED: deformation. ROUGH: pictures that are replaced soon, in
+// 1/8 of the time: coverage is one lookup in a filtered texture for the current looks (`covers`), and a surface has the
 // colour of one texel.
 const FRAGMENT = `precision highp float;
 precision highp int;
@@ -349,7 +350,7 @@ void main() {
   found = vec4(floor(steps / 256.0) / 255.0, mod(steps, 256.0) / 255.0, solid, 1.0);
 }`;
 
-/** Switches of the shader. */
+/** Variant of the shader: the switches described at FRAGMENT. */
 interface Kind {
   scan?: boolean;
   thin?: boolean;
@@ -364,18 +365,18 @@ export class Caster {
   readonly isSoftware: boolean;
   private readonly gl: WebGL2RenderingContext;
   private readonly programs = new Map<string, WebGLProgram>();
-  private readonly drawn = new Set<string>(); // kinds of pictures
+  private readonly drawn = new Set<string>(); // variants that have been drawn, hence compiled, as JSON
   private program: WebGLProgram | null = null;
   private field: Field | null = null;
   private texelFromPatient: Affine = [];
   private looks = new Uint8Array(1024);
-  private leapsStand = false; // valid for these looks and this field
-  private coversStand = false; // valid for these looks and this field
+  private leapsStand = false; // the texture of leaps is valid for the current looks and field
+  private coversStand = false; // the texture of coverage is valid for the current looks and field
   private window: Vec3 = [0, 1, 0];
-  private target: WebGLFramebuffer | null = null; // picture and depth
+  private target: WebGLFramebuffer | null = null; // framebuffer of colours and depths
   private readonly attached: WebGLRenderbuffer[] = [];
-  private size = [0, 0]; // of the target
-  private range: [number, number] = [0, 1]; // of depths: minimum and extent, mm
+  private size = [0, 0]; // width and height of the target
+  private range: [number, number] = [0, 1]; // depths of the current view: minimum and extent, mm
   private readonly pixel = new Uint8Array(4);
   private displacement: DisplacementTexture | null = null;
 
@@ -392,7 +393,7 @@ export class Caster {
     return this.gl.isContextLost();
   }
 
-  /** Creates everything in the context except the field; again after a loss. */
+  /** Creates all context objects except the field's textures; also after a context loss. */
   setUp(): void {
     const gl = this.gl;
     this.programs.clear();
@@ -422,8 +423,8 @@ export class Caster {
   }
 
   /**
-   * Uses the shader for a kind of picture, compiled on first use.
-   * @throws Error if the browser rejects it
+   * Uses a variant of the shader, compiled on first use.
+   * @throws Error if the browser rejects the shader
    */
   private use(what: Kind): void {
     const gl = this.gl;
@@ -466,8 +467,8 @@ export class Caster {
   }
 
   /**
-   * Allocates textures for a field, whose contents follow by `upload`.
-   * @returns whether the memory suffices
+   * Allocates textures for a field, whose contents are uploaded by `upload`.
+   * @returns whether the graphics memory suffices
    */
   begin(field: Field, texelFromPatient: Affine): boolean {
     const gl = this.gl;
@@ -499,7 +500,7 @@ export class Caster {
       gl.pixelStorei(gl.UNPACK_SKIP_PIXELS, lo[0] + border);
       gl.pixelStorei(gl.UNPACK_SKIP_ROWS, lo[1] + border);
     };
-    // from the first slice on: the remaining memory is not read
+    // the view begins at the first slice of the box; memory after the last one is not read
     box(0, field.bordered, 1);
     gl.texSubImage3D(
       gl.TEXTURE_3D,
@@ -547,7 +548,7 @@ export class Caster {
     );
   }
 
-  /** Restores everything after a loss of the context. */
+  /** Restores everything after a context loss. */
   async restore(): Promise<void> {
     const field = this.field;
     this.setUp();
@@ -558,7 +559,7 @@ export class Caster {
     );
   }
 
-  /** @param looks  256 RGBA values: nothing, then the structures in order */
+  /** @param looks  256 RGBA values: 0 for no structure, then the structures in order */
   setLooks(looks: Uint8Array<ArrayBuffer>): void {
     const gl = this.gl;
     const isSame = (as: (opacity: number) => unknown) =>
@@ -576,15 +577,16 @@ export class Caster {
     this.displacement?.delete();
     this.displacement = displacement && new DisplacementTexture(this.gl, 4, displacement);
   }
-  /** @param mm  displacements of a box of nodes, from displayed positions to positions at rest */
+  /** @param mm  displacements of a box of nodes, from displayed positions to positions at rest, patient frame */
   putDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): void {
     this.displacement?.displacement.write(lo, size, mm);
     this.displacement?.upload(lo, size);
   }
 
   /**
-   * @param window  in stored values of the scan
-   * @param strength  0 to 1
+   * Sets the display of the scan around the structures.
+   * @param window  lower and upper end, in stored values of the scan
+   * @param strength  0 to 1; 0: none
    */
   setHaze(window: [number, number], strength: number): void {
     this.window = [window[0], 1 / Math.max(window[1] - window[0], 1e-6), strength];
@@ -603,12 +605,12 @@ export class Caster {
       displaced: this.displacement !== null,
     };
   }
-  /** Whether a view is drawn without delay; without a graphics card, the first one of each kind compiles its shader. */
+  /** Whether a view is drawn without compilation. Software WebGL compiles a variant when it is first drawn. */
   isCompiled(view: View): boolean {
     return !this.isSoftware || this.drawn.has(JSON.stringify(this.kindFor(view)));
   }
 
-  /** Prepares the drawing of bands by `band`. */
+  /** Sets the view for the following calls of `band`. */
   aim(view: View): void {
     const gl = this.gl;
     const field = this.field!;
@@ -665,10 +667,10 @@ export class Caster {
       gl.uniform3fv(this.at("down"), turn(m, view.down));
       gl.uniform3fv(this.at("into"), into);
       gl.uniform3fv(this.at("inward"), view.into);
-      // so that no sample skips a texel in any direction
+      // step along the ray, below one texel along each axis
       gl.uniform1f(this.at("pace"), 0.8 / Math.max(...into.map(Math.abs)));
     }
-    // transpose of texelFromPatient, by columns
+    // transpose of the linear part of texelFromPatient, in column-major order
     gl.uniformMatrix3fv(
       this.at("patient"),
       false,
@@ -699,7 +701,7 @@ export class Caster {
     gl.activeTexture(gl.TEXTURE3);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 1, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
   }
-  /** Depth range of the volume along its rays: minimum and extent. */
+  /** Depth range of the volume along a view's rays: minimum and extent, mm. */
   private waysThrough({ corner, into, eye }: View): [number, number] {
     const patientFromTexel = invert(this.texelFromPatient);
     const ways = Array.from({ length: 8 }, (_, n) => {
@@ -725,8 +727,8 @@ export class Caster {
     return performance.now() - before;
   }
   /**
-   * The picture after all bands are drawn.
-   * @returns also the bytes of `Found`, and their minimum depth and extent
+   * Completed picture, after all bands are drawn.
+   * @returns bitmap, bytes of `Found`, and minimum and extent of their depths
    */
   async finish(
     view: View,
@@ -741,7 +743,7 @@ export class Caster {
     };
     const bytes = read(gl.COLOR_ATTACHMENT1);
     const [min_mm, extent_mm] = this.range;
-    // a blocking read would wait for the graphics, which draw other pictures too
+    // asynchronous, because a blocking read would wait for the page's other pictures, too
     if (this.isSoftware) {
       const pixels = new ImageData(new Uint8ClampedArray(read(gl.COLOR_ATTACHMENT0).buffer), width, height);
       return { bitmap: await createImageBitmap(pixels, { imageOrientation: "flipY" }), bytes, min_mm, extent_mm };
@@ -755,7 +757,7 @@ export class Caster {
     const bitmap = "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : await createImageBitmap(canvas);
     return { bitmap, bytes, min_mm, extent_mm };
   }
-  /** Waits for all pending drawing, of the page's other pictures too, by reading a pixel. */
+  /** Waits for all pending drawing, including the page's other pictures, by reading a pixel. */
   private wait(): void {
     const gl = this.gl;
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, this.pixel);

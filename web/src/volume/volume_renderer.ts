@@ -1,5 +1,5 @@
-// The page's interface to the renderer of the volume: a worker (volume_service.ts), or the page itself if the worker
-// cannot.
+// Interface of the page to the renderer of the volume (volume_service.ts), which is a worker, else the page, else
+// palpate.
 
 import type { Displacement } from "../drawing/displacement.js";
 import { invert, type Vec3 } from "../base/geometry.js";
@@ -12,9 +12,9 @@ import { coarsening, pieceOf, texelsFor, texelsOf } from "./texels.js";
 import { Found, type View } from "./view.js";
 import type { Answered, Asked, Port, Work } from "./volume_service.js";
 
-/** Pieces queued at the renderer. */
+/** Maximum number of pieces queued at the renderer. */
 const AHEAD = 2;
-/** Size of a piece that is downsampled, relative to one that is copied voxel by voxel. */
+/** Size of a piece with downsampling, relative to one without. */
 const COARSE_PIECES = 4;
 
 export interface Drawn {
@@ -26,23 +26,23 @@ export interface Drawn {
 export class VolumeRenderer {
   work: Work = { texels: 0, looks: 0, pictures: 0 };
   onLost: () => void = () => {};
-  /** The graphics can be restored, by `restore`. */
+  /** Callback: the lost context can be restored, by `restore`. */
   onRestorable: () => void = () => {};
   /**
-   * The worker has thrown an error or was terminated.
-   * @param isReplaced  by another one, at most once, which `restore` fills
+   * Callback: the worker has thrown an error or was terminated.
+   * @param isReplaced  another worker was started (at most once), into which `restore` loads the volume
    */
   onFailed: (isReplaced: boolean) => void = () => {};
   isInWorker = true;
-  /** Whether palpate renders it, for lack of WebGL 2. */
+  /** Whether palpate renders the volume, for lack of WebGL 2. */
   isServed = false;
-  /** Volume that palpate renders. */
+  /** Returns the volume that palpate renders; null: none. */
   served: () => Served | null = () => null;
-  isLoaded = false; // a volume is loaded
-  isCompiling = false; // compiling without a graphics card, which blocks all other drawing
-  version = ""; // changes when the volume or its appearance does
+  isLoaded = false; // the current volume is loaded completely
+  isCompiling = false; // software WebGL is compiling a shader, which blocks all other drawing
+  version = ""; // key of volume and appearance
   moved_ms = -Infinity; // time of the latest request with different contents
-  private givingWay = 0; // pending pictures that give way to newer requests
+  private givingWay = 0; // number of pending pictures that give way to newer requests
   private port!: Port;
   private nextId = 1;
   private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
@@ -56,22 +56,22 @@ export class VolumeRenderer {
   private volumes: Volumes | null = null;
   private loading: Promise<unknown> = Promise.resolve();
   private edits = 0; // number of edits of voxels
-  private lookVersion = -1; // version at the renderer
+  private lookVersion = -1; // version of the looks that the renderer has
   private haze = "";
   private factor: Vec3 = [1, 1, 1]; // voxels per texel, along each axis
   private memory: Memory = { mostTexels: 0, mostSide: 0 };
   private loads = 0;
-  private failures = 0; // of workers that had started
+  private failures = 0; // number of workers that failed after their start
   private displacement: Displacement | null = null;
-  private isEmpty = false; // the renderer's state is lost
+  private isEmpty = false; // a new worker does not have the volume yet
 
   constructor() {
     this.ready = this.answer("ready");
   }
 
   /**
-   * Starts the worker; earlier requests wait. To be called after the first section is drawn, which needs neither the
-   * download nor the processor time.
+   * Starts the worker, which handles earlier requests, too. To be called after the first section is drawn, so that the
+   * worker's download and start do not delay that.
    */
   begin(): void {
     this.start();
@@ -81,19 +81,19 @@ export class VolumeRenderer {
     const worker = new Worker(new URL("./volume_worker.ts", import.meta.url), { type: "module" });
     this.port = worker;
     worker.onmessage = (event) => this.hear(event.data as Answered);
-    // a worker that cannot even be loaded
+    // until the worker is ready, an error means that it cannot run at all
     worker.onerror = () => void this.drawHere();
     void this.ready.then((ready) => {
       if (this.port !== worker) return;
       worker.onerror = () => this.failed(worker);
-      // a terminated worker sends no message, but releases its lock
+      // a terminated worker sends no message but releases its lock
       if (ready.type === "ready" && ready.held) void navigator.locks.request(ready.held, () => this.failed(worker));
     });
   }
 
   /**
-   * Handles a failed worker. It is replaced once; rendering on the page instead might fail the same way and affect the
-   * emergency stop.
+   * Handles a failed worker, which is replaced once. There is no fallback to rendering on the page, which might fail in
+   * the same way and affect the emergency stop.
    */
   private failed(worker: Worker): void {
     if (this.port !== worker || this.isDead) return;
@@ -106,7 +106,7 @@ export class VolumeRenderer {
       this.ready = this.answer("ready");
       this.start();
     }
-    // pending pictures will not come
+    // resolves pending requests, which get no response
     this.loads += 1;
     const { drawings, answers } = this;
     for (const { done } of drawings.values()) done(null);
@@ -119,7 +119,7 @@ export class VolumeRenderer {
     return this.failures > 1;
   }
 
-  /** Renders on the page itself. */
+  /** Falls back to rendering on the page. */
   private async drawHere(): Promise<void> {
     if (!this.isInWorker) return;
     this.isInWorker = false;
@@ -128,7 +128,7 @@ export class VolumeRenderer {
     if (service) service.serve(this.openPort(), document.createElement("canvas"));
     else await this.drawThere();
   }
-  /** Lets palpate render, if the page cannot either. */
+  /** Falls back to pictures rendered by palpate. */
   private async drawThere(): Promise<void> {
     if (this.isServed) return;
     this.isServed = true;
@@ -136,8 +136,8 @@ export class VolumeRenderer {
     pictures?.servePictures(this.openPort(), () => this.served());
   }
   /**
-   * Replaces the port.
-   * @returns the service's end of the new one
+   * Replaces the port to the worker by a channel.
+   * @returns end of the channel for the service
    */
   private openPort(): Port {
     const { port1, port2 } = new MessageChannel();
@@ -206,7 +206,10 @@ export class VolumeRenderer {
   get loaded(): Promise<unknown> {
     return this.loading;
   }
-  /** @returns whether it is still the latest one */
+  /**
+   * Loads a volume.
+   * @returns false if another volume was requested meanwhile or the worker has failed for good
+   */
   private async bring(volumes: Volumes, memory: Memory): Promise<boolean> {
     const load = ++this.loads;
     [this.volumes, this.memory, this.isEmpty] = [volumes, memory, false];
@@ -237,7 +240,7 @@ export class VolumeRenderer {
   /** Recomputes some texels from the current voxels. */
   private async put(lo: Vec3, size: Vec3, load: number): Promise<void> {
     const { factor } = this;
-    // downsampling repeats work at the borders of pieces, so pieces are larger there than for copying
+    // larger pieces with downsampling, which repeats work at the borders of pieces
     const slices = COARSE_PIECES * slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
     const step = Math.max(1, Math.min(Math.floor(slices / factor[2]), slicesOfPiece(size)));
     const put: Promise<Answered>[] = [];
@@ -251,7 +254,7 @@ export class VolumeRenderer {
       );
       this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
       put.push(this.answer("put"));
-      // the next piece arrives before the current one is finished
+      // keeps AHEAD pieces queued, so that the renderer does not idle
       if (put.length > AHEAD) await put.shift();
       await breathe();
     }
@@ -275,7 +278,7 @@ export class VolumeRenderer {
     this.say({ type: "displace", by }, by ? [by.mm.buffer] : []);
     await this.answer("put");
   }
-  /** Updates a box of its nodes. */
+  /** Updates a box of nodes of the deformation. */
   async updateDisplacement(lo: Vec3, size: Vec3): Promise<void> {
     if (!this.displacement || this.isDead) return;
     this.say({ type: "putDisplacement", lo, size, mm: this.displacement.box(lo, size) });
@@ -297,22 +300,23 @@ export class VolumeRenderer {
     this.version = `${this.lookVersion} ${haze} ${this.edits}`;
   }
 
-  /** @param rgba  256 colours: 0 nothing, then the structures in order; alpha is the opacity */
+  /** @param rgba  256 colours: 0 for no structure, then the structures in order; alpha is the opacity */
   private setLooks(rgba: Uint8Array<ArrayBuffer>): void {
     this.say({ type: "looks", rgba });
   }
   /**
-   * Sets the scan around the structures.
-   * @param window  in stored values
-   * @param strength  0 to 1
+   * Sets the display of the scan around the structures.
+   * @param window  lower and upper end, in stored values of the scan
+   * @param strength  0 to 1; 0: none
    */
   private setHaze(window: [number, number], strength: number): void {
     this.say({ type: "haze", window, strength });
   }
 
   /**
-   * @param givesWay  to the next request
-   * @returns null if it gave way or the graphics were lost
+   * Requests a picture.
+   * @param givesWay  the picture is dropped if another one is requested before it is complete
+   * @returns null if it was dropped or the context was lost
    */
   draw(view: View, givesWay: boolean): Promise<Drawn | null> {
     const id = this.nextId++;
@@ -328,14 +332,14 @@ export class VolumeRenderer {
     });
   }
 
-  /** Whether a pending picture would give way to a request. */
+  /** Whether a pending picture would be dropped by another request. */
   get isGivingWay(): boolean {
     return this.givingWay > 0;
   }
 
   /**
-   * Picture that does not give way.
-   * @throws Error if the graphics were lost
+   * Picture that does not give way to other requests.
+   * @throws Error if the context was lost
    */
   async drawn(view: View): Promise<Drawn> {
     const drawn = await this.draw(view, false);
@@ -353,7 +357,10 @@ export class VolumeRenderer {
     return copy.getImageData(0, 0, view.width, view.height).data;
   }
 
-  /** @returns whether the graphics are restored and were not lost again meanwhile */
+  /**
+   * Restores the renderer after a context loss or a failed worker.
+   * @returns whether no worker has failed meanwhile
+   */
   async restore(): Promise<boolean> {
     await this.loading;
     const { failures } = this;
@@ -370,7 +377,7 @@ export class VolumeRenderer {
     return failures === this.failures;
   }
 
-  /** For tests: loses and restores the graphics like a browser. */
+  /** Loses or restores the context, like a browser; for tests. */
   lose(restores: boolean): void {
     this.say({ type: "lose", restores });
   }

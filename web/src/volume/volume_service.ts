@@ -1,6 +1,6 @@
-// Rendering of the volume on request: in a worker, so that no picture blocks the page, or on the page itself if a
-// worker has no WebGL 2. Pictures are drawn in short bands, so that neither the page's other pictures, which the same
-// graphics card draws, nor newer requests wait for a whole one.
+// Rendering of the volume on request: in a worker, so that no picture blocks the page, or on the page if workers have
+// no WebGL 2. Pictures are drawn in short bands, so that neither newer requests nor the page's other pictures, which
+// share the graphics card, wait for a whole picture.
 
 import type { Nodes } from "../protocol/yields.js";
 import { Displacement } from "../drawing/displacement.js";
@@ -12,14 +12,14 @@ import type { View } from "./view.js";
 import { Caster } from "./volume_caster.js";
 
 export type Asked =
-  | { type: "waits" } // the page draws nothing until "compiled"
+  | { type: "waits" } // response to "compiles": the page draws nothing until "compiled"
   | { type: "begin"; voxels: Vec3; factor: Vec3; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
   | { type: "displace"; by: { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null }
   | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
   | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
-  | { type: "draw"; id: number; view: View; givesWay: boolean } // to a newer one
+  | { type: "draw"; id: number; view: View; givesWay: boolean } // givesWay: dropped if a newer one is queued
   | { type: "restore" }
   | { type: "lose"; restores: boolean };
 
@@ -31,9 +31,9 @@ export interface Work {
 }
 
 export type Answered =
-  | { type: "ready"; held: string } // a lock that is let go when nobody answers any more; or ""
+  | { type: "ready"; held: string } // name of a lock that the worker holds during its lifetime; or ""
   | { type: "unable"; why: string }
-  | { type: "compiles" } // as soon as the page "waits"
+  | { type: "compiles" } // a compilation is due, which begins when the page "waits"
   | { type: "compiled" }
   | { type: "begun"; fits: boolean }
   | { type: "put" }
@@ -43,7 +43,7 @@ export type Answered =
       drawn: { bitmap: ImageBitmap; bytes: Uint8Array; min_mm: number; extent_mm: number } | null;
       cost_ms: number;
       work: Work;
-    } // null: it gave way
+    } // drawn: null if it was dropped or the context was lost
   | { type: "lost" }
   | { type: "restorable" }
   | { type: "restored" };
@@ -53,7 +53,7 @@ export interface Port {
   onmessage: ((event: MessageEvent) => void) | null;
 }
 
-/** Target duration of a band, during which other drawing waits. */
+/** Target duration of a band, for which other drawing is blocked. */
 const BAND_MS = 16;
 const LEAST_ROWS = 4;
 
@@ -61,8 +61,8 @@ class Service {
   private readonly queue: Extract<Asked, { type: "draw" }>[] = [];
   private field: Field | null = null;
   private isDrawing = false;
-  private readonly pixel_ms = { fine: Infinity, coarse: Infinity }; // durations per pixel of the latest bands
-  private readonly waiting: (() => void)[] = []; // callbacks for "waits"
+  private readonly pixel_ms = { fine: Infinity, coarse: Infinity }; // time per pixel, averaged over the latest bands
+  private readonly waiting: (() => void)[] = []; // callbacks for the message "waits"
   private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
   private readonly extension: WEBGL_lose_context | null;
 
@@ -74,7 +74,7 @@ class Service {
     const { canvas } = caster;
     this.extension = (canvas.getContext("webgl2") as WebGL2RenderingContext).getExtension("WEBGL_lose_context");
     canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault(); // requests restoration
+      event.preventDefault(); // asks the browser to restore the context
       this.say({ type: "lost" });
     });
     canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
@@ -136,7 +136,10 @@ class Service {
     return new Promise((done) => this.waiting.push(done));
   }
 
-  /** @returns whether memory suffices, here and on the graphics card */
+  /**
+   * Allocates the field and its textures.
+   * @returns whether main and graphics memory suffice
+   */
   private begin({ voxels, factor, hasScan, texelFromPatient }: Extract<Asked, { type: "begin" }>): boolean {
     try {
       this.field = new Field(voxels, factor, hasScan);
@@ -154,7 +157,7 @@ class Service {
     this.isDrawing = false;
   }
 
-  /** Compiles the shader of a view; all other drawing waits for that. */
+  /** Compiles the shader of a view, for which all other drawing is blocked. */
   private async compile(view: View): Promise<void> {
     await this.pageWaits();
     if (!this.caster.isLost && this.field) {
@@ -197,7 +200,7 @@ class Service {
 
 /**
  * Handles requests at a port by drawing on a canvas.
- * @param held  name of a lock that proves that it is alive, or ""
+ * @param held  name of a lock that is held during the service's lifetime, or ""
  */
 export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {
   let caster: Caster;

@@ -1,6 +1,5 @@
-// Picture of the volume in the orientation of the object, with the tool over it. The volume is rendered only when its
-// appearance changes, in a worker (volume_renderer.ts); the tool, its trail and its force are drawn over it for every
-// pose.
+// Picture of the volume in the object's orientation, with the tool as an overlay. The volume is rendered when its
+// appearance changes, in a worker (volume_renderer.ts); tool, trail and force are drawn over it for every pose.
 
 import { Camera, type Preset } from "./camera.js";
 import type { History } from "../state/history.js";
@@ -46,18 +45,18 @@ import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "../protocol/wire.js";
 
-/** Interval of rotation requests; the loop interpolates between them. */
+/** Interval of rotation requests, between which the loop interpolates. */
 const ROTATION_INTERVAL_MS = 100;
-/** Limit without a graphics card, beyond which motion would stall. */
+/** Maximum number of texels without a graphics card, for interactive rates. */
 const SOFTWARE_TEXELS = 1.2e6;
-/** Maximum height of a tool above a surface at which it is displayed. */
+/** Maximum height above a surface at which a tool's height is displayed. */
 const MOST_HEIGHT_MM = 20;
-/** Clipping in front of the tip: a half-space, or a hole that widens towards the viewer. */
+/** Clipping in front of the tip: none, a half-space, or a hole that widens towards the viewer. */
 export type Cutting = "none" | "plane" | "hole";
 const HOLE_RADIUS_MM = 8;
 const HOLE_WIDENING = 0.4;
 
-/** Stand of the camera in World, mm, with its extent across the picture's shorter side. */
+/** Pose of the camera in World, mm, and extent across the picture's shorter side. */
 interface Stand {
   right: Vec3;
   up: Vec3;
@@ -68,24 +67,24 @@ interface Stand {
 export class VolumeView {
   readonly picture = new Picture("volume");
   readonly camera = new Camera();
-  turnsObject = false; // dragging rotates the object instead of the camera
+  turnsObject = false; // drags rotate the object instead of the camera
   cutting: Cutting = "none";
-  isWhole = false; // full resolution, also without a graphics card
-  /** Planes whose outlines are drawn in the volume. */
+  isWhole = false; // full resolution without a graphics card, too
+  /** Returns the planes whose outlines are drawn in the volume. */
   planes: () => { plane: Plane; colour: string }[] = () => [];
   showsPlanes = false;
-  /** Further overlays, below the tool. */
+  /** Draws further overlays, below the tool. */
   drawMarks: (frame: Frame, seen: Projection & InVolume) => void = () => {};
   private readonly live: LivePicture<Camera>;
   private ground: Ground | null = null;
   private over_ms = -Infinity; // time of the latest drawing of the tool
-  private size = 0; // shorter side of the picture
-  private rotation: Quaternion | null = null; // requested rotation
+  private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
+  private rotation: Quaternion | null = null; // target of the rotation by the current drag; null: none
   private rotationSent: Quaternion | null = null;
   private gesture = 0; // undo group of rotations and camera movements
   private isOpen = false; // the camera has been placed, by default or by the user
   private held: Vec3 | null = null;
-  private plans = false; // presses create or move trajectories
+  private plans = false; // the current press creates or moves a trajectory
   private readonly pointers = new Map<number, [number, number]>();
 
   constructor(
@@ -107,7 +106,7 @@ export class VolumeView {
     window.setInterval(() => this.sendRotation(), ROTATION_INTERVAL_MS);
   }
 
-  /** Limits of the volume's texture, which takes 6 bytes per texel, and the same in the worker. */
+  /** Limits of the volume's texture, which takes 6 bytes per texel on the graphics card and as many in the worker. */
   private get memory(): Memory {
     const memory = memory_GB();
     const most = memory <= 2 ? 2e6 : memory <= 4 ? 8e6 : 64e6;
@@ -138,13 +137,13 @@ export class VolumeView {
     this.camera.look("anterior");
     this.session.touch();
   }
-  /** Extent across the shorter side of the picture, mm; 0 before it was shown. */
+  /** Extent across the shorter side of the picture, mm; 0: never shown. */
   get across_mm(): number {
     return this.camera.mmPerPixel * this.size;
   }
   set across_mm(mm: number) {
     const { clientWidth, clientHeight } = this.picture.surface;
-    // a hidden picture keeps its size
+    // a hidden picture has no size: keeps the previous one
     this.size = Math.min(clientWidth, clientHeight) || this.size;
     if (this.size > 0 && mm > 0) this.camera.mmPerPixel = mm / this.size;
   }
@@ -152,9 +151,9 @@ export class VolumeView {
     this.moveCamera(() => this.camera.look(preset));
   }
   /**
-   * Looks at a position from outside, zoomed to a region of a given radius.
-   * @param outward  unit; [0, 0, 0]: from the current direction
-   * @param isNoted  as an undo step
+   * Orients and zooms the camera to a region of a given radius; patient frame.
+   * @param outward  unit direction towards the camera; [0, 0, 0]: current direction
+   * @param isNoted  the change is an undo step
    */
   lookAt(place: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
     const { camera, session } = this;
@@ -170,7 +169,10 @@ export class VolumeView {
     this.isOpen = true;
     session.touch();
   }
-  /** @param gesture  changes by one control with the same gesture are one undo step */
+  /**
+   * Changes the camera, undoably.
+   * @param gesture  changes with equal `by` and gesture are one undo step
+   */
   private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
     this.isOpen = true;
     this.history.change(by, move, gesture);
@@ -198,7 +200,10 @@ export class VolumeView {
   draw(now: number, min_ms = 0): void {
     if (this.ask(now) && (min_ms === 0 || now - this.over_ms > min_ms)) this.drawOver();
   }
-  /** @returns whether it is visible */
+  /**
+   * Requests a picture if needed.
+   * @returns whether the picture is visible
+   */
   ask(now: number): boolean {
     const { session, picture, camera } = this;
     const resized = picture.fit();
@@ -214,7 +219,7 @@ export class VolumeView {
     }
     if (session.pose) camera.setRotation(session.pose.rotation);
     if (session.pose && !this.isOpen) {
-      // the object's rotation is known only now
+      // initial placement, as soon as the object's rotation is known
       this.isOpen = true;
       this.reset();
     }
@@ -237,7 +242,7 @@ export class VolumeView {
     return true;
   }
 
-  /** Clipping for the current position of the tool. */
+  /** Clipped region for the current position of the tool; null: none. */
   private cut(): Cut | null {
     const { session, cutting } = this;
     const device = session.pose?.devices[0];
@@ -265,7 +270,7 @@ export class VolumeView {
     );
   }
 
-  /** Camera of the displayed picture. */
+  /** Camera of the displayed picture, or the current one before there is any. */
   private get shown(): Camera {
     return this.live.seen?.camera ?? this.camera;
   }
@@ -290,7 +295,7 @@ export class VolumeView {
   get isSharp(): boolean {
     return this.live.isSharp;
   }
-  /** Position of a point in the displayed picture, in canvas pixels. */
+  /** Projection of a point into the displayed picture, canvas pixels. */
   pixelOf(p: Vec3): [number, number] {
     return this.projection().pixel(p);
   }
@@ -305,13 +310,13 @@ export class VolumeView {
     this.ground?.forget();
   }
 
-  /** Draws the tool with occlusion, dashed behind solids, and its height above the surface in free space. */
+  /** Draws the tool, dashed where occluded, and in free space its height above the surface. */
   private drawToolIn(projection: Projection & InVolume, device: DevicePose): void {
     const { session } = this;
     const frame = this.picture.frame();
     const tool = session.toolAt(device);
     const { radius_mm } = session.heldBy(device);
-    // the tool lies at surfaces, which the picture has smoothed
+    // tolerance for the smoothing of the surface on which the tool lies
     const slack_mm = radius_mm + 1.5 * session.volumes!.voxelSize;
     const ground =
       device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.belowTool(device.number, tool, this.isFelt);
@@ -361,7 +366,7 @@ export class VolumeView {
         return [dot(world, camera.right), dot(world, camera.up), dot(world, camera.backward())];
       });
     }
-    // no common scale in perspective
+    // perspective has no common scale
     if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
     drawSide(frame, session.scene!);
     drawNoGoWarning(frame, session, 60);
@@ -376,13 +381,13 @@ export class VolumeView {
     return viewOf(camera, width, height, 1, this.cut());
   }
   /**
-   * Full-size picture of the volume, rendered on request: RGBA by rows from the top.
-   * @param isFine  with the smoothness of pictures at rest
+   * Full-size picture of the volume: RGBA by rows from the top.
+   * @param isFine  smooth surfaces, as at rest
    */
   async pixels(width: number, height: number, mmPerPixel: number, isFine = true): Promise<Uint8ClampedArray> {
     return this.renderer.pixels({ ...(await this.viewAt(width, height, mmPerPixel)), isFine });
   }
-  /** 1 where a press on that picture's pixel would hit a solid. */
+  /** Mask of a picture's pixels: 1 where a press would hit a solid. */
   async met(width: number, height: number, mmPerPixel: number): Promise<number[]> {
     const { bitmap, found } = await this.renderer.drawn({
       ...(await this.viewAt(width, height, mmPerPixel)),
@@ -393,7 +398,7 @@ export class VolumeView {
       found.at(((n % width) + 0.5) / width, (Math.floor(n / width) + 0.5) / height) ? 1 : 0,
     );
   }
-  /** 1 where the volume covers the background. */
+  /** Mask of a picture's pixels: 1 where the volume covers the background. */
   async silhouette(
     width: number,
     height: number,
@@ -415,7 +420,7 @@ export class VolumeView {
     if (!this.rotation || this.rotation === this.rotationSent) return;
     this.rotationSent = this.rotation;
     this.turnTo(this.rotation, this.gesture);
-    // the next rotation continues from the object's current one
+    // the next drag starts from the object's current rotation
     if (this.pointers.size === 0) this.rotation = null;
   }
   private patientAt(at: [number, number], depthOf: Vec3): Vec3 {
@@ -424,8 +429,8 @@ export class VolumeView {
   }
 
   /**
-   * Leads the tip to the first unclipped surface with contact under a press, or to the tip's own depth if there is
-   * none.
+   * Moves the tip to the first unclipped surface with contact forces under a press; without one, to the position under
+   * the press at the tip's depth.
    */
   private holdUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
     const { session } = this;
@@ -441,12 +446,12 @@ export class VolumeView {
     );
     const way = surface ? wayTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
     this.held = way.at(-1)!;
-    // planes follow the contact
+    // shows the contact in the planes
     session.follow = true;
     session.cross = null;
     this.pointer.hold(this.held, isFinger, way.slice(0, -1));
   }
-  /** First visible, unclipped surface under a press. */
+  /** Position on the first visible, unclipped surface under a press; null: none. */
   private shownUnder(at: [number, number]): Vec3 | null {
     const { looks, volumes } = this.session;
     const { width, height, ratio } = this.picture.frame();
@@ -457,7 +462,7 @@ export class VolumeView {
     };
     return firstFelt(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
   }
-  /** Distance from a position on the screen to where a point is drawn; CSS pixels. */
+  /** Distance, CSS pixels, between a canvas position and the projection of a point. */
   private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
     const { ratio } = this.picture.frame();
     return (p) => {
@@ -534,7 +539,7 @@ export class VolumeView {
         const at = event.type === "pointerup" ? this.shownUnder(picture.at(event)) : null;
         if (at) session.plans.release(at, this.pixelsFrom(picture.at(event)));
       }
-      // the latest request is sent at the next interval
+      // a target that was not sent yet is sent at the next interval
       if (this.rotation === this.rotationSent) this.rotation = null;
       session.touch();
     };
@@ -549,7 +554,7 @@ export class VolumeView {
           this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes!.voxelSize));
           this.pointer.move(this.held);
           session.touch();
-          // a sequence of wheel events is one step
+          // successive wheel events are one undo step
         } else this.moveCamera(() => this.camera.zoom(Math.exp(-event.deltaY / 500)), this.history.gesture, "wheel");
       },
       { passive: false },
@@ -563,7 +568,7 @@ export class VolumeView {
         ArrowDown: [0, 12],
       };
       const way = by[event.key];
-      // holding a key down is one step
+      // the repeats of a key are one undo step
       if (!event.repeat) this.gesture = ++this.history.gesture;
       const move = (change: () => void) => this.moveCamera(change, this.gesture);
       if (way && (event.altKey || this.turnsObject)) this.turnObject(...way);

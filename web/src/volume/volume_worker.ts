@@ -1,16 +1,16 @@
-// Entry point of the worker that renders the volume.
+// Entry point of the worker that renders the volume (volume_service.ts).
 
 import { serve, type Answered, type Port } from "./volume_service.js";
 
 const port = self as unknown as Port;
-// reports later errors to the page like immediate ones
+// reports unhandled rejections to the page like thrown errors
 self.addEventListener("unhandledrejection", (event) => {
   throw (event as PromiseRejectionEvent).reason;
 });
 
 /**
  * Holds a lock during the lifetime of this worker.
- * @returns its name, or "" if locks are unavailable, as in insecure contexts
+ * @returns name of the lock; "" if locks are unavailable, as in insecure contexts
  */
 function hold(): Promise<string> {
   const name = `palpate.volume.${performance.timeOrigin}.${Math.random()}`;
