@@ -1,4 +1,4 @@
-// Entry point.
+// Entry point of the page.
 
 import { write, byId } from "./base/dom.js";
 import { Page } from "./page.js";
@@ -11,7 +11,7 @@ const language = applyLanguage();
 write(byId("cover-text"), words.loading);
 try {
   const page = new Page(language);
-  // only browsers that a test drives
+  // browsers driven by a test
   if (navigator.webdriver) void import("./test_hook.js").then(({ openToTests }) => openToTests(page));
   void page.start();
 } catch (error) {

@@ -1,4 +1,4 @@
-// The page: owns the session and its parts, loads the scene and schedules frames.
+// Page: owns the session and the panels, loads the scene and schedules frames.
 
 import { toast } from "./base/announce.js";
 import type { Scene, State, Debriefing, TaskRun } from "./protocol/messages.js";
@@ -46,23 +46,23 @@ import { says, words, type Message } from "./words/words.js";
 import { Yields, type Nodes } from "./protocol/yields.js";
 
 const TOKEN_KEY = "palpate.token";
-/** Frame interval without a graphics card, which keeps the page responsive. */
+/** Minimum frame interval without a graphics card, which keeps the page responsive. */
 const SOFTWARE_FRAME_MS = 66;
 /**
- * While the volume is rendered on the processor too, sections get a third of the time: pause between them, as a
- * multiple of their own duration.
+ * Minimum interval between drawings of the sections, as a multiple of their duration, while the volume is rendered on
+ * the same CPU: sections get a third of the time.
  */
 const SECTIONS_REST = 3;
 /**
- * Maximum time that all sections together may block the page without a graphics card, and the lower maximum while a
- * band of the volume's picture is being rendered.
+ * Maximum time for which all sections together may block the page without a graphics card, and while the volume is
+ * rendered, too.
  */
 const SECTIONS_MS = 32,
   SECTIONS_BESIDE_MS = 16;
-/** Lost graphics that the browser has not restored by then are reported as permanent. */
+/** Time after which a lost WebGL context that the browser has not restored is reported as permanent. */
 const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;
-/** Rotations below this count as none. */
+/** Angle below which a rotation is ignored. */
 const LEAST_TURN_DEG = 0.05;
 
 export class Page {
@@ -121,7 +121,7 @@ export class Page {
     const { PlanPanel } = await import("./panels/plan_panel.js");
     return new PlanPanel(this.session, (place) => this.showPlace(place));
   });
-  private run: TaskRun | null = null; // latest report, for a panel that is imported later
+  private run: TaskRun | null = null; // latest report, for a panel that is not loaded yet
   private debriefing: Debriefing | null = null;
   readonly slicer = anySlicer(() => toast(words.noWebGl));
   readonly renderer = new VolumeRenderer();
@@ -133,8 +133,8 @@ export class Page {
   private drawn_ms = -Infinity;
   private figures_ms = -Infinity;
   private loading: Promise<void> | null = null;
-  private isOutdated = false; // the server responded again during loading: it may be another one
-  private askedForHand = false; // in this connection
+  private isOutdated = false; // reconnected since loading began: the scene may be another one
+  private askedForHand = false; // the pointer was requested in this connection
   private readonly bookmarks: Bookmarks;
   private layoutName: Layout = "two";
   private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = {
@@ -144,20 +144,20 @@ export class Page {
   private failed: "no" | "once" | "again" = "no"; // failures of the volume's worker
   private displacement: Displacement | null = null;
   private readonly yields = new Yields();
-  private areYieldsDue = false; // deformation has changed since it was displayed
-  private isYielding = false; // the volume's renderer has not received the latest deformation
+  private areYieldsDue = false; // deformation has changed since it was last displayed
+  private isYielding = false; // the volume's renderer is receiving a deformation
   private readonly cuts = new Cuts();
   private cutting: Promise<void> = Promise.resolve();
-  private hidden = ""; // labels that a quiz hides
+  private hidden = ""; // key of the labels that a quiz hides
   private concealed: Concealed | null = null;
   private isMending = false;
-  private hopeless = 0; // timer until lost graphics are reported as permanent
-  private isHopeless = false; // that timer has expired
+  private hopeless = 0; // timer of HOPELESS_MS
+  private isHopeless = false; // the timer has expired: lost graphics are reported as permanent
   private isAskingWhy = false;
   private hasShownSection = false;
-  isWhole = false; // dynamically imported panels are complete
+  isWhole = false; // all dynamically imported panels are loaded
 
-  /** @param language  resolves when the texts of the page are loaded */
+  /** @param language  resolves when the page's texts are loaded */
   constructor(private readonly language: Promise<void>) {
     this.connection = new Connection(
       {
@@ -270,7 +270,7 @@ export class Page {
       return scene && { hash: scene.volume.hash, structures: scene.structures.length, token: this.token };
     };
     this.renderer.onFailed = (isReplaced) => this.workerFailed(isReplaced);
-    // a browser may keep a page and its connection in its cache after navigation: release the pointer
+    // releases the pointer, because browsers may keep a page and its connection alive after navigation
     addEventListener("pagehide", () => this.connection.end());
     addEventListener("pageshow", ({ persisted }) => {
       if (persisted) void this.load();
@@ -288,7 +288,7 @@ export class Page {
   private graphicsLost(which: "sections" | "volume"): void {
     this.graphics[which] = "lost";
     if (which === "volume") for (const view of [this.volume, this.scope.now]) view?.lost();
-    // redraws all sections, empty
+    // redraws the sections, which are empty without a context
     this.session.touchLooks();
     clearTimeout(this.hopeless);
     this.isHopeless = false;
@@ -298,7 +298,7 @@ export class Page {
       this.tellOfGraphics();
     }, HOPELESS_MS);
   }
-  /** Fills restored graphics again, sections first, because they show where the tip is. */
+  /** Uploads everything to restored contexts; sections first, because they show the tip's position. */
   private async mend(): Promise<void> {
     if (this.isMending) return;
     this.isMending = true;
@@ -352,7 +352,7 @@ export class Page {
     byId("graphics").hidden = all.length === 0;
   }
 
-  /** Replaces structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
+  /** Replaces the structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
   async updateBox(lo: Vec3, size: Vec3, structure: Uint8Array): Promise<void> {
     this.session.volumes!.write(lo, size, structure);
     await this.showBox(lo, size);
@@ -362,7 +362,7 @@ export class Page {
     await Promise.all([this.slicer.update(lo, size), this.renderer.update(lo, size)]);
     this.session.touchLooks();
   }
-  /** Applies cuts and undone cuts in sequence; those that arrive during an update are part of the next one. */
+  /** Applies burr cuts and their undo, one update at a time; those that arrive meanwhile are part of the next one. */
   private cut(): void {
     this.cutting = this.cutting
       .then(async () => {
@@ -381,7 +381,7 @@ export class Page {
       .catch(complain);
   }
 
-  /** Hides the names of structures and the voxels to be found in a quiz; null: shows them again. */
+  /** Hides the names of structures, and the voxels of labels to be found in a quiz; null: restores both. */
   private quiz(toFind: number[] | null, { conceal, revealed }: typeof import("./training/quiz.js")): void {
     const { session } = this;
     const hidden = JSON.stringify(toFind);
@@ -389,7 +389,7 @@ export class Page {
     this.hidden = hidden;
     session.quiz = toFind;
     document.body.classList.toggle("quiz", toFind !== null);
-    // in sequence with the updates by burr cuts
+    // serialised with updates by burr cuts
     this.cutting = this.cutting
       .then(async () => {
         const { volumes, scene } = session;
@@ -406,8 +406,8 @@ export class Page {
   }
 
   /**
-   * Starts a deformation, initially zero, on a grid of nodes; null: ends it. It affects pictures only; contact and
-   * readouts use the voxels at rest.
+   * Displays a deformation, initially zero, on a grid of nodes; null: none. It affects pictures only; contact and
+   * readouts use undeformed voxels.
    */
   displace(nodes: Nodes | null): void {
     void this.displaceBy(nodes && new Displacement(nodes));
@@ -432,8 +432,8 @@ export class Page {
     this.isYielding = false;
   }
   /**
-   * @param mm  displacement from displayed positions to positions at rest, patient frame, for a box of nodes; three
-   *   components per node, i fastest
+   * Replaces displacements of a box of nodes.
+   * @param mm  from displayed positions to positions at rest, patient frame; three components per node, i fastest
    */
   async updateDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): Promise<void> {
     this.displacement!.write(lo, size, mm);
@@ -443,8 +443,7 @@ export class Page {
   }
 
   /**
-   * Connects as soon as the server is known and loads volumes meanwhile, so that the emergency stop need not wait for
-   * them.
+   * Loads the scene and connects, before the volumes are loaded, so that the emergency stop is available early.
    */
   async start(): Promise<void> {
     requestAnimationFrame((now) => this.frame(now));
@@ -453,7 +452,7 @@ export class Page {
   }
 
   /**
-   * Checks on later connections whether the displayed scene is still current.
+   * Loads the scene, and its volumes unless they are loaded already; one load at a time.
    * @param trouble  problem to report first
    */
   private load(trouble: Lasting | null = null): Promise<void> {
@@ -461,14 +460,13 @@ export class Page {
   }
   private async loadAll(trouble: Lasting | null): Promise<void> {
     if (trouble) await this.tell(trouble);
-    let gone = ""; // missing volume that was requested before
+    let gone = ""; // hash of a volume that was missing at the previous attempt
     for (let tried = 0; ; tried++) {
       try {
         this.isOutdated = false;
         const scene = await fetchScene(this.token);
         if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
-        // the panel of a quiz has to be loaded before names are shown, because it hides them; the first section needs
-        // no other panel
+        // panels are loaded after the first section, except for a quiz, whose panel hides names
         const isQuiz = (scene.tasks ?? []).some(({ quiz }) => quiz);
         await Promise.all([this.language, this.hasShownSection || isQuiz ? this.fetchPanels(scene) : null]);
         if (this.session.volumes && showsTheSame(scene, this.session.scene))
@@ -509,7 +507,7 @@ export class Page {
     this.lesson.now?.show(scene);
     if (this.session.state) this.onState(this.session.state);
   }
-  /** Loads everything that the first section did not wait for. */
+  /** Loads everything that the first section does not need. */
   private async fetchTheRest(): Promise<void> {
     this.renderer.begin();
     await this.fetchPanels(this.session.scene!);
@@ -541,7 +539,7 @@ export class Page {
     if (shrink > 1) toast(words.shrunk(`1/${shrink}`));
     this.volume.sceneChanged();
     for (const section of this.sections) section.reset();
-    // state of another patient
+    // discards state of another patient
     this.concealed = null;
     this.hidden = "";
     this.displace(null);
@@ -559,7 +557,7 @@ export class Page {
     bar.hidden = share >= 1;
   }
 
-  /** Shows a problem and its remedy; resolves when the user wants to retry. */
+  /** Shows a problem and its remedy; resolves when the user requests a retry. */
   private tell(trouble: Lasting): Promise<void> {
     byId("cover").hidden = false;
     byId("cover-share").hidden = true;
@@ -574,11 +572,11 @@ export class Page {
     });
   }
   /**
-   * Handles a failing connection: the response for the scene shows whether and why the failure is permanent.
-   * @param known  problem that is known already
+   * Handles a failed connection: a request for the scene shows whether and why the failure is permanent.
+   * @param known  permanent problem, if already known
    */
   private async whyEnded(known: Lasting | null): Promise<void> {
-    // every attempt checks, also during a long download
+    // a pending check covers all failed attempts
     if (this.isAskingWhy && !known) return;
     this.isAskingWhy = true;
     await this.loading;
@@ -601,7 +599,7 @@ export class Page {
     if (!dialog.open) dialog.showModal();
     return new Promise((done) => {
       let isGiven = false;
-      // Escape closes the dialog, and only another attempt reopens it
+      // Escape closes the dialog; it has to stay open until a token is entered
       dialog.onclose = () => {
         if (!isGiven && !dialog.open) dialog.showModal();
       };
@@ -616,7 +614,7 @@ export class Page {
     });
   }
   private async askForToken(): Promise<void> {
-    // a download may have asked while the token was being changed
+    // a download may be asking for the token already
     await this.loading;
     await this.load();
   }
@@ -624,7 +622,7 @@ export class Page {
   private onLink(link: Link): void {
     this.askedForHand = false;
     if (link === "connected") {
-      // another server may have the same address
+      // the server at this address may be another one
       this.isOutdated = true;
       this.cuts.beginAnew();
       this.yields.forget();
@@ -646,7 +644,7 @@ export class Page {
     this.session.touch();
   }
   private onState(state: State): void {
-    // a quiz was veiled or unveiled: names and voxels change
+    // a quiz begins or ends to hide names and voxels from this viewer
     const isOtherFace = this.session.state !== null && this.session.state.lesson.veiled !== state.lesson.veiled;
     this.session.state = state;
     if (isOtherFace) {
@@ -658,7 +656,7 @@ export class Page {
     this.timeline.now?.showState(state);
     this.training.now?.showLesson(state.lesson);
     this.lesson.now?.showState(state);
-    // silently, if another viewer has control; choosing the tool reports that
+    // a refusal is not reported, unlike that of choosing the tool
     if (!this.askedForHand && this.session.tool === "touch") {
       this.askedForHand = true;
       void this.connection.ask({ type: "pointer", take: true });
@@ -703,14 +701,14 @@ export class Page {
     this.session.touch();
   }
 
-  /** Requests a rotation of the object, like a rotation by hand. */
+  /** Requests a rotation of the object, if this viewer may. */
   private turn(rotation: Quaternion): void {
     const now = this.session.pose?.rotation;
     const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > LEAST_TURN_DEG;
     if (isOther && this.connection.allows("hand")) void this.requests.once({ type: "set", rotation_wxyz: rotation });
   }
 
-  /** Stops the planes at a position. */
+  /** Moves the planes to a position, patient frame, where they stop following the tip. */
   private showPlace(place: Vec3): void {
     const { session } = this;
     this.history.change("place", () => {
@@ -719,7 +717,7 @@ export class Page {
     });
   }
 
-  /** Stops the planes where a measure was made. */
+  /** Moves the planes to a measure, where they stop following the tip. */
   private goTo(measure: Measure): void {
     const { session } = this;
     this.history.change("measure", () => {
@@ -733,7 +731,7 @@ export class Page {
   }
 
   /**
-   * Creates the small controls in the pictures' heads.
+   * Creates the controls in the pictures' heads.
    * @returns setter of the oblique section's options
    */
   private addHeads(): (along: Along, like: Anatomical) => void {
@@ -842,25 +840,24 @@ export class Page {
     if (this.areYieldsDue && !this.isYielding) void this.showYields();
     if (wasFresh !== session.isFresh || !session.isFresh) session.touch();
     if (this.slicer.isSoftware) {
-      // slow sections leave time for the volume's picture, which is rendered concurrently
+      // sections leave time for the volume's picture, which is rendered concurrently
       const isDone = this.slicer.isDone;
       const least = this.renderer.isDrawing
         ? Math.max(this.leastFrame_ms, SECTIONS_REST * this.slicer.took_ms)
         : this.leastFrame_ms;
       if (!isDone || now - this.drawn_ms < least) {
-        // the renderer of the volume does not wait for these
+        // requests to the volume's renderer do not depend on the sections
         this.volume.ask(now);
         this.scope.now?.ask(now);
         return;
       }
       this.drawn_ms = now;
     }
-    // the sharp picture of the volume is drawn after a pause without changes; a new picture requires the tool to be
-    // drawn again
+    // every frame, because a sharp picture of the volume follows a pause, and the tool is drawn over each new picture
     this.volume.draw(now, this.slicer.isSoftware ? this.leastFrame_ms / 2 : 0);
     this.scope.now?.draw(now);
     const areSectionsDue = this.drawnVersion !== session.version || this.sections.some(({ isCoarse }) => isCoarse);
-    // drawing would block until the volume's shader is compiled
+    // drawing would block while the volume's shader is compiled
     if (areSectionsDue && session.volumes && !this.renderer.isCompiling) {
       this.drawnVersion = session.version;
       this.drawSections(
@@ -868,7 +865,7 @@ export class Page {
       );
       if (!this.hasShownSection) {
         this.hasShownSection = true;
-        // the page's size is measured up to this mark (tests/browser/smoke_test.py)
+        // mark up to which the page's size is measured (tests/browser/smoke_test.py)
         performance.mark("first-section");
         void this.fetchTheRest();
       }

@@ -1,5 +1,5 @@
-// window.palpateViewer: access to the page for tests, in a browser under test only (navigator.webdriver). It changes
-// what is drawn, never the session, and no part of the page uses it.
+// window.palpateViewer: access to the page for tests, in browsers under test only (navigator.webdriver). It changes
+// pictures, never the server's session, and no part of the page uses it.
 
 import type { Nodes } from "./protocol/yields.js";
 import { dot, normalOf, type Vec3 } from "./base/geometry.js";
@@ -10,7 +10,7 @@ export function openToTests(page: Page): void {
   const { session, connection, sections, volume } = page;
   const section = (kind: string) => sections.find((one) => one.kind === kind)!;
   const hook = {
-    /** "connecting", "connected", "lost", "refused" or "ended" */
+    /** State of the connection: "connecting", "connected", "lost", "refused" or "ended". */
     get link() {
       return connection.link;
     },
@@ -43,7 +43,7 @@ export function openToTests(page: Page): void {
       return place === null ? null : session.scene!.structures[place];
     },
     structureAt: (p: Vec3) => session.volumes?.structureAt(p) ?? null,
-    /** Counters since the page was opened: texels computed, looks sent, pictures of the volume. */
+    /** Counters since the page was opened: computed texels, sent looks, pictures of the volume. */
     get volumeWork() {
       return page.renderer.work;
     },
@@ -54,30 +54,30 @@ export function openToTests(page: Page): void {
     get isDrawnInWorker() {
       return page.renderer.isInWorker;
     },
-    /** Whether palpate renders the volume. */
+    /** Whether the volume is rendered by palpate instead of the browser. */
     get isServed() {
       return page.renderer.isServed;
     },
-    /** Loses or restores the graphics of the "sections" or the "volume", like a browser. */
+    /** Loses or restores the WebGL context of the "sections" or of the "volume", like a browser. */
     loseGraphics: (which: string, restores: boolean) =>
       (which === "volume" ? page.renderer : page.slicer).lose(restores),
     /** Fills a box of voxels with a structure by its index; -1 empties it. */
     fillBox: (lo: Vec3, size: Vec3, place: number) =>
       page.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
-    /** Replaces structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
+    /** Replaces the structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
     writeBox: (lo: Vec3, size: Vec3, structure: number[]) => page.updateBox(lo, size, Uint8Array.from(structure)),
-    /** Starts a deformation on a grid of nodes; null: ends it. */
+    /** Displays a deformation, initially zero, on a grid of nodes; null: none. */
     displace: (nodes: Nodes | null) => page.displace(nodes),
     displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
     /** Whether tissue is deformed. */
     get yields() {
       return session.yields;
     },
-    /** Frame interval without a graphics card. */
+    /** Minimum frame interval without a graphics card. */
     set leastFrame_ms(ms: number) {
       page.leastFrame_ms = ms;
     },
-    /** Draws pictures and figures now, whatever the frame rate, with sections at full resolution. */
+    /** Draws pictures and figures immediately, with sections at full resolution. */
     draw() {
       page.drawSections(Infinity);
       volume.draw(performance.now());
@@ -87,7 +87,7 @@ export function openToTests(page: Page): void {
       page.planPanel.now?.draw();
       page.timeline.now?.draw();
     },
-    /** [x, y] of a position in a section's picture, in canvas pixels, and its distance from the section's plane. */
+    /** Projection of a position into a section, canvas pixels, and its distance from the section's plane, mm. */
     pixelOf(kind: string, p: Vec3) {
       const [x, y] = section(kind).pixelOf(p);
       return { x, y, off_mm: section(kind).farness_mm(p) };
@@ -97,11 +97,11 @@ export function openToTests(page: Page): void {
       const plane = section(kind).shownPlane;
       return { ...plane, normal: normalOf(plane), orthogonal: Math.abs(dot(plane.right, plane.down)) < 1e-6 };
     },
-    /** RGB of the picture, without overlays. */
+    /** RGB of a picture's pixel, without overlays. */
     colourAt(kind: string, x: number, y: number) {
       return [...section(kind).picture.base.getImageData(Math.floor(x), Math.floor(y), 1, 1).data.slice(0, 3)];
     },
-    /** For each position: maximum alpha of a section's overlays within two pixels. */
+    /** Maximum alpha of a section's overlays within two pixels of each position. */
     drawnOver(kind: string, points: Vec3[]) {
       const { context, width, height } = section(kind).picture.frame();
       const { data } = context.getImageData(0, 0, width, height);
@@ -130,7 +130,7 @@ export function openToTests(page: Page): void {
     get tone() {
       return page.nearPanel.now?.heard.tone ?? null;
     },
-    /** Tasks: view of the panel, progress of the run, latest results. */
+    /** State of the tasks: view of the panel, progress of the run, latest results. */
     get training() {
       const panel = page.training.now;
       return {
@@ -154,7 +154,7 @@ export function openToTests(page: Page): void {
     get isScopeSharp() {
       return page.scope.now?.isSharp === true;
     },
-    /** Square picture of a scope at a pose: RGBA by rows, in base64. */
+    /** Square picture of a scope at a pose: RGBA by rows, base64. */
     async scopePicture(frame: ScopeFrame, size: number) {
       const scope = (await page.scope.get())!;
       return btoa(Array.from(await scope.pixels(frame, size), (byte) => String.fromCharCode(byte)).join(""));
@@ -173,7 +173,7 @@ export function openToTests(page: Page): void {
           0,
       );
     },
-    /** RGBA of the volume's overlays by rows, in base64. */
+    /** RGBA of the volume's overlays by rows, base64. */
     drawnOverVolume() {
       const { context, width, height } = volume.picture.frame();
       const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true })!;
@@ -184,13 +184,11 @@ export function openToTests(page: Page): void {
       );
       return { width, height, rgba: btoa(rows.join("")) };
     },
-    /** Positions in that picture. */
+    /** Projections of positions into the volume's picture, canvas pixels. */
     pixelsOverVolume: (points: Vec3[]) => points.map((p) => volume.pixelOf(p)),
-    /**
-     * Rotates the volume's camera from anterior, like a drag over a number of pixels, and keeps it there for a while.
-     */
+    /** Rotates the volume's camera from the anterior view, like a drag by a number of pixels. */
     lookFrom(dx: number, dy: number, isPerspective: boolean) {
-      // the first picture places the camera
+      // initial placement of the camera, by the first picture
       volume.draw(performance.now());
       volume.reset();
       volume.camera.orbit(dx, dy);
@@ -205,11 +203,11 @@ export function openToTests(page: Page): void {
     get isVolumeSharp() {
       return volume.isSharp;
     },
-    /** Ray through a pixel, relative to the volume's centre: a line in the patient. */
+    /** Ray in the patient frame through a pixel, given relative to the picture's centre. */
     volumeRay: (x: number, y: number) => volume.camera.ray(x, y),
-    /** Position in the volume's picture: CSS pixels from its centre, y down. */
+    /** Projection into the volume's picture: CSS pixels from its centre, y down. */
     project: (p: Vec3) => volume.camera.project(p),
-    /** RGBA of the volume by rows, in base64; as rendered at rest or in motion. */
+    /** RGBA of the volume by rows, base64, with the quality at rest (`isFine`) or in motion. */
     async volumePicture(width: number, height: number, mmPerPixel: number, isFine = true) {
       return btoa(
         Array.from(await volume.pixels(width, height, mmPerPixel, isFine), (byte) => String.fromCharCode(byte)).join(
@@ -219,7 +217,7 @@ export function openToTests(page: Page): void {
     },
     met: (width: number, height: number, mmPerPixel: number) => volume.met(width, height, mmPerPixel),
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
-    /** The picture that "Screenshot" saves, as a data URL. */
+    /** Picture that "Screenshot" saves, as a data URL. */
     async screenshot() {
       const bytes = new Uint8Array(await (await (await page.capture.get())!.screenshot()).arrayBuffer());
       return "data:image/png;base64," + btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));

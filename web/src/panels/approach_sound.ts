@@ -1,33 +1,33 @@
-// Sound of an approaching no-go region, like a parking sensor: beeps that become faster and higher, and a continuous
-// tone while the region pushes. Every sound ends by itself after a moment and is renewed with each pose, so that it
-// stops if poses stop.
+// Auditory proximity warning of no-go regions: beeps whose rate and pitch increase towards the border, and a continuous
+// tone during penetration. Every sound has a limited duration and is renewed by each pose, so that it ends if poses do.
 
 /** Distance to the border at which beeps begin. */
 export const HEARD_FROM_MM = 10;
-/** Frequencies: far from the border, at it, and the maximum. */
+/** Frequencies at HEARD_FROM_MM, at the border, and at DEEPEST_MM. */
 const FAR_HZ = 440,
   BORDER_HZ = 660,
   HIGHEST_HZ = 1320;
 /** Penetration depth at which the maximum frequency is reached. */
 const DEEPEST_MM = 3;
-/** Beeps per second: far from the border and at it. */
+/** Beeps per second at HEARD_FROM_MM and at the border. */
 const FAR_BEEPS = 1.5,
   BORDER_BEEPS = 8;
 const BEEP_S = 0.06;
-/** Maximum duration of a continuous tone that is not renewed. */
+/** Duration of a continuous tone after its latest renewal. */
 const LASTS_S = 0.3;
-/** Fade in and out, which avoids clicks. */
+/** Duration of fading in and out, which avoids clicks. */
 const FADE_S = 0.006;
 const LOUDNESS = 0.15;
 
-/** `beeps_per_s` of 0 is a continuous tone. */
+/** Warning tone; continuous if `beeps_per_s` is 0. */
 export interface Tone {
   frequency_Hz: number;
   beeps_per_s: number;
 }
 
 /**
- * @param border_mm  distance to where a region begins to push; negative: penetration depth
+ * Tone for a distance.
+ * @param border_mm  distance to the border at which a region begins to push; negative: penetration
  * @returns null for silence
  */
 export function toneAt(border_mm: number): Tone | null {
@@ -45,14 +45,14 @@ export function toneAt(border_mm: number): Tone | null {
 }
 
 export class ApproachSound {
-  /** Tone that sounds now; null for silence. */
+  /** Current tone; null: silence. */
   tone: Tone | null = null;
   isOn = false;
   private context: AudioContext | null = null;
   private voice: { oscillator: OscillatorNode; gain: GainNode } | null = null;
   private nextBeep_s = 0;
 
-  /** Browsers permit sound only after a user gesture on the page. */
+  /** Whether the browser blocks sound until a user gesture on the page. */
   get isHeldBack(): boolean {
     return this.isOn && this.context?.state !== "running";
   }
@@ -60,14 +60,17 @@ export class ApproachSound {
     this.isOn = isOn;
     if (!isOn) this.silence();
   }
-  /** To be called after a user gesture. */
+  /** Starts audio; to be called in a user gesture. */
   wake(): void {
     if (!this.isOn) return;
     this.context ??= new AudioContext();
     if (this.context.state !== "running") void this.context.resume();
   }
 
-  /** @param border_mm  as in toneAt; null: no region is near */
+  /**
+   * Updates and renews the tone.
+   * @param border_mm  as in toneAt; null: silence
+   */
   tell(border_mm: number | null): void {
     const { context } = this;
     const tone = border_mm === null || !this.isOn || this.isHeldBack ? null : toneAt(border_mm);
@@ -89,7 +92,7 @@ export class ApproachSound {
       sound(BEEP_S);
       this.nextBeep_s = now + 1 / tone.beeps_per_s;
     }
-    // shortens the pause when the tool has come closer meanwhile
+    // shortens the pause if the distance has decreased since the previous beep
     this.nextBeep_s = Math.min(this.nextBeep_s, now + 1 / (tone.beeps_per_s || BORDER_BEEPS));
     this.tone = tone;
   }

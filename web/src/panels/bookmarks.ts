@@ -1,4 +1,4 @@
-// Bookmarks of views: camera, planes, layout, window and rotation of the object. Stored per scene.
+// Bookmarks of views, stored per scene: camera, planes, layout, window and rotation of the object.
 
 import { byId, element } from "../base/dom.js";
 import type { History } from "../state/history.js";
@@ -16,12 +16,12 @@ export interface Seen {
   layout: Layout;
   window: Window;
   camera: { right: Vec3; up: Vec3; focus: Vec3; across_mm: number };
-  cross: Vec3 | null; // null: the planes follow the tip
-  normal: Vec3; // of the oblique plane
+  cross: Vec3 | null; // point of all planes; null: they follow the tip
+  normal: Vec3; // unit normal of the oblique plane
   along: Along;
   like: Anatomical;
   sections: SectionSeen[];
-  rotation: Quaternion | null; // of the object
+  rotation: Quaternion | null; // rotation of the object; null: unknown
 }
 export interface Bookmark {
   name: string;
@@ -34,7 +34,7 @@ interface KeptBookmarks {
 
 const areNumbers = (x: unknown, count: number): boolean =>
   Array.isArray(x) && x.length === count && x.every(Number.isFinite);
-/** Whether a stored value is a valid bookmark: a browser's storage may contain anything. */
+/** Whether a value from the browser's storage is a valid bookmark. */
 export function isBookmark(x: unknown): x is Bookmark {
   const { name, seen } = (x ?? {}) as Partial<Bookmark>;
   const { window, camera, sections } = seen ?? ({} as Partial<Seen>);
@@ -63,7 +63,7 @@ export interface Shows {
   sections: SectionView[];
   layout(): Layout;
   choose(layout: Layout): void;
-  /** Sets what the oblique plane contains, and the anatomical plane that it stays close to. */
+  /** Sets the direction that the oblique plane contains, and the anatomical plane that it stays close to. */
   orient(along: Along, like: Anatomical): void;
   /** Requests a rotation of the object, if this viewer may. */
   turn(rotation: Quaternion): void;
@@ -88,7 +88,7 @@ export class Bookmarks {
     this.show();
   }
 
-  /** Loads the bookmarks of another scene. */
+  /** Loads the stored bookmarks of the current scene. */
   load(): void {
     const kept: unknown = recallScene<KeptBookmarks>(this.page.session.scene!.volume.hash).bookmarks;
     this.list = Array.isArray(kept) ? kept.filter(isBookmark) : [];
@@ -148,7 +148,7 @@ export class Bookmarks {
       normal: oblique.normal,
       along: oblique.along,
       like: oblique.like,
-      // sections that were never shown have no size
+      // sections that were never shown have no extent
       sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, stand }) => ({ kind, ...stand })),
       rotation: session.pose?.rotation ?? null,
     };

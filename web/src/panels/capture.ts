@@ -1,5 +1,5 @@
-// Screenshots and videos: the pictures as laid out on the page, with the information that every image of a patient must
-// carry burned in.
+// Screenshots and videos of the pictures as laid out on the page, with the information that every image of a patient
+// must carry burned in.
 
 import { download, fileStem } from "../base/download.js";
 import { FONT } from "../drawing/overlay.js";
@@ -13,11 +13,11 @@ const FRAMES_A_SECOND = 30;
 const HEAD_PX = 30;
 
 export class Capture {
-  /** Poses that are being recorded. */
+  /** Video in progress; null: none. */
   private recording: { recorder: MediaRecorder; canvas: HTMLCanvasElement; poses: string[]; begun_ms: number } | null =
     null;
 
-  /** @param onFailed  a recording has ended by itself; what was recorded is saved */
+  /** @param onFailed  called when a recording has failed; the video up to then is saved */
   constructor(
     private readonly session: Session,
     private readonly pictures: Picture[],
@@ -25,11 +25,11 @@ export class Capture {
     private readonly onFailed: (error: Error) => void,
   ) {}
 
-  /** All visible pictures in their layout, below a line that states the permitted use. */
+  /** Draws all visible pictures in their layout, below a line that states the permitted use. */
   compose(canvas: HTMLCanvasElement): void {
     const ratio = pixelRatio();
     const box = this.area.getBoundingClientRect();
-    // even dimensions, which video encoders require
+    // even dimensions, as video encoders require
     const [w, h] = [box.width * ratio, (box.height + HEAD_PX) * ratio].map((n) => 2 * Math.round(n / 2)) as [
       number,
       number,
@@ -79,7 +79,10 @@ export class Capture {
     return this.recording ? (performance.now() - this.recording.begun_ms) / 1000 : 0;
   }
 
-  /** @throws Error if the browser cannot record */
+  /**
+   * Starts a video.
+   * @throws Error if the browser cannot record
+   */
   start(): void {
     const type = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"].find((t) =>
       window.MediaRecorder?.isTypeSupported(t),
@@ -108,7 +111,7 @@ export class Capture {
       download(new Blob([poses.join("\n") + "\n"], { type: "application/jsonl" }), `${stem}.poses.jsonl`);
     };
     const recording = { recorder, canvas, poses, begun_ms: performance.now() };
-    // the browser then ends the recording and delivers its data
+    // after an error, the browser ends the recording and delivers its data
     recorder.onerror = () => {
       if (this.recording === recording) this.recording = null;
       this.onFailed(new Error(words.videoEnded));
@@ -136,7 +139,7 @@ export class Capture {
       JSON.stringify({ sequence: pose.sequence, tick: pose.tick, time: pose.time, rotation: pose.rotation, devices }),
     );
   }
-  /** To be called after every frame. */
+  /** Adds a frame to the video; to be called after every frame. */
   drawn(): void {
     if (this.recording) this.compose(this.recording.canvas);
   }

@@ -1,4 +1,4 @@
-// Controls beside the pictures: tools, loop settings, display, figures and plots.
+// Controls next to the pictures: tools, loop settings, display, figures and plots.
 
 import type { HeldTool, Scene, State } from "../protocol/messages.js";
 import { announce, toast } from "../base/announce.js";
@@ -37,7 +37,7 @@ export interface Actions {
   toggleSound(): void;
 }
 
-/** Flags of a tick, in the order in which they are shown. */
+/** Flags of a tick, in display order. */
 const FLAGS: (keyof Words["flags"])[] = [
   "emergencyStop",
   "paused",
@@ -67,11 +67,11 @@ export class Controls {
   private readonly late = new Plot(byId("plot-late"), ["--lateness", "--accent"], 60, 10);
   private readonly rate = new Plot(byId("plot-rate"), ["--speed"], 60, 100);
   private told = { link: "", happening: "" };
-  private window: Window | null = null; // window shown last
+  private window: Window | null = null; // window displayed by the controls
   private wasPointer: boolean | null = null;
-  private methodFailure: string | null = null; // error reported last
-  private lawFailure: string | null = null; // error reported last
-  private slow_s = -Infinity; // time of the last sample in the slow plots
+  private methodFailure: string | null = null; // error of a method, as reported last
+  private lawFailure: string | null = null; // error of a law, as reported last
+  private slow_s = -Infinity; // time of the latest sample in the slow plots
 
   constructor(
     private readonly session: Session,
@@ -124,7 +124,7 @@ export class Controls {
       byId<HTMLButtonElement>("redo").disabled = !history.canRedo;
     };
     history.onChange();
-    // releasing a slider ends an undo step
+    // the release of a slider ends an undo step
     document.addEventListener("change", () => (history.gesture += 1));
     byId("shot").addEventListener("click", actions.screenshot);
     byId("record").addEventListener("click", actions.record);
@@ -154,7 +154,7 @@ export class Controls {
       void requests.latest("limit", { type: "set", max_force_N: Number(limit.value) });
     });
 
-    // open and closed cards of the panel
+    // stored state of the panel's cards: open or closed
     const { cards = {} } = recall<KeptPage>(PAGE_KEY);
     for (const card of document.querySelectorAll<HTMLDetailsElement>("details.card")) {
       const name = card.querySelector("summary")!.dataset.words!;
@@ -215,8 +215,8 @@ export class Controls {
   }
 
   /**
-   * The space bar is the emergency stop wherever the focus is, except in text fields; switches and buttons are
-   * therefore operated with Enter. Number fields count as no text, because numbers contain no spaces.
+   * Handles a key. The space bar is the emergency stop for every focus except text fields, so that switches and buttons
+   * are operated with Enter. Number fields are no text fields, because numbers contain no spaces.
    */
   private key(event: KeyboardEvent): void {
     const target = event.target as HTMLElement;
@@ -266,13 +266,13 @@ export class Controls {
       p: () => this.togglePause(),
       b: () => event.repeat || this.actions.beginOrEnd(),
       n: () => event.repeat || this.actions.toggleSound(),
-      // one stroke per press, however long
+      // one stroke per key press, without repeats
       u: () => event.repeat || byId(event.shiftKey ? "redo-stroke" : "undo-stroke").click(),
     };
     if (byId<HTMLInputElement>("letters").checked) keys[event.key.toLowerCase()]?.();
   }
 
-  /** Confirmation without a modal dialog, so that the emergency stop stays within reach of the mouse. */
+  /** Opens or closes the help, which is not modal, so that the emergency stop stays within reach of the mouse. */
   private help(isShown: boolean): void {
     const box = byId("help-box");
     if (box.hidden !== isShown) return;
@@ -282,18 +282,18 @@ export class Controls {
     else if (box.contains(document.activeElement) || document.activeElement === document.body) byId("help").focus();
   }
 
-  /** A physical device is armed at the device, or by a viewer who knows the code that is shown there. */
+  /** Whether arming needs a code: a physical device displays it, or is armed at the device itself. */
   private get wantsCode(): boolean {
     return this.session.scene?.device.simulated === false;
   }
-  /** Whether this viewer has control. */
+  /** Whether this viewer can lift the active stop now. */
   private get mayRearm(): boolean {
     const { scene, state } = this.session;
     if (!this.isAllowed || state?.stop == null || !scene) return false;
     if (this.wantsCode) return /^[0-9]{6}$/.test(byId<HTMLInputElement>("arm-code").value);
     return scene.device.input !== "pointer" || state.pointer;
   }
-  /** How to lift a stop, given the position of the tip. */
+  /** Instruction to lift a stop, given whether the tip is in contact. */
   private rearmHint(touches: boolean): string {
     const { scene, state } = this.session;
     if (scene?.device.simulated === false) return words.rearmThere;
@@ -302,10 +302,10 @@ export class Controls {
     if (touches) return words.rearmAfterWay;
     return words.rearmNow;
   }
-  /** Conditions that withhold or change the force, who has stopped it, and what to do about it. */
+  /** Texts of conditions that withhold or change the force, with the source of a stop and the remedy. */
   private happening(device: DevicePose): string[] {
     const { scene, state } = this.session;
-    // an idle pointer is at rest, which is no obstacle to the force
+    // a pointer without input is idle, which is no fault
     const isResting = scene?.device.input === "pointer" && (device.flags & Flag.stale) !== 0;
     const flags = FLAGS.filter(
       (name) => device.flags & Flag[name] && !(isResting && (name === "stale" || name === "ramp")),
@@ -323,7 +323,7 @@ export class Controls {
       told.push(state?.pointer ? words.holdToTouch : state?.pointer_by ? words.otherHolds : words.nobodyHolds);
     return told;
   }
-  /** The button always stops, never rearms: it can be pressed repeatedly. */
+  /** Requests an emergency stop; the button never rearms, so that repeated presses are safe. */
   private stop(): void {
     void this.requests.once({ type: "stop" });
   }
@@ -346,7 +346,7 @@ export class Controls {
     );
   }
 
-  /** Releases the pointer when another tool is chosen. */
+  /** Chooses a tool; the pointer is taken or released with it. */
   private chooseTool(tool: Tool): void {
     if (tool === "touch" && (this.session.scene?.device.input !== "pointer" || !this.isAllowed)) return;
     const has = this.session.state?.pointer === true;
@@ -371,7 +371,7 @@ export class Controls {
     session.touch();
   }
 
-  /** Rewrites texts that are not updated continuously, after a change of the language. */
+  /** Rewrites texts without continuous updates, after a change of the language. */
   private speak(): void {
     const { scene, state } = this.session;
     if (scene) this.nameScene(scene);
@@ -421,7 +421,7 @@ export class Controls {
     const touch = document.querySelector<HTMLElement>("[data-tool=touch]")!;
     touch.hidden = scene.device.input !== "pointer";
     this.structures.build(scene);
-    // with a pointer, touching is the default tool
+    // default tool for a pointer: touching
     const isPointer = scene.device.input === "pointer" && scene.may.includes("hand");
     if (isPointer && this.wasPointer !== true) this.setTool("touch");
     else if (!isPointer && this.session.tool === "touch") this.setTool("window");
@@ -431,7 +431,7 @@ export class Controls {
   private nameOf(label: number): string {
     return readable(this.session.structureName(label) ?? words.unnamed(String(label)));
   }
-  /** Damage to protected structures, and minimum distances of the burr to the others. */
+  /** Shows the volumes removed from protected structures, and the burr's minimum distances to the others. */
   private showProtected({ removed, nearest }: State): void {
     const { scene } = this.session;
     if (!scene) return;
@@ -507,7 +507,7 @@ export class Controls {
     for (const id of ["motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
     for (const id of ["method", "law", "friction", "viscosity", "passivity", "limit"])
       byId<HTMLInputElement>(id).disabled = !this.mayChangeFeel;
-    // a learner with control, whose tasks determine the settings, does not see them
+    // hidden from learners in control, whose tasks determine the settings
     byId("feel-settings").hidden = this.connection.allows("hand") && !this.connection.allows("feel");
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
     byId("arm-line").hidden = !(this.wantsCode && this.isAllowed && this.session.state?.stop != null);
@@ -532,7 +532,7 @@ export class Controls {
     }
   }
 
-  /** Structures along the penetration path, outermost first: path length in each and share of the force. */
+  /** Draws the structures along the penetration path, outermost first: path length in each and share of the force. */
   private drawFelt(felt: Felt[]): void {
     const rows = byId<HTMLTableElement>("felt").tBodies[0]!;
     while (rows.rows.length < felt.length)
@@ -548,7 +548,7 @@ export class Controls {
     }
   }
 
-  /** Structures in contact with parts of the tool, if there are several. */
+  /** Draws the structures in contact with parts of the tool, if there are several contacts. */
   private drawContacts(contacts: Contact[]): void {
     const leans = byId("leans");
     const text =
@@ -560,8 +560,8 @@ export class Controls {
   }
 
   /**
-   * Announces changes of the connection and of conditions that withhold the force; continuously changing figures are
-   * not announced.
+   * Announces changes of the connection and of conditions that withhold the force, but no continuously changing
+   * figures.
    */
   private tell(happening: string): void {
     const { connection, session } = this;
@@ -575,7 +575,7 @@ export class Controls {
     this.told = told;
   }
 
-  /** Updates the figures; ten times a second. */
+  /** Updates the figures; to be called ten times a second. */
   draw(): void {
     const { session, connection } = this;
     const { pose } = session;
@@ -660,8 +660,8 @@ export class Controls {
   }
 
   /**
-   * Updates the readout of the position under the mouse, or of the tip. To be called for every frame, because planes
-   * move under a resting mouse.
+   * Updates the readout of the position under the mouse, else of the tip. To be called for every frame, because planes
+   * may move under a resting mouse.
    */
   showReadout(): void {
     const { session } = this;
@@ -684,14 +684,15 @@ export class Controls {
 
 export const complain = (error: unknown): void => toast((error as Error).message);
 
-/** Marks keys, which stand between backticks, in a text. */
+/** Nodes of a text in which keys stand between backticks. */
 const withKeys = (text: string): (Node | string)[] =>
   text.split("`").map((part, n) => (n % 2 === 1 ? element("kbd", {}, part) : part));
 
-/** Replaces the options of a select element, keeping the selection. */
+/** Name of a tool, and the form of its burr or shaver. */
 const toolText = ({ name, burr, shaver }: HeldTool): string =>
   words.toolNamed(name) + (burr ? ` · ${(shaver ? words.shaver : words.burr)[burr]}` : "");
 
+/** Replaces the options of a select element, keeping the selection. */
 function offer<Name extends string>(id: string, names: Name[], said: Record<Name, string>): void {
   const select = byId<HTMLSelectElement>(id);
   const chosen = select.value;

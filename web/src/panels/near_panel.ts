@@ -10,7 +10,7 @@ import type { NearStructure } from "../protocol/near.js";
 import { PAGE_KEY, readable, type KeptPage, type Session } from "../state/session.js";
 import { words } from "../words/words.js";
 
-/** Minimum interval between changes of the text. */
+/** Minimum interval between changes of the text, which screen readers announce. */
 const LEAST_WORDS_MS = 1000;
 const css = ([r, g, b]: Rgb): string => `rgb(${r} ${g} ${b})`;
 
@@ -24,12 +24,12 @@ export class NearPanel {
   ) {
     this.heard.switch(recall<KeptPage>(PAGE_KEY).sound === true);
     byId("sound").addEventListener("click", () => this.toggleSound());
-    // browsers permit no sound before a user gesture
+    // browsers block sound before a user gesture
     for (const event of ["pointerdown", "keydown"])
       document.addEventListener(event, () => this.heard.wake(), { capture: true });
   }
 
-  /** Whether the session reports distances at all. */
+  /** Whether the session reports distances to structures or has no-go regions. */
   private get isTold(): boolean {
     const { scene } = this.session;
     return scene !== null && (scene.distances !== null || scene.no_go.length > 0);
@@ -49,8 +49,8 @@ export class NearPanel {
     this.draw(performance.now());
   }
   /**
-   * To be called with every pose and at every other event that may end the sound: it is silent while the force is
-   * stopped, in a paused recording, and without a connection.
+   * Updates the sound: silent while the force is stopped, in a paused recording, and without a connection. To be called
+   * for every pose and after every event that may end the sound.
    */
   sound(): void {
     const { state, approach } = this.session;
@@ -62,7 +62,7 @@ export class NearPanel {
     return readable(this.session.structureName(label) ?? words.unnamed(String(label)));
   }
 
-  /** Updates the figures; ten times a second. */
+  /** Updates the figures; to be called ten times a second. */
   draw(now: number): void {
     if (!this.isTold) return;
     const { session } = this;
@@ -81,7 +81,7 @@ export class NearPanel {
     if (now - this.worded_ms < LEAST_WORDS_MS) return;
     this.worded_ms = now;
     const spoken = byId("near-words");
-    // announced automatically if the sound is on, else only shown
+    // a live region while the sound is on, else only displayed
     spoken.ariaLive = this.heard.isOn ? "polite" : "off";
     write(
       spoken,

@@ -1,4 +1,4 @@
-// The plan: its trajectories, the deviation of the tool from the nearest one, distances to keep, and edits.
+// Panel of the plan: trajectories and their edits, deviation of the tool from the nearest one, distances to keep.
 
 import type { Trajectory } from "../protocol/messages.js";
 import { announce, toast } from "../base/announce.js";
@@ -13,7 +13,7 @@ import { readable, type Session } from "../state/session.js";
 import type { DevicePose } from "../protocol/wire.js";
 import { says, words } from "../words/words.js";
 
-/** Maximum distance from a trajectory at which deviations are shown. */
+/** Maximum distance from a trajectory at which deviations are displayed. */
 const NEAR_MM = 40;
 const ENDS: End[] = ["entry_mm", "target_mm"];
 
@@ -24,7 +24,7 @@ export class PlanPanel {
   private firstTurn = "";
   private tellsTurn = false;
 
-  /** @param goTo  shows a position in all planes */
+  /** @param goTo  moves all planes to a position */
   constructor(
     private readonly session: Session,
     private readonly goTo: (place: Vec3) => void,
@@ -58,12 +58,12 @@ export class PlanPanel {
     return this.session.plans;
   }
 
-  /** Resets the detection of orientation: another connection may have another device. */
+  /** Resets the detection of orientation sensors, because another connection may have another device. */
   beginAnew(): void {
     this.firstTurn = "";
     this.tellsTurn = false;
   }
-  /** A device without orientation sensors reports a constant orientation. */
+  /** Detects orientation sensors: a device without them reports a constant orientation. */
   addPose(device: DevicePose): void {
     const turn = device.orientation.join();
     this.firstTurn ||= turn;
@@ -75,7 +75,7 @@ export class PlanPanel {
   private show(): void {
     const { plans } = this;
     const { plan } = plans;
-    // the panel opens when a plan appears, unless the user folds it
+    // opens the panel when a plan appears; the user may fold it
     if (plan && !this.wasThere) byId<HTMLDetailsElement>("plan-card").open = true;
     this.wasThere = plan !== null;
     byId("plan-none").hidden = plan !== null;
@@ -95,7 +95,7 @@ export class PlanPanel {
     const made = JSON.stringify([plans.list, plans.chosen, this.session.convention]);
     if (made === this.shown) return;
     this.shown = made;
-    // keeps the focus at its place in the list
+    // keeps the focus at its position in the list
     const focused = (document.activeElement as HTMLElement | null)?.dataset.plan;
     byId("plan-list").replaceChildren(...plans.list.map((one, place) => this.lineOf(one, place)));
     if (focused) (byId("plan-list").querySelector<HTMLElement>(`[data-plan="${focused}"]`) ?? byId("plan-new")).focus();
@@ -143,7 +143,7 @@ export class PlanPanel {
       ...(isChosen ? ENDS.map((end) => this.endOf(one, place, end)) : []),
     );
   }
-  /** Editor of a position as text, in the displayed convention. */
+  /** Text field for a trajectory's end, in the displayed convention (LPS or RAS), mm. */
   private endOf(one: Trajectory, place: number, end: End): HTMLElement {
     const { session, plans } = this;
     const sign = session.convention === "RAS" ? -1 : 1;
@@ -204,7 +204,7 @@ export class PlanPanel {
     const shaft = this.tellsTurn ? shaftOf(session.heldBy(device)) : null;
     return shaft && session.toPatient(session.pose!, rotate(device.orientation, shaft));
   }
-  /** Updates the figures; ten times a second. */
+  /** Updates the figures; to be called ten times a second. */
   draw(): void {
     const { session, plans } = this;
     const device = session.pose?.devices[0];
@@ -232,7 +232,7 @@ export class PlanPanel {
     byId("plan-breach").hidden = !worst;
     if (name !== this.spoken && worst) announce(words.planBreachSpoken(name));
     this.spoken = name;
-    // distances to keep are unknown if the scene reports no distances
+    // distances to keep cannot be checked if the scene reports no distances
     byId("plan-untold").hidden = plan.keep_away.length === 0 || session.scene.distances !== null;
   }
 }

@@ -1,4 +1,4 @@
-// Small plots over time: a ring buffer of samples, drawn on a canvas in the colours of the theme.
+// Small plots over time: buffered samples, drawn on a canvas in the colours of the theme.
 
 import { ObservedSize } from "../base/screen.js";
 import { themeColour } from "./theme.js";
@@ -8,7 +8,7 @@ export interface Curve {
   samples: number[];
 }
 
-/** Event marker over the curves. */
+/** Marker of an event, drawn over the curves. */
 export interface Mark {
   time: number;
   text: string;
@@ -16,15 +16,15 @@ export interface Mark {
 }
 
 export class Plot {
-  band: [number, number] | null = null; // accepted values
-  limit: number | null = null; // maximum
+  band: [number, number] | null = null; // range of accepted values; null: none
+  limit: number | null = null; // upper limit of the values, drawn as a line; null: none
   marks: Mark[] = [];
   private readonly context: CanvasRenderingContext2D;
   private readonly times: number[] = [];
   private readonly curves: Curve[];
   private readonly size: ObservedSize;
 
-  /** @param colours  of the curves, as custom properties of the style sheet */
+  /** @param colours  colour of each curve, as the name of a custom property of the style sheet */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     colours: string[],
@@ -36,7 +36,7 @@ export class Plot {
     this.curves = colours.map((colour) => ({ colour, samples: [] }));
   }
 
-  /** @param time_s  session time; going backwards clears the plot */
+  /** @param time_s  session time; a time before the previous one clears the plot */
   push(time_s: number, values: number[]): void {
     if (this.times.length > 0 && time_s <= this.times.at(-1)!) {
       if (time_s === this.times.at(-1)) return;
@@ -45,7 +45,7 @@ export class Plot {
     }
     this.times.push(time_s);
     this.curves.forEach((curve, i) => curve.samples.push(values[i]!));
-    // removes samples in batches, because removing from the front moves all others
+    // removes samples in batches, because each removal from the front moves all others
     const old = this.times.findIndex((time) => time >= time_s - this.span_s);
     if (old > 200) {
       this.times.splice(0, old);

@@ -1,4 +1,4 @@
-// List of structures by tissue: appearance of each structure, haptic properties of each tissue.
+// List of structures by tissue: appearance of each structure, contact properties of each tissue.
 
 import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
 import { byId, element, press, write } from "../base/dom.js";
@@ -13,7 +13,7 @@ import { says, words, type MessageAbout } from "../words/words.js";
 const hex = (colour: Rgb): string => "#" + colour.map((x) => x.toString(16).padStart(2, "0")).join("");
 const fromHex = (text: string): Rgb => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16)) as Rgb;
 
-/** Maps stiffness to a slider position from 0 to 1, logarithmically, because it is perceived by ratios. */
+/** Slider position, 0 to 1, of a stiffness; logarithmic, because stiffness is perceived by ratios. */
 export const toSlider = (value: number, [low, high]: [number, number]): number =>
   Math.log(Math.max(value, low) / low) / Math.log(high / low);
 export const fromSlider = (place: number, [low, high]: [number, number]): number =>
@@ -32,7 +32,7 @@ interface TissueRow {
   friction: HTMLInputElement;
   frictionValue: HTMLElement;
 }
-/** Group of structures of one tissue, or of those without contact: folded and switched together. */
+/** Group of the structures of one tissue, or of all without contact, which are folded and switched together. */
 interface Group {
   tissue: number;
   places: number[];
@@ -46,12 +46,12 @@ const FRICTION_OF_STATIC = 0.75; // default ratio of dynamic to static friction 
 export class StructuresPanel {
   private rows: TissueRow[] = [];
   private readonly lines = new Map<number, HTMLElement>();
-  // of the structures in their order
+  // controls of each structure, by index
   private controls: { eye: HTMLButtonElement; colour: HTMLInputElement; opacity: HTMLInputElement }[] = [];
   private groups: Group[] = [];
-  private readonly folded = new Set<number>(); // indices of tissues
-  private entered: HTMLElement | null = null; // row in the tab order
-  // the one that is shown alone, and what was shown before
+  private readonly folded = new Set<number>(); // indices of folded tissues
+  private entered: HTMLElement | null = null; // row that is in the tab order
+  // structure that is shown alone, and the visibility of all before
   private alone: { place: number; before: boolean[] } | null = null;
 
   constructor(
@@ -103,7 +103,10 @@ export class StructuresPanel {
     this.find();
   }
 
-  /** @param name  null: structures without contact */
+  /**
+   * Rows of a tissue's structures.
+   * @param name  name of the tissue; null: structures without contact
+   */
   private groupOf(scene: Scene, tissue: number, name: string | null, feel: HTMLElement | null): Group[] {
     const places = scene.structures.flatMap((structure, place) =>
       structure.tissue === tissue || (tissue < 0 && structure.tissue < 0) ? [place] : [],
@@ -150,7 +153,7 @@ export class StructuresPanel {
     }
   }
 
-  /** Hides rows that do not match the search or are folded; a search ignores folding. */
+  /** Hides rows that do not match the search, or without a search those that are folded. */
   private find(): void {
     const wanted = byId<HTMLInputElement>("find").value.trim();
     for (const structure of this.session.scene?.structures ?? []) {
@@ -165,7 +168,7 @@ export class StructuresPanel {
     this.enter(this.entered);
   }
 
-  /** The list is one stop in the tab order; arrow keys move between rows. */
+  /** Puts a row into the tab order, in which the list is one stop; arrow keys move between rows. */
   private enter(wanted: HTMLElement | null): void {
     const shown = [...this.lines.values()].filter((line) => line.closest("[hidden]") === null);
     this.entered = wanted && shown.includes(wanted) ? wanted : (shown[0] ?? null);
@@ -194,7 +197,7 @@ export class StructuresPanel {
     (to.children[[...line.children].indexOf(target)] as HTMLElement).focus();
   }
 
-  /** Presets that apply to this scene. The menu keeps no selection, because a preset is an action. */
+  /** Fills the menu of presets that apply to this scene. It keeps no selection, because a preset is an action. */
   offerPresets(): void {
     const { scene } = this.session;
     if (!scene) return;
@@ -205,7 +208,10 @@ export class StructuresPanel {
     );
   }
 
-  /** @param key  changes with one key in one gesture are one undo step */
+  /**
+   * Changes looks, undoably.
+   * @param key  changes with equal key in one gesture are one undo step
+   */
   private change(key: string, looks: Look[]): void {
     this.history.note(key, { before: this.session.looks, after: looks, go: (_, to) => this.setLooks(to) });
     this.setLooks(looks);
@@ -243,7 +249,7 @@ export class StructuresPanel {
     );
     this.alone = alone;
   }
-  /** Shows only one structure; again: restores the previous visibility. */
+  /** Shows only one structure, or restores the previous visibility if it is already shown alone. */
   private toggleAlone(place: number): void {
     const shown = this.session.looks.map((look) => look.visible);
     if (this.alone?.place === place) this.setShown(this.alone.before);
@@ -256,7 +262,7 @@ export class StructuresPanel {
 
   private feelOf(scene: Scene, place: number): HTMLElement {
     const { stiffness_N_per_mm: range, friction } = scene.limits;
-    // range of stiffness that is useful in practice, within the valid range
+    // range of the slider: useful stiffness, within the valid range
     const limits: [number, number] = [Math.max(range[0], 0.01), Math.min(range[1], 10)];
     const name = readable(scene.tissues[place]!.name);
     const slider = (label: MessageAbout, max: number, step: number) =>
@@ -339,9 +345,9 @@ export class StructuresPanel {
     return line;
   }
 
-  /** Moves sliders to the current values, except the one being dragged. */
+  /** Moves sliders to the current values, except one that is being dragged. */
   show(state: State, isAllowed: boolean): void {
-    // tissues without structures have no row
+    // sparse: tissues without structures have no row
     this.rows.forEach((row, place) => {
       const tissue = state.tissues[place];
       if (!tissue) return;
@@ -358,7 +364,7 @@ export class StructuresPanel {
     });
   }
 
-  /** Marks the structure in contact. */
+  /** Highlights the row of the structure in contact. */
   touched(label: number): void {
     for (const [own, line] of this.lines) line.classList.toggle("touched", own === label && label > 0);
   }

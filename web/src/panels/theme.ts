@@ -1,4 +1,4 @@
-// Light, dark or system theme, stored in this browser.
+// Theme of the page: light, dark or the system's, stored by the browser.
 
 import { byId } from "../base/dom.js";
 import { says } from "../words/words.js";

@@ -1,5 +1,5 @@
-// Time line of a recording: position, contacts, forces and events. Playback is controlled by requests to the server,
-// which plays for all viewers.
+// Time line of a recording: playback position, contacts, forces and events. Playback is controlled by requests to the
+// server, which plays for all viewers.
 
 import { toast } from "../base/announce.js";
 import type { RecordedEvent, Recording, State } from "../protocol/messages.js";
@@ -15,10 +15,10 @@ import { words } from "../words/words.js";
 import type { Pose } from "../protocol/wire.js";
 
 const SPEEDS = [-4, -1, -0.25, 0.1, 0.25, 0.5, 1, 2, 4, 8, 16];
-/** Seconds to a tenth of a millisecond, which resolves the ticks of the fastest loop. */
+/** Text of a time, to 0.1 ms, which resolves the ticks of the fastest loop. */
 const time = (s: number): string => `${s.toFixed(4).replace(/(\.\d\d)0+$/, "$1")} s`;
 
-/** Number of devices up to the last one with a contact: each has a row. */
+/** Number of rows: one for each device up to the last one with a contact. */
 const devicesOf = (recording: Recording): number =>
   1 + Math.max(0, ...recording.contacts.map(([, , , , device]) => device));
 
@@ -29,7 +29,7 @@ export class Timeline {
   private readonly marks = byId<HTMLSelectElement>("marks");
   private readonly speed = byId<HTMLSelectElement>("play-speed");
   private recording: Recording | null = null;
-  private failure: string | null = null; // error reported last
+  private failure: string | null = null; // error as reported last
   private drawn = ""; // key of the drawn contents
   private lastTick = -1;
 
@@ -68,7 +68,7 @@ export class Timeline {
     if (!playback) return;
     press(byId("play"), playback.playing);
     if (this.speed.selectedOptions[0]?.value !== String(playback.speed)) {
-      // moved by another viewer
+      // speed set by another viewer
       if (!SPEEDS.includes(playback.speed))
         this.speed.append(new Option(`${playback.speed} ×`.replace("-", "−"), String(playback.speed)));
       this.speed.value = String(playback.speed);
@@ -94,11 +94,11 @@ export class Timeline {
   private go(at_s: number): void {
     this.ask({ at_s });
   }
-  /** Steps by one tick and pauses there. */
+  /** Steps by one tick, forwards for positive `ticks`, and pauses there. */
   private step(ticks: number): void {
     const { pose, scene } = this.session;
     if (!pose || !scene) return;
-    // the middle of a tick, because clocks are not perfectly even
+    // the middle of a tick, which tolerates jitter of the recorded times
     this.ask({ at_s: pose.time + (ticks > 0 ? 1.5 : -0.5) / scene.rate_hz, playing: false });
   }
   private goToPointer(event: PointerEvent): void {
@@ -150,7 +150,7 @@ export class Timeline {
     write(byId("play-time"), `${time(pose.time)} / ${time(this.recording.end_s)} · ${words.tick(String(pose.tick))}`);
   }
 
-  /** Draws forces, contacts in their structures' colours, events and the position. */
+  /** Draws forces, contacts in their structures' colours, events and the playback position. */
   draw(): void {
     const { recording, session, canvas } = this;
     if (!recording || !session.pose) return;
@@ -179,7 +179,7 @@ export class Timeline {
         bar,
       );
     });
-    // a row for each device
+    // one row of contacts for each device
     const row = (height - part) / devicesOf(recording);
     for (const [begin_s, end_s, label, , device] of recording.contacts) {
       context.fillStyle = colours.get(label) ?? colour;

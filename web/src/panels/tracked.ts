@@ -1,11 +1,11 @@
-// Registration error of a tracked tool's tip (docs/reference/viewer-messages.md).
+// Display of the registration error of a tracked tool's tip (docs/reference/viewer-messages.md).
 
 import type { Tracked } from "../protocol/messages.js";
 import { byId, write } from "../base/dom.js";
 import { words } from "../words/words.js";
 
 export function trackedText(tracked: Tracked): string {
-  // tenths of a millimetre, as estimates are no better than that
+  // estimates are no more accurate than 0.1 mm
   const mm = (value: number): string => `${value.toFixed(1)} mm`;
   const { tre_mm, tre_95_mm } = tracked;
   return [
@@ -16,7 +16,7 @@ export function trackedText(tracked: Tracked): string {
   ].join(" · ");
 }
 
-/** @param tracked  null: a session without a tracked tool */
+/** @param tracked  null: no tracked tool */
 export function showTracked(tracked: Tracked | null): void {
   const line = byId("tracked");
   line.hidden = tracked === null;

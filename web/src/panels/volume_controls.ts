@@ -13,7 +13,7 @@ const CUTTINGS: [Cutting, Message][] = [
   ["plane", "cutAtTip"],
   ["hole", "openedToTip"],
 ];
-/** Symbols that also mark the pictures of the planes. */
+/** Colour of each plane's outline in the volume, which also marks its picture. */
 const COLOURS: Record<PlaneKind, string> = {
   oblique: "#8adcf0",
   axial: "#f34a33",
@@ -70,7 +70,7 @@ export function addVolumeControls(
       element("label", {}, says(element("span"), { text: "volumeCut" }), " ", cutting),
       labelled(perspective, "perspective"),
       labelled(planes, "planesInVolume"),
-      // always on with a graphics card
+      // choice of full resolution, which is always on with a graphics card
       ...(volume.isSoftware ? [labelled(everyVoxel, "everyVoxel")] : []),
     ),
   );

@@ -1,27 +1,27 @@
-// One-line explanation of the force: the spring, forces along the surface, and limits between them and the hand.
+// One-line explanation of the force: penetration and stiffness, tangential force, and limits of the output stage.
 
 import { quantity } from "../words/figures.js";
 import { length, reject, type Vec3 } from "../base/geometry.js";
 import { Flag, type DevicePose } from "../protocol/wire.js";
 import { words, type Words } from "../words/words.js";
 
-/** Flags that reduce the hand's force below the contact force, the most likely first. */
+/** Flags of limits that reduce the force on the hand below the contact force, the most likely first. */
 const LESS: [number, keyof Words["because"]][] = [
   [Flag.thermal, "thermal"],
   [Flag.clamped, "clamped"],
   [Flag.ramp, "ramp"],
   [Flag.passivity, "passivity"],
 ];
-/** Smaller fractions of the force are not mentioned: friction on a smooth surface, rounding. */
+/** Fraction of the force below which a contribution is not mentioned: residual friction, rounding. */
 const LEAST_PART = 0.05;
 const LEAST_N = 0.005;
 
-/** @param force  on the hand, in the patient frame, N */
+/** @param force  force on the hand, patient frame, N */
 export function whyText(device: DevicePose, force: Vec3): string {
   const force_N = length(force);
   if (!(device.flags & Flag.contact) || device.askedForce < LEAST_N) return "";
   const reasons: string[] = [];
-  // with several layers, stiffness and share of each are in the list
+  // a single layer; those of several are listed with their shares
   if (device.felt.length <= 1 && device.stiffness > 0 && Number.isFinite(device.depth)) {
     reasons.push(words.deepAt(quantity(device.depth, "mm"), quantity(device.stiffness, "N/mm")));
   }

@@ -1,4 +1,4 @@
-// Panel of a lesson: identity of the learner, permitted task, veil of a quiz, and learning curves.
+// Panel of a lesson: identity of the learner, permitted task, names hidden by a quiz, and learning curves.
 
 import { toast } from "../base/announce.js";
 import type { Scene, State } from "../protocol/messages.js";
@@ -8,12 +8,9 @@ import { onLanguage } from "../words/language.js";
 import type { Requests } from "../state/requests.js";
 import { says, words } from "../words/words.js";
 
-/**
- * Shows a page made by palpate inside this one, with its own styles. It contains no scripts, and none would be
- * executed.
- */
+/** Shows an HTML page made by palpate inside this one, isolated with its own styles. Scripts in it are not executed. */
 function showPage(host: HTMLElement, html: string): void {
-  // the content security policy forbids inline styles in a parsed document, but not constructed style sheets
+  // constructed style sheets, because the content security policy forbids inline styles in parsed documents
   let rules = "";
   const body = html.replace(/<style>([\s\S]*?)<\/style>/g, (_, its: string) => {
     rules += its;
@@ -27,7 +24,7 @@ function showPage(host: HTMLElement, html: string): void {
   shadow.replaceChildren(...(main ? [...main.childNodes].map((node) => document.importNode(node, true)) : []));
 }
 
-/** Time within which a second press ends the session. */
+/** Time within which a second press confirms the end of the session. */
 const SURE_MS = 4000;
 
 export class Lesson {
@@ -48,7 +45,7 @@ export class Lesson {
       ask({ names: (event.target as HTMLInputElement).checked }),
     );
     byId("lesson-end").addEventListener("click", () => {
-      // no modal dialog, which would keep the emergency stop out of reach
+      // a second press instead of a modal dialog, which would block the emergency stop
       const isSure = performance.now() - this.endAsked_ms < SURE_MS;
       this.endAsked_ms = isSure ? -Infinity : performance.now();
       if (isSure) ask({ end: true });
@@ -73,7 +70,7 @@ export class Lesson {
     this.allow();
   }
 
-  /** Identity and permissions of this viewer. */
+  /** Shows the identity of this viewer, and enables the controls that its permissions allow. */
   allow(): void {
     const { connection, state } = this;
     const { role, learner } = connection;

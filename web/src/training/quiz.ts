@@ -1,12 +1,12 @@
-// Concealment in a quiz: names, and the voxels to be found, which are displayed like their surroundings.
+// Concealment of voxels in a quiz: those of the structures to be found are replaced by their surroundings.
 
 import type { Scene } from "../protocol/messages.js";
 import type { Vec3 } from "../base/geometry.js";
 import { MOST_STRUCTURES, type Volumes } from "../protocol/scene.js";
 
 /**
- * Voxels displayed as other structures. `values` look like `as`, which most of them became, in pictures that palpate
- * renders from the full volume.
+ * Box of voxels before and after the replacement. In pictures that palpate renders from the original voxels, `values`
+ * get the look of `as`, the most frequent replacement.
  */
 export interface Concealed {
   lo: Vec3;
@@ -17,10 +17,10 @@ export interface Concealed {
   as: number;
 }
 
-/** Fraction of votes with which a structure takes a whole component, as in src/link/veiled_labels.cc. */
+/** Fraction of votes from which a structure replaces a whole component, as in src/link/veiled_labels.cc. */
 const UNIFORM_SHARE = 0.75;
 
-/** Bounding box of structures by their indices; null: they have no voxels. */
+/** Bounding box of the voxels with wanted values; null: none. */
 function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } | null {
   const {
     dims: [nx, ny, nz],
@@ -40,7 +40,7 @@ function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } 
   return hi[0] < 0 ? null : { lo, size: [0, 1, 2].map((axis) => hi[axis]! - lo[axis]! + 1) as Vec3 };
 }
 
-/** Votes by value. */
+/** Weighted votes for voxel values. */
 class Votes {
   private readonly weights = new Map<number, number>();
   add(value: number, weight: number): void {
@@ -49,7 +49,7 @@ class Votes {
   get empty(): boolean {
     return this.weights.size === 0;
   }
-  /** Value with the largest weight, the smaller one on a tie; 0 without votes. */
+  /** Value with the largest weight, the smallest on a tie; 0 without votes. */
   winner(): number {
     let [best, most] = [0, 0];
     for (const [value, weight] of this.weights)
@@ -62,16 +62,16 @@ class Votes {
   }
 }
 
-/** One of each pair of opposite directions to the 26 neighbours. */
+/** Directions to the 26 neighbours, one of each opposite pair. */
 const DIRECTIONS: Vec3[] = [];
 for (const k of [-1, 0, 1])
   for (const j of [-1, 0, 1])
     for (const i of [-1, 0, 1]) if (k > 0 || (k === 0 && (j > 0 || (j === 0 && i > 0)))) DIRECTIONS.push([i, j, k]);
 
 /**
- * Replaces wanted voxels of a box, which are surrounded by at least one other voxel, by the rule of
- * src/link/veiled_labels.h: a straight line of them with the same structure at both ends is evidence that this
- * structure continues there; air (0) never counts.
+ * Replaces wanted voxels of a box, none of them in its outermost layer, by the rule of src/link/veiled_labels.h: a
+ * straight line of wanted voxels between two voxels of the same structure is evidence that this structure continues
+ * through it; air (0) is not counted.
  */
 function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
   const strides: Vec3 = [1, size[0], size[0] * size[1]];
@@ -80,7 +80,7 @@ function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
   const hidden = new Map<number, Votes>();
   for (let at = 0; at < box.length; at++) if (isWanted[box[at]!]) hidden.set(at, new Votes());
 
-  // each line once, from its first voxel
+  // visits each line once, from its first voxel
   for (const by of DIRECTIONS.map(stride))
     for (const first of hidden.keys()) {
       const before = box[first - by]!;
@@ -120,7 +120,7 @@ function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
     for (const at of component)
       if (hidden.get(at)!.empty) open.push(at);
       else now.set(at, hidden.get(at)!.winner());
-    // voxels without votes take the value of their neighbours, layer by layer
+    // voxels without votes take the most frequent value of their neighbours, layer by layer
     while (open.length > 0) {
       const layer: [number, number][] = [],
         left: number[] = [];
@@ -138,7 +138,7 @@ function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
   for (const at of hidden.keys()) box[at] = now.get(at) ?? 0;
 }
 
-/** Voxels of structures, replaced by their surroundings. */
+/** Replacement of all voxels of some labels by their surroundings; null: no such voxels. */
 export function conceal(scene: Scene, volumes: Volumes, labels: number[]): Concealed | null {
   const isWanted = Array.from(
     { length: MOST_STRUCTURES + 1 },
@@ -151,7 +151,7 @@ export function conceal(scene: Scene, volumes: Volumes, labels: number[]): Conce
     dims: [nx, ny, nz],
     structure,
   } = volumes;
-  // with a margin of one voxel; outside of the volume is air
+  // box with a margin of one voxel, which is air outside of the volume
   const wide = size.map((n) => n + 2) as Vec3;
   const around = new Uint8Array(wide[0] * wide[1] * wide[2]);
   for (let k = 0, n = 0; k < wide[2]; k++)
@@ -176,7 +176,7 @@ export function conceal(scene: Scene, volumes: Volumes, labels: number[]): Conce
   return { lo, size, before, now, values, as: became.winner() };
 }
 
-/** Voxels to restore: those that have not changed since. */
+/** Structures of the box without the concealment; voxels that were changed since, by a burr, keep their value. */
 export function revealed(volumes: Volumes, { lo, size, before, now }: Concealed): Uint8Array {
   const [nx, ny] = volumes.dims;
   return before.map((value, n) => {

@@ -1,6 +1,6 @@
-// Panel of tasks: briefing, progress and results. palpate measures; the page displays its reports.
+// Panel of tasks: briefing, progress and results, as measured and reported by palpate.
 
-export * as Quiz from "./quiz.js"; // same chunk
+export * as Quiz from "./quiz.js"; // bundled in the same chunk
 import type {
   Lesson,
   Scene,
@@ -26,12 +26,12 @@ import type { VolumeView } from "../volume/volume_view.js";
 import { says, words, type Message } from "../words/words.js";
 
 type View = "none" | "briefing" | "running" | "debriefing";
-/** Display time of a warning. */
+/** Minimum display time of a warning. */
 const WARNING_MS = 1500;
 const MOST_EVENTS = 60;
 const TOUCHED_N = 0.05;
 
-/** Starts hiding the structures to be found in a quiz; null: stops. */
+/** Hides the structures, by label, to be found in a quiz; null: shows them again. */
 export type Hide = (toFind: number[] | null) => void;
 
 const seconds = (s: number): string => `${s.toFixed(1)} s`;
@@ -41,18 +41,18 @@ export class Training {
   run: TaskRun | null = null;
   debriefing: Debriefing | null = null;
   private tasks: Task[] = [];
-  private chosen = ""; // name of a task
-  private left = 0; // run whose results were closed
-  private toldEvents = 0; // announced events of the run
+  private chosen = ""; // name of the selected task; "": none
+  private left = 0; // number of the run whose results were closed
+  private toldEvents = 0; // number of events of the run that were announced
   private toldRun = 0;
   private warning = { text: "", until_ms: -Infinity };
   private plots: Plot[] = [];
-  private listed = ""; // key of the list of steps
-  private tookFocus = false; // the panel loses the focus while the run is being stored
-  private looked = -1; // step whose region the camera looks at
-  private shownRun = 0; // run whose results are displayed
-  private spokenRun = 0; // run whose result was announced
-  private scopedRun = 0; // run for which the scope was set
+  private listed = ""; // key of the displayed list of steps
+  private tookFocus = false; // the panel had the focus before the run was stored
+  private looked = -1; // step whose region the camera shows; -1: none
+  private shownRun = 0; // number of the run whose results are displayed
+  private spokenRun = 0; // number of the run whose result was announced
+  private scopedRun = 0; // number of the run for which the scope was set
   private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
 
   constructor(
@@ -73,7 +73,7 @@ export class Training {
     onLanguage(() => this.speak());
   }
 
-  /** Begins, ends or restarts a run, depending on the button shown. */
+  /** Begins, ends or restarts a run, by the button that is displayed. */
   beginOrEnd(): void {
     if (byId("training").hidden) return;
     (["task-begin", "task-end", "task-again"] as const)
@@ -90,7 +90,7 @@ export class Training {
     const isNew = JSON.stringify(scene.tasks ?? []) !== JSON.stringify(this.tasks);
     if (isNew) {
       this.tasks = scene.tasks ?? [];
-      // the task of a run, which may have been reported earlier
+      // keeps the task of a run that was reported before the scene
       if (!this.task) this.chosen = this.tasks.length === 1 ? this.tasks[0].name : "";
       this.looked = -1;
       this.listed = "";
@@ -102,7 +102,7 @@ export class Training {
     );
     byId("task-line").hidden = this.tasks.length < 2;
     this.update();
-    // the task that this session was started for
+    // a single task is the one that the session was started for
     if (isNew && this.tasks.length === 1) this.lookAtStep(0, false);
   }
   tell(run: TaskRun): void {
@@ -111,7 +111,7 @@ export class Training {
     if (run.phase === "running" && (before?.phase !== "running" || before.run !== run.run)) {
       this.debriefing = null;
       this.toldRun = run.run;
-      // events of a run already in progress are not announced
+      // past events of a run already in progress are not announced
       this.toldEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
       this.warning = { text: "", until_ms: -Infinity };
       if (before && !this.isPlayed)
@@ -126,7 +126,7 @@ export class Training {
     this.debriefing = debriefing;
     this.update();
   }
-  /** Discards runs of another connection, which may belong to another session that counts from 1 again. */
+  /** Discards runs, because another connection may have another session, which counts runs from 1 again. */
   beginAnew(): void {
     this.run = this.debriefing = null;
     this.shownRun = this.spokenRun = this.scopedRun = this.left = this.toldRun = this.toldEvents = 0;
@@ -223,7 +223,7 @@ export class Training {
         : words.doesNotCount;
   }
 
-  /** Announces new events, each once. */
+  /** Announces each event once. */
   private tellEvents(): void {
     const { run, task } = this;
     if (!run || !task || run.run !== this.toldRun) return;
@@ -246,7 +246,7 @@ export class Training {
     const { connection, session } = this;
     const isAnothers = session.state?.lesson.of_another === true;
     const isAllowed = connection.allows("hand") && !isAnothers;
-    // the leader of a lesson needs no control of the device
+    // whoever leads a lesson needs no control of the device
     const isOthers = session.state?.pointer_by === "viewer" && !connection.allows("lesson");
     for (const id of ["task-begin", "task-end", "task-again"])
       byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
@@ -265,13 +265,13 @@ export class Training {
     write(byId("task-note"), note);
   }
 
-  /** Shows the only permitted task, and whether names are shown. */
+  /** Selects the only task that the lesson permits, if any, and updates the panel. */
   showLesson({ task }: Lesson): void {
     if (task !== null && task !== this.chosen && this.tasks.some(({ name }) => name === task)) this.choose(task);
     else this.update();
   }
 
-  /** A recording is played, with the runs in it. */
+  /** Whether the runs are those of a recording that is played. */
   private get isPlayed(): boolean {
     return this.session.scene?.recording != null;
   }
@@ -293,7 +293,7 @@ export class Training {
     }
     this.view = !task ? "none" : isRunning ? "running" : isOver ? "debriefing" : "briefing";
     const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
-    // browsers remove the focus from a button that is disabled while the run is being stored
+    // browsers remove the focus from a button that is disabled, as while the run is stored
     this.tookFocus = run?.phase === "keeping" && hadFocus;
     const isShown =
       this.view === "debriefing" || this.session.state?.lesson.names === true || this.connection.allows("lesson");
@@ -319,7 +319,7 @@ export class Training {
     this.allow();
     if (before !== view) {
       this.session.touch();
-      // moves the focus on if its button is gone; the list of tasks stays in place
+      // moves the focus, because its button may be hidden now
       if (hadFocus && task && before !== "none")
         byId(view === "running" && !this.isPlayed ? "task-end" : "task-title").focus();
     }
@@ -367,7 +367,7 @@ export class Training {
     byId("task-forces").replaceChildren(...bars.map(({ row }) => row));
     this.bars = bars;
   }
-  /** Bar of a force with its band and its limit. */
+  /** Bar of a force with its accepted band and its limit. */
   private barOf({ labels, band_N, limit_N }: TaskForce): {
     said: HTMLElement;
     bar: HTMLElement;
@@ -523,7 +523,7 @@ export class Training {
       ].join(" "),
     );
 
-    // of a run that was observed live
+    // only results of a run that was observed live are announced
     if (isNews) announce(byId("verdict").textContent ?? "");
     this.spokenRun = told.run;
     const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
@@ -588,7 +588,7 @@ export class Training {
   private mark({ kind }: TaskEvent): string {
     return { step_done: "✓", over_limit: "▲", protected: "■", unseen: "◌", ended: "●" }[kind];
   }
-  /** Plots of each force of the task over time, or of the total force. */
+  /** Plots each force of the task over time, or the total force if there are none. */
   private plotRun(task: Task, told: Debriefing): void {
     const shown =
       task.forces.length > 0
@@ -632,7 +632,7 @@ export class Training {
     });
   }
 
-  /** Redraws the plots ten times a second, because theme and size may change. */
+  /** Redraws the plots, whose theme and size may change; to be called ten times a second. */
   draw(): void {
     if (this.view === "debriefing") for (const plot of this.plots) plot.draw();
     if (this.view === "running" && performance.now() > this.warning.until_ms) this.showWarning([]);
@@ -641,8 +641,8 @@ export class Training {
   // ---- in the volume
 
   /**
-   * Turns the camera to the region of a step.
-   * @param isAsked  by the user, hence undoable
+   * Moves the camera to view the region of a step.
+   * @param isAsked  requested by the user, hence undoable
    */
   lookAtStep(n: number, isAsked = true): void {
     const region = this.task?.regions[this.task.steps[n]?.region ?? -1];

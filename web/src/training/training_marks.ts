@@ -12,11 +12,11 @@ const WAY = "#8adcf0",
   TOO_MUCH = "#ff6b5e";
 const COVERED = "rgba(126, 217, 87, 0.85)",
   OPEN = "rgba(255, 196, 92, 0.9)";
-/** Depth tolerance that keeps a path on a surface visible. */
+/** Depth tolerance with which a path on a surface counts as visible. */
 const SLACK_MM = 1.5;
 const LEAST_N = 0.05;
 
-/** Ring with the radius of a region and its name beside it. */
+/** Draws a region of a task: a ring with the region's radius, and its name. */
 export function drawRegion(frame: Frame, seen: InVolume, region: TaskRegion, name: string): void {
   const at = seen.pixel(region.middle_mm);
   const radius = Math.max(
@@ -28,14 +28,14 @@ export function drawRegion(frame: Frame, seen: InVolume, region: TaskRegion, nam
   text(frame, name, at[0], at[1] - radius - 5 * frame.ratio, 12, REGION, "center", "bottom");
 }
 
-/** Contact level: 0 none, 1 contact, 2 above a limit. */
+/** Contact level of a sample: 0 none, 1 contact, 2 above a limit. */
 function hardness(sample: number[], forces: TaskForce[]): number {
   const isOver = forces.some(({ limit_N }, n) => limit_N !== null && (sample[5 + n] ?? 0) > limit_N);
   return isOver ? 2 : sample[4]! > LEAST_N ? 1 : 0;
 }
 const hasPlace = (sample: number[]): boolean => sample.slice(1, 4).every((x) => x !== null && Number.isFinite(x));
 
-/** Path of the tip: thin in free space, thick in contact, thicker above a limit; dashed where occluded. */
+/** Draws the tip's path: thin in free space, thick in contact, thicker above a limit; dashed where occluded. */
 export function drawWay(frame: Frame, seen: InVolume, { samples }: Debriefing, forces: TaskForce[]): void {
   let before: number[] | null = null;
   for (const sample of samples) {
@@ -85,7 +85,7 @@ export function drawPatches(frame: Frame, seen: InVolume, { patches }: Debriefin
   context.stroke(open);
 }
 
-/** Cross with a name, at the answer or at the structure to be found. */
+/** Draws a cross with a name, at the answer or at the structure to be found. */
 export function drawPlace(frame: Frame, seen: InVolume, p: Vec3, name: string, isTrue: boolean): void {
   const [x, y] = seen.pixel(p);
   const half = 8 * frame.ratio;

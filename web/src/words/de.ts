@@ -1,11 +1,11 @@
-// Every word that the page says, in German. Numbers keep their point, as in files and on the devices' displays.
+// Texts of the page in German. Numbers have a decimal point, as in files and on the devices' displays.
 
 import type { Words } from "./en.js";
 
 const IN_SECTION = "Pfeiltasten: Schicht, beim Tasten die Spitze; Plus und Minus: Zoom; Pos1: wie am Anfang.";
 
 export const de: Words = {
-  // on top
+  // header
   notice: "Nur für Forschung und Lehre — nicht für den klinischen Einsatz",
   side: { left: "LINKS", right: "RECHTS", both: "BEIDE SEITEN", unknown: "SEITE UNBEKANNT" },
   sideInPicture: (side) => `Seite: ${side}`,
@@ -33,7 +33,7 @@ export const de: Words = {
   stopped: "Angehalten",
   stopTitle: "Kraft sofort aus, sonst nichts (Leertaste)",
 
-  // the connection
+  // connection
   link: {
     connecting: "Verbindet",
     connected: "Verbunden",
@@ -156,7 +156,7 @@ export const de: Words = {
   oldData: (age) => `Daten ${age} alt`,
   figureOf: (value, most) => `${value} von ${most}`,
 
-  // what is felt
+  // force and contact
   panel: "Kraft, Strukturen und Einstellungen",
   felt: "Was gefühlt wird",
   limitNow: (now) => `von ${now}`,
@@ -238,7 +238,7 @@ export const de: Words = {
   nobodyHolds: "niemand hält den Zeiger",
   otherHolds: "ein anderer Betrachter hat den Zeiger und ruht",
 
-  // what is near
+  // distances and no-go regions
   nearTool: "Nah am Instrument",
   nearAbout: "Die Strukturen, die dem Umriss des Instruments am nächsten sind, und wie weit sie weg sind",
   nothingNear: (reach) => `Nichts innerhalb von ${reach}`,
@@ -256,7 +256,7 @@ export const de: Words = {
     "wo sie wegdrückt; was am nächsten ist, wird auch gesprochen (N)",
   soundHeld: "Der Browser lässt ihn nach dem ersten Druck auf die Seite hören.",
 
-  // a tracked tool
+  // tracked tool
   trackedAbout:
     "Wie falsch der Ort sein kann, an dem die Spitze gezeigt wird (TRE), " +
     "und was an den Punkten der Registrierung übrig blieb (FRE)",
@@ -457,7 +457,7 @@ export const de: Words = {
   wasHere: "hier war es",
   yourAnswer: "eigene Antwort",
 
-  // the plan
+  // plan
   plan: "Planung",
   planTitle: "Planung",
   planTool: "Planen",
@@ -563,11 +563,11 @@ export const de: Words = {
   slabs: { none: "Keiner: nur die Ebene", mean: "Mittelwert", maximum: "Maximum (MIP)", minimum: "Minimum (MinIP)" },
   positions: "Positionen",
 
-  // the line below
+  // status line
   atTip: "Spitze",
   value: (value) => `Wert ${value}`,
 
-  // what is wrong, and how it is mended
+  // errors and remedies
   loading: "Das Volumen wird geladen …",
   again: "Neuer Versuch …",
   failedAgain: (what) => `${what}. Neuer Versuch …`,
@@ -611,7 +611,7 @@ export const de: Words = {
     "Ein Neustart hat nicht geholfen: Laden Sie diese Seite neu; wo das nicht hilft, starten Sie den Browser neu.",
   lostHarmless: "Kraft und Not-Halt sind, wie sie waren.",
 
-  // the token
+  // token
   token: "Zugangscode",
   tokenAbout:
     "Diese Sitzung verlangt von ihren Betrachtern einen Zugangscode (Token). " +
@@ -664,7 +664,7 @@ export const de: Words = {
   letters: "Buchstaben, Ziffern und ? sind Kurztasten",
   close: "Schließen",
 
-  // from within
+  // arthroscopic view
   inside: "Innen",
   insideTitle: "Was ein Endoskop am Instrument sieht, neben Volumen und Schnitt (5)",
   scope: "Endoskop",
@@ -683,7 +683,7 @@ export const de: Words = {
   ahead: (way: string, structure: string) => `${way} voraus: ${structure}`,
   insideOf: (structure: string) => `in ${structure}: nichts zu sehen`,
 
-  // how the volume is looked at
+  // view menu of the volume
   viewMenu: "Ansicht",
   viewMenuTitle: "Was vor der Spitze weggenommen ist, Perspektive, Ebenen, wie fein gezeichnet wird",
   volumeCut: "Volumen",
@@ -694,7 +694,7 @@ export const de: Words = {
   planesInVolume: "Gezeigte Ebenen",
   everyVoxel: "Jedes Voxel",
 
-  // a recording
+  // time line of a recording
   timeLine: "Die Aufzeichnung",
   play: "Abspielen",
   playTitle: "Die Aufzeichnung abspielen oder anhalten (P)",

@@ -1,10 +1,10 @@
-// Every word that the page says, in English. The other languages have the same shape, so that a message that is missing
-// there does not compile. What changes in a message is handed to it as text. `X` in a message of the help is a key.
+// Texts of the page in English. Other languages have the same type, so that a missing message does not compile.
+// Parameters of messages are texts. In messages of the help, `X` is a key.
 
 const IN_SECTION = "Arrow keys: slice, or the tip while touching; plus and minus: zoom; Home: as at the beginning.";
 
 export const en = {
-  // on top
+  // header
   notice: "Research and education — not for clinical use",
   side: { left: "LEFT", right: "RIGHT", both: "BOTH SIDES", unknown: "SIDE UNKNOWN" },
   sideInPicture: (side: string) => `Side: ${side}`,
@@ -32,7 +32,7 @@ export const en = {
   stopped: "Stopped",
   stopTitle: "Force off at once, and nothing else (space bar)",
 
-  // the connection
+  // connection
   link: {
     connecting: "Connecting",
     connected: "Connected",
@@ -155,7 +155,7 @@ export const en = {
   oldData: (age: string) => `Data ${age} old`,
   figureOf: (value: string, most: string) => `${value} of ${most}`,
 
-  // what is felt
+  // force and contact
   panel: "Force, structures and settings",
   felt: "What is felt",
   limitNow: (now: string) => `of ${now}`,
@@ -236,7 +236,7 @@ export const en = {
   nobodyHolds: "nobody holds the pointer",
   otherHolds: "another viewer has the pointer, and rests",
 
-  // what is near
+  // distances and no-go regions
   nearTool: "Near the tool",
   nearAbout: "The structures that are nearest to the tool's outline, and how far away they are",
   nothingNear: (reach: string) => `Nothing within ${reach}`,
@@ -254,7 +254,7 @@ export const en = {
     "and without a break where it pushes; what is nearest is spoken, too (N)",
   soundHeld: "The browser lets it sound after the first press on the page.",
 
-  // a tracked tool
+  // tracked tool
   trackedAbout:
     "How wrong the place may be at which the tip is shown (TRE), " +
     "and what was left over at the points of the registration (FRE)",
@@ -449,7 +449,7 @@ export const en = {
   wasHere: "here it was",
   yourAnswer: "your answer",
 
-  // the plan
+  // plan
   plan: "Plan",
   planTitle: "Plan",
   planTool: "Plan",
@@ -556,11 +556,11 @@ export const en = {
   slabs: { none: "None: the plane alone", mean: "Mean", maximum: "Maximum (MIP)", minimum: "Minimum" },
   positions: "Positions",
 
-  // the line below
+  // status line
   atTip: "tip",
   value: (value: string) => `value ${value}`,
 
-  // what is wrong, and how it is mended
+  // errors and remedies
   loading: "Loading the volume …",
   again: "Trying again …",
   failedAgain: (what: string) => `${what}. Trying again …`,
@@ -600,7 +600,7 @@ export const en = {
   mendFailed: "It was started anew in vain: reload this page; where that does not help, restart the browser.",
   lostHarmless: "The force and the emergency stop are as they were.",
 
-  // the token
+  // token
   token: "Token",
   tokenAbout:
     "This session asks its viewers for a token. " +
@@ -654,7 +654,7 @@ export const en = {
   letters: "Letters, digits and ? are shortcuts",
   close: "Close",
 
-  // from within
+  // arthroscopic view
   inside: "Inside",
   insideTitle: "What a scope at the tool sees, beside volume and section (5)",
   scope: "Scope",
@@ -673,7 +673,7 @@ export const en = {
   ahead: (way: string, structure: string) => `${way} ahead: ${structure}`,
   insideOf: (structure: string) => `inside ${structure}: nothing to see`,
 
-  // how the volume is looked at
+  // view menu of the volume
   viewMenu: "View",
   viewMenuTitle: "What is cut away in front of the tip, perspective, planes, how finely it is drawn",
   volumeCut: "Volume",
@@ -684,7 +684,7 @@ export const en = {
   planesInVolume: "Planes that are shown",
   everyVoxel: "Every voxel",
 
-  // a recording
+  // time line of a recording
   timeLine: "The recording",
   play: "Play",
   playTitle: "Play the recording, or rest (P)",

@@ -1,20 +1,20 @@
-// Formatting of numbers: three significant digits, in a unit without leading zeros. Continuously changing figures have
-// columns of fixed width, so that they move nothing else.
+// Formatting of quantities: three significant digits, in a unit that avoids leading zeros. Continuously changing
+// figures have columns of fixed width, which keeps the layout stable.
 
 import { words } from "./words.js";
 
-/** Units a thousand times smaller. */
+/** Unit that is a thousandth of each unit. */
 const SMALLER: Record<Unit, string> = { N: "mN", mm: "µm", "N/mm": "N/m", "mm/s": "µm/s" };
 export type Unit = "N" | "mm" | "N/mm" | "mm/s";
-/** Below this fraction of a unit, the smaller one is used. */
+/** Fraction of a unit below which the smaller unit is used. */
 const SMALL = 0.01;
-/** Values below this are rounding errors of a sum that should vanish. */
+/** Magnitude below which a value is a rounding error and displayed as 0. */
 const NOTHING = 1e-9;
 const SUPERSCRIPT = [..."⁰¹²³⁴⁵⁶⁷⁸⁹"];
 
 const signed = (text: string): string => text.replace("-", "−");
 
-/** Three significant digits, or all integer digits: 1234, 123, 12.3, 0.123, 0.000420. */
+/** Text of a number with three significant digits, or all integer digits: 1234, 123, 12.3, 0.123, 0.000420. */
 export function digits(value: number): string {
   if (!Number.isFinite(value)) return "–";
   if (value === 0) return "0.00";
@@ -25,24 +25,22 @@ export function digits(value: number): string {
   return `${signed(mantissa!)}·10⁻${[...String(-power)].map((digit) => SUPERSCRIPT[Number(digit)]).join("")}`;
 }
 
-/** Number and unit, separately. */
+/** Texts of the number and of the unit of a quantity. */
 export function measured(value: number, unit: Unit): [string, string] {
   const size = Math.abs(value);
   if (size < NOTHING) return [digits(0), unit];
   return size < SMALL ? [digits(1000 * value), SMALLER[unit]] : [digits(value), unit];
 }
-/** "12.3 mm", "4.20 µm" */
+/** Text of a quantity: "12.3 mm", "4.20 µm". */
 export const quantity = (value: number, unit: Unit): string => measured(value, unit).join(" ");
 
-/** Force limit of this tick and, if that is lower (warm motors), the configured limit too. */
+/** Text of the force limit of a tick and, if that is lower (warm motors), of the configured limit, too. */
 export function limitText(limit_N: number, set_N: number): string {
   const [now, wanted] = [quantity(limit_N, "N"), quantity(set_N, "N")];
   return limit_N < set_N && now !== wanted ? words.limitNowAndSet(now, wanted) : words.limitNow(now);
 }
 
-/**
- * Value of the scan: an integer if the scan has integer steps, else three significant digits, but none below a step.
- */
+/** Text of a scan value: an integer for integer steps, else three significant digits, but none below a step. */
 export function valueText(value: number, step: number): string {
   if (step >= 1) return signed(value.toFixed(0));
   const stepDigits = Math.ceil(-Math.log10(step));
@@ -50,7 +48,7 @@ export function valueText(value: number, step: number): string {
   return (shown.split(".")[1] ?? "").length > stepDigits ? signed(value.toFixed(stepDigits)) : shown;
 }
 
-/** Step of a scan that was rounded on download. */
+/** Text of the quantization step of a scan that was rounded on download; empty for a step of 1. */
 export const stepsText = (step: number): string => (step === 1 ? "" : words.steps(digits(step)));
 
 /** Number of decimals of a millimetre that resolve half a voxel, at least one. */

@@ -1,4 +1,4 @@
-// English or German: the browser's language, or the one chosen here, which this browser stores.
+// Language of the page: the browser's, or the one chosen by the user, which the browser stores.
 
 import { hush } from "../base/announce.js";
 import { byId } from "../base/dom.js";
@@ -8,15 +8,15 @@ import { LANGUAGES, speak, type Language } from "./words.js";
 const KEY = "palpate.language";
 const isKnown = (name: string | null): name is Language => name !== null && Object.hasOwn(LANGUAGES, name);
 
-/** First of the browser's languages in which the page is available. */
+/** First of the browser's languages in which the page is available, else English. */
 export const preferred = (languages: readonly string[]): Language =>
   languages.map((tag) => tag.toLowerCase().split("-")[0]!).find(isKnown) ?? "en";
 
 const listeners: (() => void)[] = [];
-/** Registers a listener that rewrites texts without a message name after a change of the language. */
+/** Registers a listener for changes of the language, which rewrites texts that are not registered by `says`. */
 export const onLanguage = (listener: () => void): void => void listeners.push(listener);
 
-/** @returns resolves when the initial language is loaded, or cannot be */
+/** Applies the initial language; resolves when it is loaded or has failed to load. */
 export function applyLanguage(): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
   const kept = localStorage.getItem(KEY);
@@ -31,7 +31,7 @@ export function applyLanguage(): Promise<void> {
   return first === "en" ? Promise.resolve() : change(first);
 }
 
-/** The page keeps its language until the new one is loaded, also if that fails. */
+/** Changes the language. The previous one is kept until the new one is loaded, and if that fails. */
 async function change(language: Language): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
   choice.value = language;

@@ -1,5 +1,5 @@
-// Modules that are imported on first use. A failure is reported on the page and retried at the next use; everything
-// else works without the module, the emergency stop too.
+// Modules imported on first use. A failure is reported on the page and retried at the next use. Everything else,
+// including the emergency stop, works without the module.
 
 import { byId, write } from "../base/dom.js";
 import { words, type Words } from "./words.js";
@@ -15,7 +15,10 @@ export function reportMissingParts(): void {
   line.hidden = missing.size === 0;
 }
 
-/** @returns null if the part could not be loaded or constructed, which the page reports */
+/**
+ * Loads and constructs a part.
+ * @returns null on failure, which is reported on the page
+ */
 export async function fetchPart<T>(name: PartName, make: () => Promise<T>): Promise<T | null> {
   let made: T | null = null;
   try {
@@ -30,18 +33,18 @@ export async function fetchPart<T>(name: PartName, make: () => Promise<T>): Prom
 }
 
 export class Part<T> {
-  /** null until it is loaded */
+  /** The part; null until it is loaded. */
   now: T | null = null;
   private fetching: Promise<T | null> | null = null;
 
-  /** @param make  imports the module and constructs the part */
+  /** @param make  import of the module and construction of the part */
   constructor(
     private readonly name: PartName,
     private readonly make: () => Promise<T>,
   ) {}
 
   /**
-   * Loads the part once.
+   * Part, loaded on the first call.
    * @returns null on failure
    */
   get(): Promise<T | null> {
@@ -49,7 +52,7 @@ export class Part<T> {
   }
   private async fetch(): Promise<T | null> {
     this.now = await fetchPart(this.name, this.make);
-    // retried at the next use
+    // after a failure, the next use retries
     if (this.now === null) this.fetching = null;
     return this.now;
   }

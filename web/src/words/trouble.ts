@@ -1,8 +1,8 @@
-// Errors by the reaction that they require; permanent ones explain their remedy.
+// Errors, classified by the reaction that they require.
 
 import { words } from "./words.js";
 
-/** Permanent error, which retrying does not solve: cause and remedy. */
+/** Permanent error, not solved by retries: cause and remedy. */
 export class Lasting extends Error {
   constructor(
     what: string,
@@ -11,9 +11,9 @@ export class Lasting extends Error {
     super(what);
   }
 }
-/** A volume that does not exist (any more): the scene may refer to another one. */
+/** Error: the volume does not exist (any more); the scene may refer to another one now. */
 export class Gone extends Error {}
-/** Insufficient memory, of the graphics or of the page. */
+/** Error: insufficient graphics or main memory. */
 export class NoMemory extends Error {}
 
 export const isMemoryShort = (error: unknown): boolean => error instanceof NoMemory || error instanceof RangeError;
@@ -29,7 +29,7 @@ export function troubleOf(path: string, status: number): Error {
   return new Lasting(words.refuses(path, String(status)), how[status] ?? words.mendOther);
 }
 
-/** @param theirs  null: unknown */
+/** @param theirs  versions of the server; null: unknown */
 export function versionTrouble(own: number, theirs: { version: number; palpate: string } | null): Lasting {
   const what = theirs
     ? words.otherVersion(theirs.palpate, String(theirs.version), String(own))

@@ -1,10 +1,11 @@
-// Current texts of the page. Elements name their messages, so that a change of language only rewrites them.
+// Texts of the page in the current language. Elements store the names of their messages, so that a change of the
+// language rewrites them.
 
 import { write } from "../base/dom.js";
 import { en, type Words } from "./en.js";
 
 export type { Words };
-/** Loaders of the languages; English is always available, in case others cannot be loaded. */
+/** Loaders of the languages; English is bundled, in case others cannot be loaded. */
 export const LANGUAGES = {
   en: async () => en,
   de: async () => (await import("./de.js")).de,
@@ -14,11 +15,11 @@ export type Language = keyof typeof LANGUAGES;
 /** Texts in the current language. */
 export let words: Words = en;
 
-/** Messages without parameters, and those with a name as parameter. */
+/** Name of a message without parameters. */
 export type Message = { [K in keyof Words]: Words[K] extends string ? K : never }[keyof Words];
 export type MessageAbout = { [K in keyof Words]: Words[K] extends (name: string) => string ? K : never }[keyof Words];
 
-/** Parts of an element that show messages, and the data attributes that name these. */
+/** Parts of an element that display messages, and the data attributes that store the messages' names. */
 const PLACES = {
   text: { names: "words", set: (target: HTMLElement, said: string) => write(target, said) },
   title: { names: "wordsTitle", set: (target: HTMLElement, said: string) => (target.title = said) },
@@ -31,7 +32,10 @@ const PLACES = {
 type Says = Partial<Record<keyof typeof PLACES, Message>>;
 type SaysAbout = Partial<Record<keyof typeof PLACES, Message | MessageAbout>>;
 
-/** @param about  name that the messages are about */
+/**
+ * Sets the messages of an element, and returns it.
+ * @param about  name that messages with a parameter are about
+ */
 export function says<E extends HTMLElement>(target: E, messages: Says): E;
 export function says<E extends HTMLElement>(target: E, messages: SaysAbout, about: string): E;
 export function says<E extends HTMLElement>(target: E, messages: SaysAbout, about?: string): E {
@@ -52,7 +56,7 @@ function read(target: HTMLElement): void {
 }
 
 let wanted: Language = "en";
-/** Loads a language and switches to it, unless another one has been requested meanwhile. */
+/** Loads a language and switches to it, unless another one was requested meanwhile. */
 export async function speak(language: Language): Promise<void> {
   wanted = language;
   const fetched = await LANGUAGES[language]();
