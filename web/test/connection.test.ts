@@ -4,7 +4,7 @@ import { Connection, type Link } from "../src/protocol/connection.js";
 import type { Yield } from "../src/protocol/yields.js";
 import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/words/trouble.js";
 
-/** Connection with simulated sockets and timers. */
+/** Connection with simulated sockets and timers, and its messages. */
 function connection() {
   const sockets: {
     readyState: number;
@@ -24,7 +24,7 @@ function connection() {
     constructor() {
       sockets.push(this);
     }
-    // a closing handshake without a response never completes
+    // without a response, the closing handshake stays incomplete
     close() {
       this.readyState = 2;
       if (isAnswered.goodbye) this.onclose({ code: 1005 });
@@ -100,7 +100,7 @@ test("a stop without a connection is sent to the next one, if that comes soon", 
     now += after_ms;
     sockets[0]!.onmessage(WELCOME);
     const before = sent.length;
-    // and on no later connection
+    // a later connection does not repeat it
     sockets[0]!.onmessage(WELCOME);
     assert.equal(sent.length, before);
     return sent.map((message) => message.type);
@@ -121,7 +121,7 @@ test("a stop that nobody answered is sent to the next connection, if that comes 
   ] as const) {
     const { made, sockets, timers, sent, isAnswered } = connection();
     sockets[0]!.onmessage(WELCOME);
-    // the other end vanishes without a closing handshake
+    // the server vanishes without a closing handshake
     isAnswered.goodbye = false;
     now += pressedAfter_ms;
     const answer = made.ask({ type: "stop" });
@@ -156,7 +156,7 @@ test("a stop on a connection that is being closed is kept", async (t) => {
     sent.map(({ type }) => type),
     ["stop"],
   );
-  // nothing that was acknowledged is sent again
+  // an acknowledged stop is not sent again
   sockets[1]!.onmessage({ data: JSON.stringify({ type: "done", id: sent[0]!.id }) });
   sockets[1]!.onclose({ code: 1006 });
   made.open();

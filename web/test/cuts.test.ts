@@ -5,7 +5,7 @@ import { Cuts, type VoxelBox } from "../src/state/cuts.js";
 import { apply, cross, dot, length, sub, type Affine, type Vec3 } from "../src/base/geometry.js";
 import { Volumes } from "../src/protocol/scene.js";
 
-// rotated about z, voxels of 0.5 x 0.75 x 1 mm
+// grid rotated about z by 0.3 rad, with voxels of 0.5 x 0.75 x 1 mm
 const [C, S] = [Math.cos(0.3), Math.sin(0.3)];
 const GRID: Affine = [
   [0.5 * C, -0.75 * S, 0, -8],
@@ -15,7 +15,7 @@ const GRID: Affine = [
 const DIMS: Vec3 = [40, 30, 12];
 
 function volumes(): Volumes {
-  // one structure with contact forces, one without
+  // two structures: 1 with contact forces, 2 without
   const structure = Uint8Array.from({ length: DIMS[0] * DIMS[1] * DIMS[2] }, (_, n) => (n % 40 < 30 ? 1 : 2));
   return new Volumes("hash", 1, DIMS, GRID, null, structure, 1, 0);
 }
@@ -40,9 +40,7 @@ function greatest(concave: (part: number) => number): number {
   return Math.max(concave(0), concave(lo), concave(1));
 }
 
-/**
- * Penetration depth of a position into a sweep; for cylinders and cones the maximum over the balls along their axis.
- */
+/** Penetration depth of a position into a sweep, mm; for cylinders and cones the maximum over balls along the axis. */
 function depth(sweep: Sweep, at: Vec3): number {
   const [ax, ay, az, bx, by, bz, radius, ex, ey, ez, last] = sweep;
   if (ex === undefined) return radius - aside(sweep, at);
@@ -57,7 +55,7 @@ function depth(sweep: Sweep, at: Vec3): number {
   );
 }
 
-/** Distance from a sweep's path: to its ends, or by the area of the triangle. */
+/** Distance of a position from a sweep's path, mm: from its ends, or height of the triangle with them. */
 function aside([ax, ay, az, bx, by, bz]: Sweep, at: Vec3): number {
   const from: Vec3 = [ax, ay, az],
     to: Vec3 = [bx, by, bz],
@@ -72,7 +70,7 @@ const isSwept = (n: number, sweeps: Sweep[]): boolean => sweeps.some((sweep) => 
 const isInside = (n: number, { lo, size }: VoxelBox): boolean =>
   voxelOf(n).every((v, axis) => v >= lo[axis]! && v < lo[axis]! + size[axis]!);
 
-/** Reference: removes swept voxels from an uncut volume, one by one. */
+/** Reference: structures after each voxel of an uncut volume is tested against all sweeps. */
 const expected = (sweeps: Sweep[], isCut = IS_FELT): Uint8Array =>
   volumes().structure.map((structure, n) => (isCut[structure] && isSwept(n, sweeps) ? 0 : structure));
 
@@ -87,7 +85,7 @@ test("a felt structure is gone where its voxels' centres were swept", () => {
   const box = cuts.takeFrom(its, IS_FELT)!;
   assert.deepEqual(its.structure, expected(SWEEPS));
   assert.ok(its.structure.filter((place) => place === 0).length > 100);
-  // all changes lie in the reported box
+  // the reported box contains all changes
   const first = expected(SWEEPS.slice(0, 1));
   for (let n = 0; n < before.length; n++) {
     if (its.structure[n] !== first[n]) assert.ok(isInside(n, box));
@@ -123,7 +121,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
   const began = seed;
   const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
   const place = (): Vec3 => apply(GRID, DIMS.map((n) => n * (1.2 * random() - 0.1)) as Vec3);
-  // many sweeps overlap earlier ones, some reach nothing
+  // random sweeps: many overlap earlier ones, some contain no voxel
   const sweep = (): Sweep => {
     const at = place();
     const way: Sweep = [
@@ -151,7 +149,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
       sweeps: Sweep[] = [],
       seen: Uint8Array = its.structure.slice();
     for (let step = 0; step < 12; step++) {
-      // several messages may arrive between updates
+      // one to three messages arrive between updates
       for (let message = Math.floor(3 * random()); message >= 0; message--) {
         const first = random() < 0.4 ? sweeps.length : Math.floor((sweeps.length + 1) * Math.sqrt(random()));
         const more = Array.from({ length: Math.floor(4 * random()) }, sweep);
@@ -163,7 +161,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
         seen = its.structure.slice();
       }
       const box = cuts.takeFrom(its, isCut);
-      // reference: all remaining sweeps applied to uncut volumes
+      // reference: remaining sweeps, applied to an uncut volume
       const plain = expected(sweeps, isCut);
       assert.deepEqual(its.structure, plain, `seed ${began}, step ${step}`);
       for (let n = 0; n < plain.length; n++) {

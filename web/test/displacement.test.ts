@@ -23,7 +23,7 @@ test("boxes of nodes are written where they are, and given as they were written"
   assert.deepEqual([...displacement.box([2, 1, 3], [1, 1, 1])], mm.slice(3 * (1 + 2 * (1 + 3)), 3 * (2 + 2 * (1 + 3))));
   assert.deepEqual([...displacement.box([0, 0, 0], [4, 3, 2])], Array(72).fill(0));
   assert.ok(Math.abs(displacement.max_mm - Math.hypot(...mm.slice(-3))) < 1e-5);
-  // the maximum is recomputed after it was overwritten
+  // the maximum is recomputed after a change
   displacement.write(lo, size, Array(36).fill(0));
   assert.equal(displacement.max_mm, 0);
 });

@@ -141,7 +141,7 @@ test("the section contains what it follows and is as near as can be to what is w
     const direction = normalize(vector());
     const normal = normalContaining(direction, [1, 0, 0], [0, 1, 0]);
     near([dot(normal, direction), length(normal)], [0, 1], 1e-9);
-    // no candidate in the plane is closer
+    // no rotation about the contained direction brings the normal closer
     const other = rotate(aboutAxis(direction, 0.2), normal);
     if (length(cross(direction, [1, 0, 0])) > 0.2) assert.ok(dot(normal, [1, 0, 0]) >= dot(other, [1, 0, 0]) - 1e-12);
   }

@@ -6,7 +6,7 @@ import { History } from "../src/state/history.js";
 import { measuresTable, type Measure } from "../src/drawing/measure.js";
 import { Requests } from "../src/state/requests.js";
 
-/** A loop that grants every request except those in `refuses`. */
+/** Simulated loop that grants every request except those in `refuses`. */
 function loop() {
   const told: string[] = [];
   Object.assign(globalThis, {
@@ -87,7 +87,7 @@ test("a turn is asked for again, and one drag is one of them", async () => {
   for (const angle of [0.1, 0.2, 0.3])
     await requests.latest("rotation", { type: "set", rotation_wxyz: turned(angle) }, 7);
   await requests.latest("rotation", { type: "set", rotation_wxyz: turned(0.4) }, 8);
-  // rounded and with either sign, as the loop reports it
+  // a reported quaternion is rounded and may have the opposite sign
   state.rotation_wxyz = turned(0.4).map((x) => -Math.fround(x)) as typeof state.rotation_wxyz;
   await history.undo();
   assert.deepEqual(state.rotation_wxyz, turned(0.3));
@@ -95,7 +95,7 @@ test("a turn is asked for again, and one drag is one of them", async () => {
   assert.deepEqual(asked.at(-1), { type: "set", rotation_wxyz: [1, 0, 0, 0] });
   assert.equal(history.canUndo, false);
   await history.redo();
-  // changed by another viewer
+  // a change by another viewer
   state.rotation_wxyz = turned(0.31);
   await history.undo();
   assert.deepEqual(state.rotation_wxyz, turned(0.31));
@@ -185,7 +185,7 @@ test("what is seen otherwise goes back part by part, and what has changed by its
     (to) => (seen.window = to),
   );
   history.change("keys", () => (seen.zoom = 2));
-  // a run of changes is one step, a change of another kind is a further one
+  // changes of one kind in one gesture are one step, a change of another kind is a further one
   for (const pan of [
     [1, 0],
     [2, 0],
@@ -193,7 +193,7 @@ test("what is seen otherwise goes back part by part, and what has changed by its
   ])
     history.change("drag", () => (seen.pan = pan), history.gesture);
   history.change("drag", () => (seen.window = 7), history.gesture);
-  // no change, no step
+  // an action without a change is no step
   history.change("keys", () => (seen.zoom = 2));
   await history.undo();
   assert.deepEqual(seen, { zoom: 2, pan: [3, 1], window: 5 });

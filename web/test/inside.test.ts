@@ -126,7 +126,7 @@ test("what a picture has found says of a point whether something solid is in fro
     const [least, extent] = [-100, 2000];
     const p = camera.unproject(10, -6, camera.toPatient(camera.focus));
     const away = camera.ray(10, -6).into;
-    // one pixel with a structure, whose centre is half a pixel to the right and below
+    // a single pixel has a structure; its centre is half a pixel right of and below its corner
     const way = new Found(bytes, view, least, extent).place(p)!.way_mm;
     const at = 4 * (42 + 64 * (31 - 10));
     const steps = Math.round((65535 * (way - least)) / extent);
@@ -145,7 +145,7 @@ test("what a picture has found says of a point whether something solid is in fro
   }
 });
 
-/** 40^3 voxels of 1 mm on a mirrored grid: a ball of bone at the centre and a plate behind it. */
+/** Volume of 40^3 voxels of 1 mm on a mirrored grid: a ball of radius 8 mm at the centre and a plate behind it. */
 function room(): { volumes: Volumes; isFelt: (p: Vec3) => boolean } {
   const dims: Vec3 = [40, 40, 40];
   const structure = new Uint8Array(64000);
@@ -185,7 +185,7 @@ test("a press finds the first surface under it", () => {
 test("the tip's way to a surface goes through nothing that is felt", () => {
   const { volumes, isFelt } = room();
   const into: Vec3 = [0, 1, 0];
-  // from behind the ball, from beside it, from its front, and from within its surface
+  // tips behind the ball, next to it, in front of it, and within it
   for (const tip of [
     [0, 11, 0],
     [14, 0, 0],
@@ -209,7 +209,7 @@ test("the tip's way to a surface goes through nothing that is felt", () => {
           const felt = isFelt(add(from, scale(sub(to, from), n / 200)));
           hasLeft ||= !felt;
           through_mm = felt && (hasLeft || !isFelt(tip)) ? through_mm + length(sub(to, from)) / 200 : 0;
-          // except for the corner of a voxel
+          // tolerance: the corner of a voxel
           assert.ok(through_mm < 0.6, `${tip} to ${surface}: through something on the way to ${to}`);
         }
         from = to;

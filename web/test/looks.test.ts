@@ -45,7 +45,7 @@ test("a bone is known by its own name where its tissue has another", () => {
     );
     return names.filter((_, n) => presetLooks("bone", one, looksOf(one))[n]!.visible);
   };
-  // a whole-body atlas with a single tissue
+  // names of a whole-body atlas, whose structures all have the same tissue
   const bones = [
     "femur_left",
     "hip_right",

@@ -1,30 +1,29 @@
-// Stand-in for `palpate explore`, by docs/reference/viewer-protocol.md: serves the built page, a synthetic left knee
-// and a moving tip. For work on the page, and for its tests without palpate.
+// Mock of `palpate explore`, by docs/reference/viewer-protocol.md: serves the built page, a synthetic left knee and a
+// moving tip. For development of the page, and for its tests without palpate.
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1]
 //                                    [--hold no] [--shaft no] [--tool probe] [--burr ball] [--second no] [--yield no]
 //                                    [--more 0] [--kept FOLDER]
 //
-//   --protocol N    version of the protocol that is announced
+//   --protocol N    announced version of the protocol
 //   --refuse STATUS HTTP status of all responses of /api/ and /ws
 //   --scan ramp     unsigned 16-bit scan, most of whose values lie in 1/256 of the range, on a grid whose axes are
 //                   permuted, mirrored and rotated
 //   --scan sphere   a sphere of 20 mm in voxels of 0.5 mm
-//   --shaft yes     a shaft of 40 mm, as with the ramp
-//   --tool burr     a motor: each start cuts a stroke of 3 mm radius along a path of 2 mm, the first one from the
-//                   centre of the first structure, each further one 7 mm above
-//   --burr FORM     cylinder: 1 mm radius over a length of 6 mm; cone: widening to 2.5 mm over that length
-//   --second yes    a second device, which holds a ball of 4 mm radius on a shaft still, 20 mm left of the first one's
-//                   start
+//   --shaft yes     tool with a shaft of 40 mm, as with --scan ramp
+//   --tool burr     burr with a motor: each start cuts a stroke of 3 mm radius along a path of 2 mm, the first one from
+//                   the centre of the first structure, each further one 7 mm above the previous one
+//   --burr FORM     head of the burr; cylinder: 1 mm radius over a length of 6 mm; cone: from 1 to 2.5 mm radius
+//   --second yes    second device with a ball of 4 mm radius on a shaft, at rest 20 mm left of the first one's start
 //   --more N        N further structures without voxels
-//   --repeat N      each voxel as N x N x N voxels; 2: 9.6 million in all, as many as a clinical scan of a knee
-//   --hold yes      volumes are withheld until /mock/release is requested
+//   --repeat N      subdivision of each voxel into N^3; 2: 9.6 million in all, as many as a clinical scan of a knee has
+//   --hold yes      volumes are withheld until a request of /mock/release
 //   --yield yes     deformable tissue under the tip
 //   --kept FOLDER   cache of voxels, which saves a second at the next start
 //
 // /mock/stops lists the times of stops, in ms since 1970. /mock/yield?at=0,0,0&mm=1,0,0&wide=5&device=0 displaces the
-// tissue around a position by a Gaussian of that width; /mock/yield alone ends that.
+// tissue around a position by a Gaussian of that width; /mock/yield without parameters ends the displacement.
 
 import { createHash } from "node:crypto";
 import { existsSync, readFileSync, renameSync, writeFileSync } from "node:fs";
@@ -61,7 +60,7 @@ const tokens = new Map(
         .map((line) => line.split(" ").reverse())
     : [],
 );
-// as palpate says it; the mock has no tasks
+// permissions by role, as palpate grants them to a session without tasks
 const rights = {
   view: ["look", "stop", "unseen"],
   control: ["look", "stop", "unseen", "hand", "feel", "plan", "play"],
@@ -69,7 +68,7 @@ const rights = {
 const whoIs = (role) => ({ role, learner: null, may: rights[role] });
 const roleOf = (token) => (tokens.size === 0 ? "control" : (tokens.get(token) ?? null));
 
-// a knee of simple shapes, mm about the joint; what comes first wins
+// knee of simple shapes, mm from the joint; where shapes overlap, the first one counts
 const length = (x, y, z) => Math.sqrt(x * x + y * y + z * z);
 const ellipsoid = (c, r) => (p) => length((p[0] - c[0]) / r[0], (p[1] - c[1]) / r[1], (p[2] - c[2]) / r[2]) - 1;
 const cylinder = (c, r, from, to) => (p) =>
@@ -113,7 +112,7 @@ const more = Array.from({ length: Number(options.more) }, (_, n) => ({
   colour: [n, 128, 255 - n],
   tissue: n % 3,
 }));
-// of a burr that is no ball: from the middle of the ball at its tip to that at its far end, and that one's radius
+// cylindrical or conical head: vector from the ball at the tip to that at the far end, and the latter's radius
 const HEAD = [0, 0, 6],
   END_RADIUS = options.burr === "cone" ? 2.5 : 1;
 const isRamp = options.scan === "ramp";
@@ -124,7 +123,7 @@ if (isSphere)
   structures.forEach(
     (structure, n) => (structure.shape = n === 0 ? ellipsoid([0.1, -0.05, 0.15], [10, 10, 10]) : () => 1),
   );
-// unit, of i, j and k: a rotation by 12 degrees of the swapped and mirrored axes
+// unit directions of i, j and k: the ramp's are permuted, mirrored and rotated by 12 degrees
 const [cos, sin] = [Math.cos(0.21), Math.sin(0.21)];
 const axes = isRamp
   ? [
@@ -167,14 +166,14 @@ if (kept && existsSync(kept)) {
     scan[scan.length - 1] = 32767;
   }
   if (kept) {
-    // another may be made at the same time
+    // atomic replacement, because several servers may start at once
     writeFileSync(`${kept}.${process.pid}`, Buffer.concat([labels, Buffer.from(scan.buffer)]));
     renameSync(`${kept}.${process.pid}`, kept);
   }
 }
 const hash = createHash("sha256").update(labels).update(scan).update(options.repeat).digest("hex").slice(0, 16);
 
-// the served voxels: the knee, optionally with each voxel subdivided
+// served voxels: those of the knee, subdivided `repeat` times along each axis
 const repeat = Number(options.repeat);
 const servedDims = dims.map((n) => n * repeat);
 const X_PatientServed = X_PatientVoxel.map((row, r) =>
@@ -291,7 +290,7 @@ const scene = (role) => ({
       : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] },
     labels: { type: "uint8" },
   },
-  // supine, seen from the feet: right is the patient's left, forward superior, up anterior
+  // supine patient, viewed from the feet: World x to the patient's left, y superior, z anterior
   world_from_patient: [
     [1, 0, 0, 0],
     [0, 0, 1, 0],
@@ -430,7 +429,7 @@ const server = createServer((request, response) => {
   );
 });
 
-// the tip: a simulated hand that moves from structure to structure, or the pointer
+// tip: moved by a simulated hand from structure to structure, or by the pointer
 const places = [
   [2, -40, 20],
   [17, -24, 4],
@@ -446,14 +445,14 @@ let before = tip;
 let stops = 0;
 let stopper = null; // viewer that requested the latest stop
 const stopsAt_ms = [];
-let pointer = null; // the viewer that moves the tip
+let pointer = null; // viewer that moves the tip
 let asked_ms = -1e9;
 let felt = [1, 0, 0, 0];
 let tick = 0;
 let sequence = 0;
 const begun = performance.now();
 const sub = (a, b) => a.map((x, i) => x - b[i]);
-// called a hundred thousand times a second: avoids arrays
+// scalars instead of arrays, because of 100 000 calls per second
 const labelOf = (x, y, z) => {
   const [a, b, c] = [x - origin[0], y - origin[1], z - origin[2]];
   const along = (axis) => Math.round((axis[0] * a + axis[1] * b + axis[2] * c) / spacing);
@@ -463,7 +462,7 @@ const labelOf = (x, y, z) => {
     : 0;
 };
 const labelAt = (p) => labelOf(p[0], p[1], p[2]);
-/** Shortest exit among many directions. */
+/** Approximate nearest surface from inside: exit with the shortest path among 120 directions, null beyond 40 mm. */
 function surface(p) {
   let best = null;
   for (let i = 0; i < 120; i++) {
@@ -501,7 +500,7 @@ function pose() {
   const limit = state.max_force_N;
   const off = state.paused || state.emergency_stop || stale;
   const force = off ? 0 : Math.min(asked, limit);
-  // forces in World: x, superior, anterior, rotated with the object
+  // force in World (x, superior, anterior), rotated with the object
   const [w, x, y, z] = felt;
   const world = out ? [out.u[0], out.u[2], -out.u[1]].map((c) => c * force) : [0, 0, 0];
   const t = [y * world[2] - z * world[1], z * world[0] - x * world[2], x * world[1] - y * world[0]].map((c) => 2 * c);
@@ -662,7 +661,7 @@ sockets.on("connection", (socket) => {
     const { type, id, ...values } = message;
     const refused = refusal(message, viewer);
     if (refused) return socket.send(JSON.stringify({ type: "refused", id, ...refused }));
-    // somebody at the device confirms after a while
+    // simulated confirmation at the device, after 1.5 s
     if (state.armed && ["set", "tissue", "undo", "redo"].includes(type)) {
       socket.send(JSON.stringify({ type: "asked", id }));
       setTimeout(() => grant(socket, type, id, values), 1500);
@@ -704,7 +703,7 @@ sockets.on("connection", (socket) => {
     tellState();
   });
 });
-/** Mean position of a label's voxels, patient frame. */
+/** Mean position of a label's voxels, patient frame, mm. */
 function middle(label) {
   const sum = [0, 0, 0, 0];
   for (let n = 0; n < labels.length; n++) {
@@ -716,7 +715,7 @@ function middle(label) {
   const mean = [...sum.slice(0, 3).map((x) => x / sum[3]), 1];
   return X_PatientVoxel.slice(0, 3).map((row) => row.reduce((all, x, axis) => all + x * mean[axis], 0));
 }
-// a direct method is prepared when it is first chosen
+// methods that are prepared; others take 0.5 s when they are first chosen
 const ready = new Set(["proxy"]);
 function choose(method) {
   if (ready.has(method)) return Object.assign(state, { method, method_awaited: null });
@@ -728,7 +727,7 @@ function choose(method) {
     }, 500);
   state.method_awaited = method;
 }
-// a constitutive law for deformable tissue has surfaces of its own
+// whether a constitutive law deforms tissue, and hence has surfaces of its own
 const yieldsBy = (law) => law === "elastic" || law === "neo-hookean";
 function goBy(law) {
   if (yieldsBy(law) === yieldsBy(state.law)) return Object.assign(state, { law, law_awaited: null });
@@ -740,7 +739,7 @@ function goBy(law) {
     }, 500);
   state.law_awaited = law;
 }
-// sweeps by stroke
+// sweeps of each stroke
 const strokes = [];
 const undone = [];
 function nextStroke() {
@@ -753,7 +752,7 @@ function nextStroke() {
   ];
 }
 const cutFrom = (first) => JSON.stringify({ type: "cut", first, sweeps: strokes.flat().slice(first) });
-/** Reports sweeps from the first one that differs. */
+/** Changes strokes, and reports sweeps from the first changed one on. */
 function changeStrokes(change) {
   const before = strokes.flat().length;
   change();
@@ -811,6 +810,6 @@ setInterval(() => {
   for (const socket of viewers.keys()) if (socket.bufferedAmount < 1e4) socket.send(bytes);
 }, 1000 / 60);
 
-// a server started by a test ends with it, however that ends
+// ends the server with the test process that started it, even after a crash of the latter
 process.on("disconnect", () => process.exit());
 server.listen(Number(options.port), "127.0.0.1", () => console.log(`http://127.0.0.1:${server.address().port}/`));

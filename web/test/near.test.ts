@@ -8,7 +8,7 @@ import { nearestNoGo, toolParts, type ToolPart } from "../src/state/no_go.js";
 import { Session } from "../src/state/session.js";
 import { WireError, WireVersion, type Pose } from "../src/protocol/wire.js";
 
-/** Encoder by the table of docs/reference/viewer-messages.md. */
+/** Encoded message, by the table of docs/reference/viewer-messages.md. */
 function written(devices: Near[]): DataView {
   const view = new DataView(new ArrayBuffer(24 + 76 * devices.length));
   "PLPN".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
@@ -74,7 +74,7 @@ const region = (of: Partial<NoGo>): NoGo => ({
   ...of,
 });
 
-/** Reference: minimum over many positions along a part, each with its own ball. */
+/** Reference: minimum of a distance over the balls at many positions along each part. */
 const leastOf = (parts: ToolPart[], of: (p: Vec3) => number): number =>
   Math.min(
     ...parts.flatMap(({ from, to, radii_mm: [first, last] }) =>
@@ -90,7 +90,7 @@ test("planes and balls are as far from the tool's outline as its nearest ball is
   assert.ok(Math.abs(nearestNoGo([plane], toolParts(PROBE, [3, 4, 0], same), NOTHING)!.mm - 6.5) < 1e-9);
   const ball = region({ ball: { centre_mm: [0, 0, 12], radius_mm: 5 }, keep_away_mm: 1 });
   assert.ok(Math.abs(nearestNoGo([ball], toolParts(PROBE, [0, 0, 0], same), NOTHING)!.mm - 4.5) < 1e-9);
-  // a shaft that widens, next to the ball
+  // tip positions with the ball next to the shaft, which widens
   for (const tip of [
     [20, 0, -30],
     [15, -9, 0],
@@ -158,7 +158,7 @@ test("it sounds faster and higher the nearer it is, and without a break where it
   assert.deepEqual(toneAt(-30), toneAt(-3));
 });
 
-/** Recorder of an audio context; `loud` is its scheduled gain at a time. */
+/** Simulated audio context, which records what is scheduled; `loud`: gain at a time. */
 function audio() {
   const told = {
     state: "suspended",
@@ -254,7 +254,7 @@ test("so many beeps come in a second as the tone has", () => {
   }
   const wanted = 4 * toneAt(5)!.beeps_per_s;
   assert.ok(Math.abs(beeps - wanted) <= 0.1 * wanted + 1, `${beeps} of ${wanted}`);
-  // an approach shortens a long pause
+  // an approach shortens the pause before the next beep
   told.now = 10;
   sound.tell(9.9);
   told.now += 1 / 60;
@@ -303,7 +303,7 @@ test("a quiz tells no names, and nothing of what is to be found before it pushes
     [made.approach, labels(), made.regionName(0), made.structureName(8)],
     [null, [8], "some region", "some structure"],
   );
-  // a region that pushes is highlighted unless it is concealed
+  // the structure whose region pushes is highlighted unless it is concealed
   made.near = [{ ...made.near[0]!, noGo: 0, depth: 0.5 }];
   const before = made.lookVersion;
   made.setPose(pose);

@@ -1,6 +1,6 @@
-// The whole page in Node, with jsdom as its DOM, the mock as its server, and a canvas that discards drawing: for the
-// page's decisions, texts and requests. Appearance, layout, focus and real pointers are tested in a browser
-// (tests/browser/). The page's modules hold their state for the lifetime of a process: each test file opens one page.
+// Page in Node, with jsdom as DOM, the mock as server, and a canvas that discards drawing: for tests of the page's
+// behaviour, texts and requests. Appearance, layout, focus and real pointers are tested in a browser (tests/browser/).
+// Modules of the page have state of the process, so that each test file opens one page.
 
 import assert from "node:assert/strict";
 import { fork, type ChildProcess } from "node:child_process";
@@ -9,11 +9,11 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, describe } from "node:test";
 import { JSDOM, VirtualConsole } from "jsdom";
-// @ts-expect-error ws brings no types
+// @ts-expect-error ws has no type declarations
 import { WebSocket as Socket } from "ws";
 import type { Vec3 } from "../src/base/geometry.js";
 
-/** Timeout of waits, far above their duration on a busy machine. */
+/** Timeout of waits, far above their duration even on a busy machine. */
 const PATIENCE_MS = 120_000;
 
 export class MockServer {
@@ -24,7 +24,7 @@ export class MockServer {
   get url(): string {
     return `http://127.0.0.1:${this.port}/`;
   }
-  /** @param options  replace the previous ones */
+  /** @param options  command line of the mock; default: that of the previous start */
   async start(options = this.options): Promise<void> {
     this.options = options;
     const child = fork("test/mock_server.mjs", ["--port", String(this.port), ...options], {
@@ -51,7 +51,7 @@ export class MockServer {
   }
 }
 
-/** Canvas context for jsdom, which discards drawing. */
+/** Canvas context for jsdom that discards drawing. */
 function contextOf(canvas: HTMLCanvasElement): CanvasRenderingContext2D {
   const own: Record<string | symbol, unknown> = {
     canvas,
@@ -67,7 +67,7 @@ function contextOf(canvas: HTMLCanvasElement): CanvasRenderingContext2D {
   }) as unknown as CanvasRenderingContext2D;
 }
 
-/** Renderer that accepts the volume and returns no pictures. */
+/** Worker that accepts the volume and returns no pictures. */
 class IdleWorker {
   onmessage: ((event: { data: unknown }) => void) | null = null;
   onerror: (() => void) | null = null;
@@ -84,7 +84,7 @@ class IdleWorker {
   terminate(): void {}
 }
 
-/** Interface of src/test_hook.ts, as far as these tests use it. */
+/** Interface of src/test_hook.ts. */
 // eslint-disable-next-line @typescript-eslint/no-explicit-any
 type Hook = any;
 
@@ -113,7 +113,7 @@ export class TestPage {
   click(target: string | HTMLElement): void {
     (typeof target === "string" ? document.querySelector<HTMLElement>(target)! : target).click();
   }
-  /** Sets a control and dispatches the events of a user's input. */
+  /** Sets the value of a control and dispatches an event, as for a user's input. */
   set(target: string | HTMLElement, value: string | number, type = "change"): void {
     const control =
       typeof target === "string" ? document.querySelector<HTMLInputElement>(target)! : (target as HTMLInputElement);
@@ -123,7 +123,10 @@ export class TestPage {
   key(key: string, options: KeyboardEventInit = {}, target: Element = document.body): void {
     target.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true, ...options }));
   }
-  /** Resolves when the condition holds. */
+  /**
+   * Waits until a condition holds.
+   * @param what  description of the condition, for the error on timeout
+   */
   async wait(what: string, isTrue: () => unknown): Promise<void> {
     const until = Date.now() + PATIENCE_MS;
     while (!isTrue()) {
@@ -132,8 +135,8 @@ export class TestPage {
     }
   }
   /**
-   * Mean position of a structure's voxels, patient frame.
-   * @param structure  its index
+   * Mean position of a structure's voxels, patient frame, mm.
+   * @param structure  index of the structure
    */
   middleOf(structure: number): Vec3 {
     const {
@@ -151,7 +154,7 @@ export class TestPage {
         }
     return sum.map((x) => x / count) as Vec3;
   }
-  /** Resolves when pending tasks without external responses are complete. */
+  /** Resolves when all pending tasks that need no external response are complete. */
   settle(): Promise<void> {
     return new Promise((later) => setTimeout(later));
   }
@@ -165,7 +168,7 @@ export class TestPage {
 
 /**
  * Opens the page.
- * @param options  of the mock server
+ * @param options  command line of the mock server
  * @param wanted  condition to wait for
  */
 export async function openPage(
@@ -215,7 +218,7 @@ export async function openPage(
   its.HTMLCanvasElement.prototype.getContext = function (this: HTMLCanvasElement, kind: string) {
     return kind === "2d" ? contextOf(this) : null;
   } as never;
-  // jsdom does not implement dialogs
+  // jsdom has no modal dialogs
   its.HTMLDialogElement.prototype.showModal = function (this: HTMLDialogElement) {
     this.open = true;
   };
@@ -225,7 +228,7 @@ export async function openPage(
   ] as const)
     Object.defineProperty(its.Element.prototype, side, { get: () => pixels });
   const fetchFromAnywhere = globalThis.fetch;
-  // the page's timers and sockets would keep the process alive
+  // open channels, which would keep the process alive, are closed with the page
   const channels: MessageChannel[] = [];
   const stubs = {
     Worker: IdleWorker,
@@ -251,7 +254,7 @@ export async function openPage(
         channels.push(this);
       }
     },
-    // a failed connection emits close, which the page handles; an unhandled error event would end the process
+    // an unhandled error event would end the process; the page handles the close event that follows
     WebSocket: class extends Socket {
       constructor(...all: ConstructorParameters<typeof Socket>) {
         super(...all);
@@ -263,8 +266,7 @@ export async function openPage(
     fetch: (path: string, more?: RequestInit) => fetchFromAnywhere(new URL(path, server.url), more),
   };
   Object.assign(globalThis, stubs);
-  // a single kind of timer: the page calls window.setTimeout and clearTimeout. Handles are numbers, which Node accepts
-  // too.
+  // numeric handles of timers, because the page mixes window.setTimeout and clearTimeout; Node accepts numbers, too
   const timers: NodeJS.Timeout[] = [];
   const begun = (timer: NodeJS.Timeout): number => Number(timers[timers.push(timer) - 1]);
   Object.assign(its, {
@@ -297,7 +299,7 @@ export async function openPage(
   return page;
 }
 
-/** Runs the tests of a page and closes it, because an open page or a running server would keep the process alive. */
+/** Runs the tests of a page, then closes page and server, which would keep the process alive. */
 export function testsOf(page: TestPage, name: string, tests: () => void): void {
   describe(name, () => {
     after(page.close);
@@ -305,7 +307,7 @@ export function testsOf(page: TestPage, name: string, tests: () => void): void {
   });
 }
 
-/** A temporary file of tokens, one per line, deleted after the test. */
+/** Path of a temporary file of tokens, one per line, deleted after the tests. */
 export function tokenFile(lines: string): string {
   const folder = mkdtempSync(join(tmpdir(), "palpate-tokens-"));
   process.on("exit", () => rmSync(folder, { recursive: true }));

@@ -3,7 +3,7 @@ import test from "node:test";
 import type { Vec3 } from "../src/base/geometry.js";
 import { openPage, testsOf } from "./page.js";
 
-// each start of the motor cuts a stroke of 3 mm around the centre of the femur, further ones 7 mm above the previous
+// each start of the motor cuts a stroke of 3 mm radius: at the centre of the femur, then 7 mm above the previous one
 const page = await openPage(["--scan", "knee", "--input", "pointer", "--tool", "burr"]);
 const strokes = () => page.viewer.state.strokes as { undo: number; redo: number };
 const isSwitched = async (on: boolean) => {
@@ -46,7 +46,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     await page.wait("told", () => page.text("removed").includes("170 mm³ of femur removed"));
     assert.equal(page.text("damage"), "170 mm³ of femur gone, which is protected");
     assert.equal(page.text("nearest"), "the tool came as near as 0.500 mm to tibia");
-    // no stroke is undone while the motor runs, also if another viewer has just started it
+    // no stroke can be undone while the motor runs, whichever viewer started it
     assert.deepEqual(offered(), [false, false]);
     assert.equal(page.byId("undo-stroke").title, "Switch the motor off, or let go of its pedal, first");
     page.byId("undo-stroke").disabled = false;
@@ -58,7 +58,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     assert.deepEqual(offered(), [false, false]);
     assert.ok(!isThere(first));
     await isSwitched(false);
-    // a later connection reports all cuts
+    // a new connection reports all cuts again
     for (const type of ["pagehide", "pageshow"])
       window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
     await page.wait(
@@ -79,13 +79,13 @@ testsOf(page, "a knee that is milled by a ball", () => {
     await page.wait("one is back", () => !isThere(first) && isThere(second));
     assert.deepEqual(offered(), [true, true]);
     assert.equal(page.text("removed"), "170 mm³ of femur removed");
-    // shortcuts can be disabled; those of the page's own history are different ones
+    // single-key shortcuts can be disabled; undo of the page's history has other keys
     page.click("#letters");
     page.key("u");
     page.click("#letters");
     page.key("U", { shiftKey: true });
     await areStrokes(2, 0);
-    // holding a key requests one stroke only: a later request is acknowledged after it
+    // the repeats of a key request nothing; the pause would be acknowledged after such a request
     page.key("u", { repeat: true });
     page.click("#pause");
     await page.wait("paused", () => page.viewer.state.paused);
@@ -100,7 +100,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     page.click("#redo-stroke");
     await areStrokes(1, 1);
     await page.wait("one is cut", () => !isThere(first) && isThere(second));
-    // another stroke replaces the undone one
+    // a new stroke replaces the undone one
     await isSwitched(true);
     await isSwitched(false);
     await areStrokes(2, 0);

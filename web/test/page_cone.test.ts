@@ -12,7 +12,7 @@ testsOf(page, "a knee that is milled by a cone", () => {
       await page.wait(`the motor is ${on ? "on" : "off"}`, () => page.viewer.state.motor_is_on === on);
     };
     const [x, y, z] = page.middleOf(0);
-    // next to the head's axis and along it: radius 1 mm at the tip, 2.5 mm at 6 mm above it
+    // positions on and next to the head's axis: its radius is 1 mm at the tip, 2.5 mm at 6 mm above it
     const found = () =>
       [
         [0, 0],

@@ -2,13 +2,13 @@ import assert from "node:assert/strict";
 import test, { beforeEach } from "node:test";
 import { openPage, testsOf } from "./page.js";
 
-// a physical device, where every request is confirmed after a while
+// physical device: requests are confirmed there, after a delay
 const page = await openPage(["--input", "device"]);
 const types = (code: string) => {
   const field = page.byId("arm-code");
   for (const digit of code) {
     page.key(digit, {}, field);
-    // a browser enters no character for the key of the stop
+    // the key of the emergency stop enters no character
     if (digit !== " ") page.set(field, field.value + digit, "input");
   }
 };
@@ -40,13 +40,13 @@ testsOf(page, "a physical device", () => {
     assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six digits");
     types("12345");
     assert.ok(page.byId("rearm").disabled, "five digits are no code");
-    // a wrong code is reported and cleared
+    // a wrong code is reported and the field cleared
     types("7");
     page.click("#rearm");
     await page.wait("told", () => page.text("toast").includes("not the one that is shown"));
     assert.equal(page.byId("arm-code").value, "");
     assert.ok(page.viewer.state.emergency_stop && page.byId("rearm").disabled);
-    // the space bar is the emergency stop in the field of the code too
+    // the space bar is the emergency stop in the code's field, too
     const { stop } = page.viewer.state;
     types("12 3");
     await page.wait("stopped once more", () => page.viewer.state.stop > stop);

@@ -47,7 +47,7 @@ testsOf(page, "the page", () => {
     assert.equal(page.byId("none-found").hidden, false);
     find("");
     assert.deepEqual(sorted(listed()), sorted(names));
-    // one structure alone, then another one, then the initial visibility
+    // shows one structure alone, then another one, then the initial visibility
     const press = (name: string) => page.click(page.all(".structure .name").find((one) => one.textContent === name)!);
     page.click(page.all(".structure .eye")[0]!);
     const before = visible();
@@ -106,7 +106,7 @@ testsOf(page, "the page", () => {
     page.set("#looks", "scene");
     assert.deepEqual(opacities(), asItCame);
 
-    // found although folded
+    // a search finds structures of folded groups
     page.click(group("bone").querySelector<HTMLElement>(".fold")!);
     assert.deepEqual(
       new Set(listed()),
@@ -130,7 +130,7 @@ testsOf(page, "the page", () => {
       assert.equal(lineName(document.activeElement!.closest<HTMLElement>(".structure")!), order[place], key);
     }
     assert.equal(document.activeElement!.className, "eye");
-    // the list is one tab stop of four controls
+    // one row of four controls is in the tab order
     assert.equal(page.all(".structure button, .structure input").filter((one) => one.tabIndex !== -1).length, 4);
   });
 
@@ -149,7 +149,7 @@ testsOf(page, "the page", () => {
     assert.equal(eye.textContent, "Hidden");
     page.click("#pause");
     await page.wait("paused", () => page.viewer.state.paused);
-    // the space bar is the emergency stop in number fields too
+    // the space bar is the emergency stop in number fields, too
     page.key(" ", {}, page.byId("level"));
     await page.wait("stopped", () => page.viewer.state.emergency_stop);
     const undo = () => page.key("z", { ctrlKey: true });
@@ -170,7 +170,7 @@ testsOf(page, "the page", () => {
   });
 
   test("small forces and depths have three digits", async () => {
-    // lower end of the sliders: 0.01 N/mm
+    // minimum of the sliders: 0.01 N/mm
     for (const place of scene.tissues.keys()) page.set(`input[data-tissue='${place}']`, 0, "input");
     await page.wait("all tissue is soft", () =>
       page.viewer.state.tissues.every(

@@ -5,7 +5,7 @@ import { openPage, testsOf } from "./page.js";
 const page = await openPage([]);
 const { server } = page;
 
-/** Permanent errors are reported, and nothing is requested until the user retries. */
+/** Expects a permanent error to be reported with given texts, and no requests until the user retries. */
 async function toldAndLeftAlone(...told: string[]): Promise<void> {
   await page.wait("the page gives up", () => page.viewer.link === "ended" && !page.byId("mend").hidden);
   for (const words of told) assert.ok(page.text("cover").includes(words), `${words} in: ${page.text("cover")}`);
@@ -21,7 +21,7 @@ async function toldAndLeftAlone(...told: string[]): Promise<void> {
       }
     },
   });
-  // longer than the maximum interval between attempts
+  // longer than the maximum interval between attempts to connect
   await new Promise((later) => setTimeout(later, 6500));
   Object.assign(globalThis, { fetch: fetched, WebSocket: Socket });
   assert.deepEqual(attempts, []);
@@ -66,7 +66,7 @@ testsOf(page, "a page in trouble", () => {
   test("another version of the protocol is told of", async () => {
     await restart(["--protocol", "4"]);
     await toldAndLeftAlone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
-    page.click("#again"); // fails again
+    page.click("#again"); // a retry, which fails
     await page.wait("told again", () => !page.byId("mend").hidden);
     await mended();
   });

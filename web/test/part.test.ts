@@ -3,7 +3,7 @@ import test from "node:test";
 import { JSDOM } from "jsdom";
 import { fetchPart, Part } from "../src/words/part.js";
 
-/** Text about missing parts; null if none is shown. */
+/** Makes a document; returns its text about missing parts, null if none is displayed. */
 function pageOfItsOwn(): () => string | null {
   const { window: its } = new JSDOM('<p id="missing-parts" hidden></p>');
   Object.assign(globalThis, { document: its.document });

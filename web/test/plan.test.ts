@@ -34,7 +34,7 @@ test("distance, depth and shaft angle of a tip at a trajectory, whichever way th
     const placed = (p: Vec3): Vec3 => add(at, rotate(q, p));
     const [x, y, z, tilt] = [20 * random(), 20 * random(), 60 * random(), Math.PI * (random() + 0.5)];
     const one = trajectory(placed([0, 0, 0]), placed([0, 0, 20]));
-    // angle between the shaft, from handle to tip, and the axis
+    // shaft from tip to handle, tilted against the trajectory's axis
     const beside = besideTrajectory(one, placed([x, y, z]), scale(rotate(q, [Math.sin(tilt), 0, Math.cos(tilt)]), -1));
     near(beside.lateral_mm, Math.hypot(x, y), 1e-6);
     near(beside.left_mm, 20 - z, 1e-6);
@@ -101,7 +101,7 @@ test("a plan is written as its file has it", () => {
   );
 });
 
-/** A server with a plan that keeps its versions and grants every request. */
+/** Simulated server with a plan, which stores all versions and grants every request. */
 function shared() {
   const history = new History();
   const asked: Record<string, unknown>[] = [];
@@ -203,7 +203,7 @@ test("two presses make a trajectory, a drag makes one, and an end is taken hold 
     async () => assert.fail(),
     () => false,
   );
-  // one pixel per millimetre
+  // projection of one pixel per millimetre
   const from =
     (at: Vec3) =>
     (p: Vec3): number =>
@@ -231,13 +231,13 @@ test("two presses make a trajectory, a drag makes one, and an end is taken hold 
       [100, 30, 0],
     ],
   );
-  // target of the first one
+  // a press near the first trajectory's target picks it
   press([0, 3, 52]);
   store.move([0, 40, 60]);
   assert.deepEqual([store.drawn[0]!.target_mm, store.list[0]!.target_mm, store.chosen], [[0, 40, 60], [0, 0, 50], 0]);
   release([0, 40, 60]);
   assert.deepEqual(store.list[0]!.target_mm, [0, 40, 60]);
-  // a press without movement selects it
+  // a press on an end without movement selects the trajectory
   press([100, 31, 0]);
   release([100, 31, 0]);
   assert.deepEqual([store.chosen, store.list[1]!.target_mm, store.list.length], [1, [100, 30, 0], 2]);

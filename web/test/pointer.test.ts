@@ -5,7 +5,7 @@ import { shownAt } from "../src/drawing/measure.js";
 
 type Device = ConstructorParameters<typeof PointerDevice>;
 
-/** Pointer with a simulated clock: `at(ms)` advances it in steps of 8 ms, the timer's interval. */
+/** Pointer device with a simulated clock: `at(ms)` advances it in steps of 8 ms, the timer's interval. */
 function pointer() {
   let now = 0,
     beat: (() => void) | null = null;

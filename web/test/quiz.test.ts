@@ -20,7 +20,7 @@ const scene = {
   ],
 } as unknown as Scene;
 
-/** A nodule of 3 x 3 x 3 voxels in soft tissue, with a corner in a plate. */
+/** Volume with a nodule of 3 x 3 x 3 voxels in soft tissue, one corner of it in a plate. */
 function block(): Volumes {
   const dims: Vec3 = [9, 8, 7];
   const structure = new Uint8Array(9 * 8 * 7);
@@ -48,14 +48,14 @@ test("what is to be found is drawn as what lies around it, and comes back", () =
   volumes.write(concealed.lo, concealed.size, concealed.now);
   assert.ok(!volumes.structure.includes(2));
   assert.equal(volumes.structureAt([4, 4, 3]), 0, "soft tissue");
-  // voxels that were cut meanwhile are not restored
+  // voxels that are cut during the concealment are not restored
   volumes.write([4, 4, 3], [1, 1, 1], new Uint8Array([0]));
   volumes.write(concealed.lo, concealed.size, revealed(volumes, concealed));
   whole[4 + 9 * (4 + 8 * 3)] = 0;
   assert.deepEqual(volumes.structure, whole);
 });
 
-/** Voxels of a block by a rule, and their display while the nodule is hidden. */
+/** Displayed voxels of a block, defined by a rule, while the nodule is concealed. */
 function shownOf(
   dims: Vec3,
   value: (i: number, j: number, k: number) => number,

@@ -39,7 +39,7 @@ test("its bytes are colours, depths and structures", () => {
   head.setUint16(10, h, true);
   head.setFloat32(12, -5, true);
   head.setFloat32(16, 20, true);
-  const at = 2 + w; // right below
+  const at = 2 + w; // pixel at the lower right
   bytes.set([10, 20, 30], 24 + 3 * at);
   head.setUint16(24 + 3 * w * h + 2 * at, 65535, true);
   bytes[24 + 5 * w * h + at] = 2;

@@ -6,7 +6,7 @@ import { showsTheSame, Volumes } from "../src/protocol/scene.js";
 import { Session } from "../src/state/session.js";
 import { Flag, type DevicePose, type Pose } from "../src/protocol/wire.js";
 
-/** One structure, "femoral_cartilage" with label 7, in voxels 2 to 4 of a row. */
+/** Session with one structure, "femoral_cartilage" with label 7, in voxels 2 to 4 of a row. */
 function session(): Session {
   const made = new Session();
   const voxels = new Uint8Array([0, 0, 1, 1, 1, 0]);

@@ -9,7 +9,7 @@ const volume = (dims: Vec3, X: Affine): Volumes =>
   new Volumes("h", 1, dims, X, null, new Uint8Array(dims[0] * dims[1] * dims[2]), 1, 0);
 
 test("a plane along the grid has the grid's slices, from either side", () => {
-  // j runs from superior to inferior in steps of 2 mm, k to the right in steps of 0.5
+  // j from superior to inferior in steps of 2 mm, k to the right in steps of 0.5 mm
   const volumes = volume(
     [10, 20, 30],
     [
@@ -43,7 +43,7 @@ test("an oblique plane goes through the whole volume in steps of a voxel's short
 });
 
 test("a slab is looked at twice for each voxel that it goes through, and in its middle", () => {
-  // 10 mm through slices of 1 mm, through pixels of 0.25 mm, and obliquely
+  // slabs of 10 mm along slices of 1 mm, along pixels of 0.25 mm, and obliquely
   assert.equal(placesThrough([0, 0, 10], 2), 21);
   assert.equal(placesThrough([0, -40, 0], 2), 81);
   assert.equal(placesThrough([20, -30.2, 4], 2), 63);

@@ -51,11 +51,11 @@ test("a texel is a voxel where there is room, and else what is finest is coarsen
   const card = { mostTexels: 64e6, mostSide: 2048 };
   assert.deepEqual(coarsening([100, 100, 100], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [1, 1, 1]);
   assert.deepEqual(coarsening([200, 200, 200], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [2, 2, 2]);
-  // a knee: slices farther apart than pixels are not downsampled
+  // knee scan: its slices, thicker than pixels, are downsampled last
   assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], card), [1, 1, 1]);
   assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, mostTexels: 9e6 }), [2, 2, 1]);
   assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, mostTexels: 1.2e6 }), [4, 4, 2]);
-  // a side beyond the graphics' limit, including the border
+  // limit of the texture's side, border included
   assert.deepEqual(coarsening([2046, 64, 64], [1, 1, 1], card), [1, 1, 1]);
   assert.deepEqual(coarsening([64, 2047, 64], [1, 1, 1], card), [1, 2, 1]);
   // an axis of one texel cannot be downsampled
@@ -84,7 +84,7 @@ test("values and structures are read at positions of the patient", () => {
   }
 });
 
-/** Field of a whole volume, uploaded in pieces of some slices. */
+/** Field of a whole volume, computed in pieces of some slices. */
 function fieldOf(
   volumes: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null },
   factor: Vec3,
@@ -96,7 +96,7 @@ function fieldOf(
   }
   return field;
 }
-/** Reference implementation: the share of every voxel in every texel of a grid. */
+/** Reference: shares of structures in one texel, by the weight of every voxel. */
 function sharesBySums(dims: Vec3, structure: Uint8Array, factor: Vec3, place: Vec3): Map<number, number> {
   const count = dims.map((n, axis) => Math.ceil(n / factor[axis]!));
   const shares = new Map<number, number>();
@@ -126,7 +126,7 @@ function randomVolume(dims: Vec3, structures: number): { dims: Vec3; structure: 
   const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
   const voxels = dims[0] * dims[1] * dims[2];
   const structure = new Uint8Array(voxels);
-  // boxes, so that there are borders and uniform regions
+  // random boxes, which have both borders and uniform regions
   for (let n = 0; n < 14; n++) {
     const lo = dims.map((d) => Math.floor(random() * d)),
       hi = dims.map((d) => Math.floor(random() * d));
@@ -152,7 +152,7 @@ test("a texel has what a sum over its neighbourhood says, in pieces too", () => 
           assert.ok(Math.abs((own! + other!) / 255 - covered) < 0.0021, `coverage at ${[x, y, z]} of factor ${factor}`);
           const most = [...shares].filter(([structure]) => structure > 0).sort((a, b) => b[1] - a[1]);
           if (most.length === 1) assert.deepEqual([first, own! > 0 || covered < 0.002], [most[0]![0], true]);
-          // two structures have their own shares; of more, the largest two absorb the rest
+          // shares of two structures are exact; with more, the two largest ones absorb the others
           if (most.length === 2) {
             for (const [structure, share] of most) {
               const stored = (structure === first ? own! : 0) + (structure === second ? other! : 0);
@@ -160,7 +160,7 @@ test("a texel has what a sum over its neighbourhood says, in pieces too", () => 
             }
           }
         }
-    // the border is empty
+    // empty border
     assert.ok(field.texels.subarray(0, 4 * field.bordered[0] * field.bordered[1]).every((byte) => byte === 0));
   }
 });

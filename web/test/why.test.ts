@@ -3,7 +3,7 @@ import test from "node:test";
 import { Flag, type DevicePose } from "../src/protocol/wire.js";
 import { whyText } from "../src/panels/why.js";
 
-/** Half a millimetre deep in a half-space of 2 N/mm that faces up. */
+/** Pose at a penetration of 0.5 mm into a half-space of 2 N/mm with normal +z. */
 const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
   number: 0,
   tip: [0, 0, -0.5],
@@ -53,6 +53,6 @@ test("what the hand does not get is told with the reason, of several the one tha
   assert.equal(less(Flag.ramp), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: it fades in");
   assert.equal(less(Flag.passivity), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: damped against swinging");
   assert.equal(less(0), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the output changes no faster");
-  // a hundredth is rounding
+  // a difference of 1 % is rounding
   assert.equal(whyText(pressed({ askedForce: 1.01 }), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
 });

@@ -2,14 +2,14 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { decodePose, Flag, WireError } from "../src/protocol/wire.js";
 
-/** Encoder by the table of docs/reference/viewer-messages.md, with a different value in every field. */
+/** Encoded pose, by the table of docs/reference/viewer-messages.md, with a different value in every field. */
 function written(devices: number): DataView {
   const bytes = 96 + 296 * devices;
   const view = new DataView(new ArrayBuffer(bytes));
   "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
   view.setUint16(4, 3, true);
   view.setUint16(6, bytes, true);
-  view.setBigUint64(8, 4_294_967_301n, true); // does not fit 32 bits
+  view.setBigUint64(8, 4_294_967_301n, true); // exceeds 32 bits
   view.setBigUint64(16, 1234n, true);
   view.setFloat64(24, 56.78, true);
   view.setBigUint64(32, 9_000_000_000n, true);

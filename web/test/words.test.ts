@@ -7,7 +7,7 @@ import { preferred } from "../src/words/language.js";
 import { LANGUAGES } from "../src/words/words.js";
 import { en } from "../src/words/en.js";
 
-/** Messages by their path; functions are called with placeholders. */
+/** Paths and texts of all messages; functions are called with placeholders. */
 function messages(of: object, path = ""): [string, string][] {
   return Object.entries(of).flatMap(([key, value]): [string, string][] => {
     const here = `${path}${key}`;
@@ -45,7 +45,7 @@ test("the browser's first language that the page speaks is taken, and English wh
 
 test("the page's text comes from the words", () => {
   const html = readFileSync("index.html", "utf8");
-  // each language can be chosen by its own name
+  // the menu of languages has each one by its own name
   const choices = [...html.matchAll(/<option value="(\w+)" lang="(\w+)" title="([^"]+)">(\w+)<\/option>/g)];
   const languages = Object.keys(LANGUAGES);
   for (const place of [1, 2])
@@ -53,7 +53,7 @@ test("the page's text comes from the words", () => {
       choices.map((choice) => choice[place]),
       languages,
     );
-  // names and symbols that are the same in every language
+  // names and symbols that are equal in all languages
   const same = [
     "palpate",
     "–",
@@ -84,7 +84,7 @@ test("the page's text comes from the words", () => {
   );
 });
 
-/** Texts that are not translated: names, fields of file formats, and internal errors that no user should see. */
+/** Texts that are not translated: names, fields of file formats, and internal errors that users never see. */
 const SAME = [
   "palpate",
   "patient (LPS), mm; forces in World, N",
@@ -93,7 +93,7 @@ const SAME = [
   "The graphics were lost.",
 ];
 const KEYS = ["Space", "Enter", "Escape", "Home"];
-/** Index of the argument of a call that is shown on the page. */
+/** Index of the argument that is displayed on the page, for each function. */
 const CALLS: Record<string, number> = {
   write: 1,
   text: 1,
@@ -108,7 +108,7 @@ const CALLS: Record<string, number> = {
 };
 const WRITTEN = ["textContent", "innerText", "title", "ariaLabel", "placeholder"];
 
-/** Texts in a source file: sentences, capitalised words, and arguments of functions that write to the page. */
+/** Literal texts in a source file: sentences, capitalised words, and arguments of functions that write to the page. */
 function ownWords(file: string, source: string): string[] {
   const found: string[] = [];
   const last = (node: ts.Node) => node.getText().split(".").at(-1)!;
@@ -134,7 +134,7 @@ function ownWords(file: string, source: string): string[] {
         (ts.isBinaryExpression(one) && /\.(className|font)$/.test(one.left.getText())),
     ) !== undefined;
   const visit = (node: ts.Node): void => {
-    // names of messages are checked by their type
+    // names of messages are checked by the type system
     if (ts.isCallExpression(node) && last(node.expression) === "says")
       return void node.arguments.slice(0, 1).forEach(visit);
     const isText =
@@ -146,7 +146,7 @@ function ownWords(file: string, source: string): string[] {
       /[A-Za-z]{2,} [a-z]{2,}/.test(text) ||
       /^[A-Z][a-z]{2,}$/.test(text) ||
       (/[A-Za-z]{3,}/.test(text) && isWritten(node));
-    // shaders consist of several lines
+    // template literals of several lines are shaders
     const isProgram = (ts.findAncestor(node, ts.isTemplateExpression) ?? node).getText().includes("\n");
     if (isSaid && !isProgram && !isStyle(node) && ![...SAME, ...KEYS].includes(text.trim()))
       found.push(`${file}: ${text}`);

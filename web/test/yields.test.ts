@@ -13,8 +13,8 @@ const turned = (
 ).map((v) => rotate(aboutAxis([1, 2, 3], 0.7), v));
 
 /**
- * Encoder by the table of docs/reference/viewer-messages.md.
- * @param moved  displacement of a node, mm
+ * Encoded message, by the table of docs/reference/viewer-messages.md.
+ * @param moved  displacement of each node, mm
  */
 function written(
   moved: (i: number, j: number, k: number) => Vec3,
@@ -82,17 +82,17 @@ test("whatever is no whole message of tissue is refused", () => {
     assert.throws(() => decoded(view), WireError);
   };
   refused((view) => view.setUint8(3, 0x54));
-  refused((view) => view.setUint16(6, 4, true)); // devices
-  refused((view) => view.setUint32(8, 95, true)); // bytes
-  refused((view) => view.setUint16(16, 65, true)); // nodes
+  refused((view) => view.setUint16(6, 4, true)); // device number beyond the maximum
+  refused((view) => view.setUint32(8, 95, true)); // size other than the message's
+  refused((view) => view.setUint16(16, 65, true)); // more nodes along an axis than the maximum
   refused((view) => view.setUint16(16, 1, true));
   refused((view) => [0, 2, 4].forEach((at) => view.setUint16(16 + at, 64, true)));
-  refused((view) => view.setUint16(22, 9, true)); // a box outside of the grid
-  refused((view) => view.setUint16(28, 65535, true)); // larger than the message
+  refused((view) => view.setUint16(22, 9, true)); // box outside of the grid
+  refused((view) => view.setUint16(28, 65535, true)); // box larger than the message
   refused((view) => view.setUint16(28, 0, true));
   for (const at of [36, 48, 64, 84, 88])
     for (const x of [NaN, Infinity, -1e30]) refused((view) => view.setFloat32(at, x, true));
-  refused((view) => view.setFloat32(48, 0.5, true)); // axes that are not orthogonal
+  refused((view) => view.setFloat32(48, 0.5, true)); // axis that is not a unit vector
   refused((view) => view.setFloat32(84, 0, true));
   refused((view) => view.setFloat32(88, 0, true));
   const other = written(() => [1, 1, 1]);
@@ -126,7 +126,7 @@ test("random bytes of tissue never do anything else than to be refused, or make 
   }
 });
 
-/** A bump that vanishes within the grid. */
+/** Displacement of a node by a bump that vanishes within the grid. */
 const bump = (node: Vec3, middle: Vec3, mm: Vec3): Vec3 =>
   mm.map((x) => x * Math.exp(-(length(sub(node, middle)) ** 2) / 4)) as Vec3;
 
@@ -138,7 +138,7 @@ test("pictures look up where tissue came from, and know nothing of what is not t
   assert.deepEqual(nodes.dims, [18, 16, 15], "as many more on each side as it takes to be at rest");
   const patientFromNode = invert(nodes.nodeFromPatient);
   const told = decoded(written(() => [0, 0, 0])).nodes!;
-  // forward displacement by the same nodes, trilinear
+  // forward displacement by trilinear interpolation of the same nodes
   const forward = (p: Vec3): Vec3 => {
     const node = apply(told.nodeFromPatient, p);
     const low = node.map((x, axis) => Math.min(Math.max(Math.floor(x), 0), told.dims[axis]! - 2)) as Vec3;
@@ -169,12 +169,12 @@ test("pictures look up where tissue came from, and know nothing of what is not t
       }
   assert.equal(back[3], 0, "beyond what is told nothing is known of strain");
   assert.ok([...back.subarray(0, 3)].every((x) => Math.abs(x) < 1e-3));
-  // another position, the same size
+  // a grid at another position has the same size
   yields.tell(
     decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 1, 2] })),
   );
   assert.deepEqual(yields.displaced(() => false)!.nodes.dims, [18, 16, 15]);
-  // a tool moves with the tissue as displayed, not as reported
+  // a tool moves with the displayed tissue, not with reports that are not displayed yet
   const place = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * [5, 5, 4][n]! * axis[c]!) as Vec3, [
     0, 1, 2,
   ] as Vec3);
@@ -211,7 +211,7 @@ test("two devices' tissue is in one grid, and adds up", () => {
     one[0] < -0.8 && other[1] < -0.45 && between[0] < -0.2 && between[1] < -0.1,
     JSON.stringify([one, other, between]),
   );
-  // far enough apart for a coarser grid
+  // devices so far apart that the grid is coarser
   told(1, [600, 0, 0], [0, 0.5, 0]);
   const { nodes } = yields.displaced(() => false)!;
   assert.ok(nodes.dims.reduce((a, b) => a * b) <= 40_000);
@@ -229,7 +229,7 @@ test("where there is nothing, what lies beside tissue that moves goes along; whe
     [0, 1, 0],
     [0, 0, 1],
   ];
-  // tissue below node 4 of k
+  // tissue moves at nodes k < 4
   yields.tell(
     decoded(
       written((_i, _j, k) => (k <= 3 ? [0, 0, -1.5] : [0, 0, 0]), {
