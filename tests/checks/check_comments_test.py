@@ -60,30 +60,42 @@ class Phrases(unittest.TestCase):
 class Literals(unittest.TestCase):
     def test_are_no_comments(self):
         for text in ('"// of"', '"\\"// of"', 'R"(// of)"', 'R"x(")"\n// of)x"', "'\"' + \"// of\"", "1'000 + \"// of\"",
-                     "`// of ${a ? `// of` : ''}`"):
+                     "`// of ${a ? `// of` : ''}`", "/[`//] of/", "f(/'\\// of/)"):
             self.assertEqual(found(f"x = {text};\n"), [], text)
-        for text in ('"a"', "'\"'", "1'000'000", "'\\''", 'R"(")"', "`${a}'`"):
-            self.assertEqual(found(f"x = {text};  // of a wall\n"), [(1, "opens with 'of'")], text)
+        for text in ('"a"', "'\"'", "1'000'000", "'\\''", 'R"(")"', "`${a}'`", "/`/g", "f(\n  /[`'/]/)",
+                     "a / b"):
+            line = 1 + text.count("\n")
+            self.assertEqual(found(f"x = {text};  // of a wall\n"), [(line, "opens with 'of'")], text)
 
 
 class Files(unittest.TestCase):
     def test_named_files(self):
         with tempfile.TemporaryDirectory() as folder:
-            bad, good, other, page = (pathlib.Path(folder) / name for name in ("bad.cc", "good.h", "page.md", "page.ts"))
+            bad, good, other, page, mock = (pathlib.Path(folder) / name
+                                            for name in ("bad.cc", "good.h", "page.md", "page.ts", "mock.mjs"))
             bad.write_text("int x;\n// of a wall\n", encoding="utf-8")
             good.write_text("// stiffness of a wall\n", encoding="utf-8")
             other.write_text("// of a wall\n", encoding="utf-8")
             page.write_text("/** What is near. */\n", encoding="utf-8")
-            code, lines = run(bad, good, other, page)
+            mock.write_text("const a = `// of ${b}`; // so many voxels\n", encoding="utf-8")
+            code, lines = run(bad, good, other, page, mock)
             self.assertEqual(code, 1)
             self.assertEqual([line.split(": ")[:2] for line in lines],
-                             [[f"{bad}:2", "opens with 'of'"], [f"{page}:1", "opens with 'What'"]])
+                             [[f"{bad}:2", "opens with 'of'"], [f"{page}:1", "opens with 'What'"],
+                              [f"{mock}:1", "opens with 'so'"], [f"{mock}:1", "says 'so many'"]])
             self.assertEqual(run(good, other), (0, ["comments of 1 files, nothing to mend"]))
             self.assertEqual(run(pathlib.Path(folder) / "missing.cc")[0], 2)
 
     def test_default_files(self):
-        folders = {file.relative_to(tool.ROOT).parts[0] for file in tool.default_files()}
-        self.assertEqual(folders, set(tool.FOLDERS))
+        files = [file.relative_to(tool.ROOT) for file in tool.default_files()]
+        for folder, suffixes in tool.FOLDERS.items():
+            with self.subTest(folder=folder):
+                found_suffixes = {file.suffix for file in files if file.is_relative_to(folder)}
+                self.assertTrue(found_suffixes)
+                self.assertLessEqual(found_suffixes, set(suffixes))
+        for name in ("src/link/veiled_labels.h", "web/src/page.ts", "web/src/volume/field.ts", "web/test/mock_server.mjs"):
+            self.assertIn(pathlib.Path(name), files)
+        self.assertFalse([file for file in files if "node_modules" in file.parts])
 
 
 if __name__ == "__main__":
