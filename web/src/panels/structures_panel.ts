@@ -104,7 +104,7 @@ export class StructuresPanel {
   }
 
   /**
-   * Rows of a tissue's structures.
+   * Group of a tissue's structures; empty if there are none.
    * @param name  name of the tissue; null: structures without contact
    */
   private groupOf(scene: Scene, tissue: number, name: string | null, feel: HTMLElement | null): Group[] {
@@ -153,7 +153,7 @@ export class StructuresPanel {
     }
   }
 
-  /** Hides rows that do not match the search, or without a search those that are folded. */
+  /** Hides rows that do not match the search; without a search, the rows of folded groups. */
   private find(): void {
     const wanted = byId<HTMLInputElement>("find").value.trim();
     for (const structure of this.session.scene?.structures ?? []) {

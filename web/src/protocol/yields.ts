@@ -83,7 +83,7 @@ export function decodeYield(message: ArrayBuffer): Yield {
 
 /** Number of nodes beyond a grid over which the displacement at its border fades to zero. */
 const FADES_OVER = 3;
-/** Number of nodes over which displacement is extrapolated into empty space beside moving tissue. */
+/** Number of nodes over which displacement is extrapolated into empty space next to displaced tissue. */
 const EMPTY_LAYERS = 4;
 /** Maximum number of nodes of the inverse grid, which is recomputed up to fifteen times a second. */
 const MOST_SEEN = 40_000;
@@ -108,8 +108,8 @@ class Field {
   }
 
   /**
-   * Extrapolates displacements into empty nodes beside tissue; otherwise interpolation would stretch the cells at the
-   * surface and make dents too shallow.
+   * Extrapolates displacements into empty nodes next to tissue; otherwise interpolation would stretch the cells at the
+   * surface, and dents would be too shallow.
    */
   private continued(moved: Float32Array, isEmptyAt: (p: Vec3) => boolean): Float32Array {
     const { dims } = this.nodes;

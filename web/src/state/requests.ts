@@ -107,7 +107,7 @@ export class Requests {
     }
     return refusal === null;
   }
-  /** Requests `wanted` if the current values are still those of `held`; otherwise somebody else has changed them. */
+  /** Requests `wanted` if the current values are still those of `held`; otherwise another viewer has changed them. */
   private async replace(held: Request, wanted: Request): Promise<boolean> {
     const state = this.state();
     if (state && areSame(holding(held, state)!, held)) return this.ask(wanted);

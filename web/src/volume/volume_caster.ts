@@ -14,7 +14,7 @@ import { BACKGROUND, type Cut, type View } from "./view.js";
 const COVERS = 5;
 /**
  * Maximum number of texels whose coverage is recomputed on a change of looks, which takes some milliseconds. Fields
- * without a graphics card are below it.
+ * without a graphics card are below it, except at full resolution.
  */
 const QUICK_TEXELS = 2e6;
 // Software WebGL executes both branches of every `if`, but skips loops without iterations. Expensive parts are
