@@ -76,7 +76,7 @@ BAD = [
     ("apps/palpate/a.cc", '#include "base/file.h"', "not the inside of 'base'"),
     ("tests/a.cc", '#include "servo/tick.h"', "not the inside of 'servo'"),
     ("apps/palpate/a.cc", "#include <itkImage.h>", "may not include ITK"),
-    ("src/newroom/a.cc", "#include <vector>", "stands in no module"),
+    ("src/newmodule/a.cc", "#include <vector>", "stands in no module"),
 ]
 
 
@@ -90,7 +90,7 @@ class CheckIncludes(unittest.TestCase):
                 code, lines = run({**GOOD, path: "// one\n" + line + "\n"})
                 self.assertEqual(code, 1)
                 self.assertEqual(len(lines), 1, lines)
-                place = f"{path}:1:" if "no room" in complaint else f"{path}:2:"
+                place = f"{path}:1:" if "no module" in complaint else f"{path}:2:"
                 self.assertTrue(lines[0].startswith(place), lines)
                 self.assertIn(complaint, lines[0])
 
