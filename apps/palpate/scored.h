@@ -6,6 +6,7 @@
 #include <string>
 
 #include "palpate/json/json.h"
+#include "palpate/loading/loading.h"
 #include "palpate/session/training.h"
 #include "palpate/tasks/evaluator.h"
 #include "verb.h"
