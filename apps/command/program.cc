@@ -158,8 +158,8 @@ std::optional<Eigen::Vector3d> spacing_of(const std::string& text) {
     const std::size_t end = std::min(text.find(',', at), text.size());
     double value = 0;
     const auto [last, failed] = std::from_chars(text.data() + at, text.data() + end, value);
-    constexpr double kLeast_mm = 1e-4, kMost_mm = 100;
-    if (failed != std::errc() || last != text.data() + end || !(value >= kLeast_mm && value <= kMost_mm))
+    constexpr double kMin_mm = 1e-4, kMax_mm = 100;
+    if (failed != std::errc() || last != text.data() + end || !(value >= kMin_mm && value <= kMax_mm))
       return std::nullopt;
     values.push_back(value);
     at = end + 1;

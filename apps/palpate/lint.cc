@@ -15,6 +15,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
+#include "palpate/haptics/haptics.h"
 #include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/rendering.h"
@@ -29,6 +30,9 @@ namespace palpate::app {
 namespace {
 
 namespace fs = std::filesystem;
+
+// every tool that a scene may have can be examined for
+static_assert(kMaxLintToolRadius_mm == kWidestTool_mm);
 
 struct LintVerbOptions {
   SceneSource source;
@@ -198,7 +202,7 @@ Model model_to_draw(const SceneVolumes& volumes, const Volume<float>* scan_on_gr
 /// Width of the picture of a finding, mm: a few dozen voxels for small findings, including the surroundings
 /// for large ones.
 double width_of(const LintFinding& finding, const GridGeometry& grid) {
-  constexpr double kVoxelsAcross = 48, kLeast_mm = 12, kMost_mm = 100, kWhole_mm = 140;
+  constexpr double kVoxelsAcross = 48, kMin_mm = 12, kMax_mm = 100, kWhole_mm = 140;
   switch (finding.kind) {
     case LintKind::kIslands:
     case LintKind::kHoles:
@@ -208,7 +212,7 @@ double width_of(const LintFinding& finding, const GridGeometry& grid) {
     case LintKind::kNeck:
     case LintKind::kOpenCavity:
     case LintKind::kOverlap:
-      return std::clamp(kVoxelsAcross * grid.spacing_mm.mean(), kLeast_mm, kMost_mm);
+      return std::clamp(kVoxelsAcross * grid.spacing_mm.mean(), kMin_mm, kMax_mm);
     default:
       return kWhole_mm;
   }
@@ -414,7 +418,7 @@ void add_lint(CLI::App& app, Run& run) {
       ->required();
   verb->add_option("-r,--tool-radius", options->tool_radius_mm,
                    "Radius of the tool's ball in mm, for which gaps and access are measured")
-      ->check(number_between(0.01, 12))
+      ->check(number_between(kMinLintToolRadius_mm, kMaxLintToolRadius_mm))
       ->capture_default_str();
   verb->add_option("-j,--json", options->json,
                    "Write the findings as JSON; -: to standard output, without words")

@@ -280,7 +280,7 @@ int run_new(NewOptions options, Console& console) {
   if (!data) return console.fail(data.error());
   if (options.one_file && data->scan) std::swap(input.scan, input.labels);
   if (options.embed && !data->labels)
-    return console.fail({ErrorKind::kUsage, "there are no structures to bed, for no label map is given",
+    return console.fail({ErrorKind::kUsage, "there are no structures to embed, because no label map is given",
                          "--embed", "name the label map as well, or leave it out"});
   if (const auto grids = compare_grids(*data, options.labels, placing().scan_is_cropped, console); !grids) {
     Error error = grids.error();

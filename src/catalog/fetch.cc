@@ -70,7 +70,7 @@ class WorkFolder {
   }
   static void sweep(const fs::path& parent) {
     // a younger folder may not be locked yet
-    constexpr std::time_t kLeast_s = 60;
+    constexpr std::time_t kMin_s = 60;
     constexpr std::size_t kPrefix = kWorkFolder.find('X');
     std::error_code failed;
     fs::directory_iterator entry(parent, failed);
@@ -82,7 +82,7 @@ class WorkFolder {
       if (lock < 0) continue;
       std::error_code ignored;
       if (::fstat(lock, &status) == 0 && status.st_uid == ::geteuid() &&
-          status.st_mtime + kLeast_s < std::time(nullptr))
+          status.st_mtime + kMin_s < std::time(nullptr))
         fs::remove_all(entry->path(), ignored);
       ::close(lock);
     }

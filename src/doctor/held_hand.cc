@@ -28,7 +28,7 @@ constexpr double kKnock_N = 0.4, kKnock_s = 0.01;
 // time constant of the tip's low-pass filter; voluntary motion is slower
 constexpr double kSlow_s = 0.008;
 // minimum amplitude of an oscillation: four encoder steps, and the threshold of perception
-constexpr double kSteps = 4, kLeast_mm = 0.03;
+constexpr double kSteps = 4, kMin_mm = 0.03;
 // ratio of successive amplitudes above which an oscillation counts as persistent
 constexpr double kStays = 0.7;
 constexpr double kMaxWay_mm = 15, kMaxSpeed_mm_s = 500, kMaxAge_s = 0.01, kMaxRest_mm = 3;
@@ -207,7 +207,7 @@ GripTrial::GripTrial(const HeldHandSettings& settings, double rate_hz, double st
       made_ns_(now()),
       step_mm_(std::isfinite(step_mm) ? std::clamp(step_mm, kFinestStep_mm, kCoarsestStep_mm)
                                       : kCoarsestStep_mm),
-      threshold_mm_(std::max(kSteps * step_mm_, kLeast_mm)),
+      threshold_mm_(std::max(kSteps * step_mm_, kMin_mm)),
       stiffness_N_per_mm_(settings.first_N_per_mm) {
   pushed_.reserve(static_cast<std::size_t>(2 * rate_hz * kPushed_s) + 16);
 }

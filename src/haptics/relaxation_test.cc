@@ -319,8 +319,8 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
 
 TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
   // bounded by the stiffness limit times the displacement, plus the relaxation and recovery of a tick
-  constexpr double kMost_N_per_mm = 0.05, kDown_mm = 0.005, kShort_s = 1e-4;
-  PressedSphere sphere{.max_N_per_mm = kMost_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
+  constexpr double kMax_N_per_mm = 0.05, kDown_mm = 0.005, kShort_s = 1e-4;
+  PressedSphere sphere{.max_N_per_mm = kMax_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
   double before_N = 0, steepest_N = 0;
   for (int n = 0; n < 2000; ++n) {
     sphere.to(std::max(sphere.depth_mm, 0.0) + (n < 1000 ? kDown_mm : -kDown_mm), kShort_s);
@@ -328,12 +328,12 @@ TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
     for (const RelaxationTerm& one : kTwoTerms.term)
       relaxed_N += one.part * sphere.relaxing.state.elastic_N * kShort_s / one.time_s;
     const double change_N = sphere.force_N - before_N;
-    ASSERT_LE(change_N, n < 1000 ? kMost_N_per_mm * kDown_mm * (1 + 1e-9) : relaxed_N) << n;
-    ASSERT_GE(change_N, -kMost_N_per_mm * kDown_mm * (1 + 1e-9) - relaxed_N) << n;
+    ASSERT_LE(change_N, n < 1000 ? kMax_N_per_mm * kDown_mm * (1 + 1e-9) : relaxed_N) << n;
+    ASSERT_GE(change_N, -kMax_N_per_mm * kDown_mm * (1 + 1e-9) - relaxed_N) << n;
     steepest_N = std::max(steepest_N, change_N);
     before_N = sphere.force_N;
   }
-  EXPECT_GT(steepest_N, 0.95 * kMost_N_per_mm * kDown_mm);
+  EXPECT_GT(steepest_N, 0.95 * kMax_N_per_mm * kDown_mm);
 }
 
 // deformable and relaxing half-space below z = 0

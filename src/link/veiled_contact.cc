@@ -14,7 +14,7 @@ constexpr double kSurface = 0.5;
 /// Search limit: deeper than any tool presses in.
 constexpr double kMaxDepth_mm = 15;
 /// Threshold below which a force has no reliable direction.
-constexpr double kLeast_N = 1e-6;
+constexpr double kMin_N = 1e-6;
 
 Eigen::Matrix3d rotation_of(const std::array<double, 4>& wxyz) {
   const Eigen::Quaterniond q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
@@ -114,7 +114,7 @@ VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t numbe
   const Eigen::Vector3d tip = vector_of(device.tip_patient_mm);
   Touch touch{tip, Eigen::Vector3d::Zero()};
   const Eigen::Vector3d force_N = vector_of(device.force_N);
-  if (!tip.allFinite() || !force_N.allFinite() || force_N.norm() < kLeast_N || scene_.tools.empty())
+  if (!tip.allFinite() || !force_N.allFinite() || force_N.norm() < kMin_N || scene_.tools.empty())
     return touch;
   const Eigen::Matrix3d R_PatientWorld = (rotation_of(tick.rotation_felt_wxyz) * R_WorldPatient_).transpose();
   const Eigen::Matrix3d R_PatientTool = R_PatientWorld * rotation_of(device.orientation_wxyz);

@@ -23,7 +23,7 @@ namespace {
 constexpr int kLowestPriority = 19;
 constexpr int kMinSide = 16, kMaxSide = 2048, kMaxPixels = 3 << 20;
 /// Maximum magnitude of any number in a query; mm. Far beyond any patient.
-constexpr double kMost_mm = 1e5;
+constexpr double kMax_mm = 1e5;
 constexpr double kMinPixel_mm = 1e-5;
 /// Time after the last request for which prepared data are cached.
 constexpr auto kKeptFor = std::chrono::seconds(60);
@@ -44,7 +44,7 @@ std::optional<std::vector<double>> numbers_in(std::string_view text) {
     const std::string_view part = take_part(text, ',');
     double number = 0;
     const auto [end, failed] = std::from_chars(part.data(), part.data() + part.size(), number);
-    if (failed != std::errc() || end != part.data() + part.size() || !(std::abs(number) <= kMost_mm) ||
+    if (failed != std::errc() || end != part.data() + part.size() || !(std::abs(number) <= kMax_mm) ||
         numbers.size() == 16)
       return std::nullopt;
     numbers.push_back(number);

@@ -59,7 +59,7 @@ bool YieldMessage::take(const ViewedYield& yield) {
       for (int i = 0; i < width; ++i) {
         const float* moved = at(i, j, k);
         const float far_mm = std::max({std::abs(moved[0]), std::abs(moved[1]), std::abs(moved[2])});
-        if (far_mm < kLeast_mm) continue;
+        if (far_mm < kMin_mm) continue;
         max_mm = std::max(max_mm, far_mm);
         const std::array<int, 3> node{i, j, k};
         for (std::size_t axis = 0; axis < 3; ++axis) {

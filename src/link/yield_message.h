@@ -20,7 +20,7 @@ class YieldMessage {
   static constexpr int kMaxNodes_axis = 64;
   static constexpr std::size_t kMaxNodes = 32768;
   /// Displacement below which a node counts as at rest; not visible.
-  static constexpr float kLeast_mm = 0.005f;
+  static constexpr float kMin_mm = 0.005f;
   /// Quantisation step. Fine, because strain is computed from differences.
   static constexpr float kStep_mm = 0.001f;
 

@@ -12,8 +12,6 @@ namespace {
 using internal::figure;
 using internal::LintStudy;
 
-constexpr double kMaxToolRadius_mm = 12;
-
 void check_slices(LintStudy& study) {
   constexpr double kThickSlices = 2.5;
   const Eigen::Vector3d& spacing = study.grid.spacing_mm;
@@ -66,9 +64,11 @@ LintReport graded(LintStudy& study) {
 
 Result<LintReport> lint(const LabelMap& labels, const LintOptions& options, const Progress& progress) {
   using namespace internal;
-  if (!(options.tool_radius_mm > 0 && options.tool_radius_mm <= kMaxToolRadius_mm))
-    return Error{ErrorKind::kBadInput, "the tool's radius is not above 0 and at most 12 mm", "tool radius",
-                 ""};
+  if (!(options.tool_radius_mm >= kMinLintToolRadius_mm && options.tool_radius_mm <= kMaxLintToolRadius_mm))
+    return Error{ErrorKind::kBadInput,
+                 "the tool's radius is outside " + figure(kMinLintToolRadius_mm, "") + " ... " +
+                     figure(kMaxLintToolRadius_mm, "mm"),
+                 "tool radius", ""};
   LintStudy study(labels, options, progress);
   const ProgressSpan all{"examining the labels"};
   check_names(study);

@@ -21,7 +21,7 @@ using L = BrickLayout;
 // size of a brick of 16-bit values with its reference counts and malloc overhead, and of its entry in a table
 constexpr double kBrick_bytes = sizeof(std::uint16_t) * (L::kStored + 2 * L::kSpare) + 64, kPlace_bytes = 24;
 // entry of the least distances in a surface's table
-constexpr double kLeast_bytes = 8 * sizeof(float);
+constexpr double kMin_bytes = 8 * sizeof(float);
 // Ratio of the area of voxel faces to the smooth surface that they represent, averaged over directions.
 constexpr double kFacesPerSurface = 1.5;
 // mean extent of a brick along the normal of a surface in random orientation, relative to its edge
@@ -178,7 +178,7 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   const Eigen::Vector3d coarse_mm = mm.array() * (kNormal_mm / mm.array()).round().max(1);
   const double coarse_voxels = body.box_voxels() * mm.prod() / coarse_mm.prod();
   const double fine =
-      estimate.band_bytes(body, body.box_voxels(), mm, options.reach_mm, options.reach_mm, kLeast_bytes);
+      estimate.band_bytes(body, body.box_voxels(), mm, options.reach_mm, options.reach_mm, kMin_bytes);
   const double coarse = estimate.band_bytes(body, coarse_voxels, coarse_mm, kBroad_mm, kBroad_mm, 0);
   // node of the net with its links and triangles; for common surfaces a voxel and its owner
   constexpr double kNode_bytes = 240, kOwned_bytes = 16;

@@ -42,7 +42,7 @@ std::vector<LabelId> largest_felt(const Model& model) {
 // length of the inward line from the surface on that lies within the structure
 double thickness_mm(const Model& model, LabelId structure, const Point<Patient>& surface,
                     const Vector<Patient>& inward) {
-  constexpr double kMost_mm = 100;
+  constexpr double kMax_mm = 100;
   const double step_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const auto is_within = [&](double way_mm) {
     const Point<Voxel> p = model.field->X_VoxelPatient() * (surface + inward * way_mm);
@@ -51,7 +51,7 @@ double thickness_mm(const Model& model, LabelId structure, const Point<Patient>&
   };
   // the surface lies up to a voxel in front of the first voxel's centre
   double way_mm = 2 * step_mm;
-  while (way_mm < kMost_mm && is_within(way_mm)) way_mm += step_mm;
+  while (way_mm < kMax_mm && is_within(way_mm)) way_mm += step_mm;
   return way_mm;
 }
 

@@ -98,8 +98,8 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
     if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
       const Eigen::Vector3d way = contact.place_mm - contacts_[0].place_mm;
       const double below_mm = -way.dot(vector_of(device.normal_patient));
-      constexpr double kLeast_mm = 0.1;
-      contact.is_beneath = below_mm > kLeast_mm && below_mm > std::numbers::sqrt2 / 2 * way.norm();
+      constexpr double kMin_mm = 0.1;
+      contact.is_beneath = below_mm > kMin_mm && below_mm > std::numbers::sqrt2 / 2 * way.norm();
     }
     contact.is_seen = task_.sight && task_.sight->sees(tick, contact.place_mm);
     contacts_[contact_count_++] = contact;

@@ -98,10 +98,10 @@ std::uint64_t ticks_of_yield_frame(double rate_hz) {
 }
 
 double yield_cell_mm(const Model& model) {
-  constexpr double kLeast_mm = 0.8, kMost_mm = 3;
+  constexpr double kMin_mm = 0.8, kMax_mm = 3;
   const double made_mm = model.tissue_cell_mm > 0
                              ? model.tissue_cell_mm
-                             : std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
+                             : std::clamp(2 * model.labels->geometry().min_spacing_mm(), kMin_mm, kMax_mm);
   return made_mm * model.tissue_coarsened;
 }
 

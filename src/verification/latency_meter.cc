@@ -21,10 +21,10 @@ constexpr auto kMeterPoll = std::chrono::milliseconds(5);
 constexpr double kAhead_s = 0.02;
 
 // resolution limit of the clock
-constexpr double kLeast_us = 1e-3;
+constexpr double kMin_us = 1e-3;
 
 LatenessPair pair_of(double servo_us, double bare_us) {
-  return {servo_us, std::max(bare_us, kLeast_us)};
+  return {servo_us, std::max(bare_us, kMin_us)};
 }
 
 // pair at a quantile of the ratios, rounded up; zeros if there are none

@@ -30,7 +30,7 @@ constexpr double kTurn_rad = 0.03, kTurn_s = 2;
 constexpr int kTicksATurn = 100;
 constexpr double kFace_mm = 16.5;  // position of the plates' outer face
 // presses
-constexpr double kMost_N = 8.5, kFastest_mm = 0.5, kWidest_mm = 3, kEvery_mm = 0.01, kTouch_N = 0.05;
+constexpr double kMax_N = 8.5, kFastest_mm = 0.5, kWidest_mm = 3, kEvery_mm = 0.01, kTouch_N = 0.05;
 
 Vector<Patient> random_direction(AccuracyRandom& random) {
   return Vector<Patient>(random.direction());
@@ -271,7 +271,7 @@ Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Po
   const auto clearance_mm = [&](const Point<Patient>& at) { return oracle.distance_mm(at) - tool.radius_mm; };
   const Vector<Patient> inward = random_direction(random);
   const Vector<Patient> aside = inward.cross(random_direction(random)).normalized();
-  const double max_mm = random.between(0.5, kMost_N) / felt.stiffness_N_per_mm;
+  const double max_mm = random.between(0.5, kMax_N) / felt.stiffness_N_per_mm;
   const double speed_mm = random.between(0.1, kFastest_mm);
   const Vector<Patient> askew = (inward + aside * random.between(0, kMaxAskew)).normalized();
   Point<Patient> tip = target;

@@ -712,8 +712,8 @@ std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKe
     while (at != next && is_blank(*at)) ++at;
     double number = 0;
     const auto [last, failed] = std::from_chars(at, next, number);
-    constexpr double kMost_mm = 1e6;
-    if (failed != std::errc() || !std::all_of(last, next, is_blank) || !(std::abs(number) < kMost_mm))
+    constexpr double kMax_mm = 1e6;
+    if (failed != std::errc() || !std::all_of(last, next, is_blank) || !(std::abs(number) < kMax_mm))
       return std::nullopt;
     numbers.push_back(number);
     at = next == end ? end : next + 1;

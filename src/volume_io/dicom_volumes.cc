@@ -350,10 +350,10 @@ class Stack {
       notes.push_back("was scanned with a gantry tilted by " + degrees(tangent) +
                       " degrees: its grid is sheared, each slice " + in_mm(tangent * step_mm) +
                       " mm beside the one before, so that every voxel lies where it was measured");
-    constexpr double kRounding = 0.02, kLeast_mm = 0.01;
+    constexpr double kRounding = 0.02, kMin_mm = 0.01;
     const auto contradicts = [&](const DicomFrame& frame) {
       return frame.slice_spacing_mm &&
-             std::abs(std::abs(*frame.slice_spacing_mm) - step_mm) > std::max(kLeast_mm, kRounding * step_mm);
+             std::abs(std::abs(*frame.slice_spacing_mm) - step_mm) > std::max(kMin_mm, kRounding * step_mm);
     };
     if (const auto frame = std::ranges::find_if(frames_, contradicts); frame != frames_.end())
       notes.push_back("says that slices lie " + in_mm(*frame->slice_spacing_mm) +

@@ -7,8 +7,8 @@ std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& 
   file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
   if (meetings.voxels > 0)
     file.notes.push_back("segments overlap in " + std::to_string(meetings.voxels) +
-                         " voxels: each is kept whole, and where forces come from one label a voxel it is "
-                         "that of the tissue that is felt most");
+                         " voxels: each is kept whole; where one label per voxel is needed, a nested segment "
+                         "has its voxels, and of crossing ones the one of the stiffest tissue");
   return layers;
 }
 

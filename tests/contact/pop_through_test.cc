@@ -31,7 +31,7 @@ constexpr bool kMenisciAlone = true;
 constexpr bool kMenisciAlone = false;
 #endif
 constexpr int kKnees = 2, kStructures = kMenisciAlone ? 2 : 7;  // per knee: menisci; cartilages and patella
-constexpr double kMost_N = 8.5;
+constexpr double kMax_N = 8.5;
 constexpr double kFastest_mm = 0.5;  // a tick of 1 ms: half a metre a second
 constexpr double kWidest_mm = 3;     // the tool's radius
 constexpr double kEvery_mm = 0.01;
@@ -184,7 +184,7 @@ class Press {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
     follow();
-    max_mm_ = chance.between(0.5, kMost_N) / felt_.stiffness_N_per_mm;
+    max_mm_ = chance.between(0.5, kMax_N) / felt_.stiffness_N_per_mm;
     const double speed_mm = chance.between(0.1, kFastest_mm);
     const Vector<Patient> aside = inward.cross(chance.direction()).normalized();
     const Vector<Patient> push = (inward + aside * chance.between(0, 0.6)).normalized() * speed_mm;

@@ -73,7 +73,7 @@ class Omega final : testing::DhdSide, public MadeWithFaults<testing::FakeDhdDevi
 
 class Touch final : testing::HdSide, public MadeWithFaults<testing::FakeHd> {
  public:
-  Touch() : MadeWithFaults(fake, testing::hd_faults_and_hang()) { device.max_force_N = kMost_N; }
+  Touch() : MadeWithFaults(fake, testing::hd_faults_and_hang()) { device.max_force_N = kMax_N; }
   DeviceDriver& driver() override { return *driver_; }
   void lead(double deep_mm) override { device.intended_x_mm = deep_mm - kBoneRadius_mm; }
   double force_N() const override { return device.force_N; }
@@ -82,7 +82,7 @@ class Touch final : testing::HdSide, public MadeWithFaults<testing::FakeHd> {
     driver_.reset();
     return fake.violations ? fake.first_violation.load() : "";
   }
-  static constexpr double kMost_N = 0.25;
+  static constexpr double kMax_N = 0.25;
 
  private:
   std::unique_ptr<DeviceDriver> driver_ = std::make_unique<OpenHapticsDriver>(testing::fake_hd_settings());
@@ -140,7 +140,7 @@ class TwoMakers {
 
   Made& device(std::size_t d) { return *made_[d]; }
   double limit_N(std::size_t d) const {
-    return dynamic_cast<Touch*>(made_[d].get()) ? Touch::kMost_N : kUsers_N;
+    return dynamic_cast<Touch*>(made_[d].get()) ? Touch::kMax_N : kUsers_N;
   }
   bool presses(std::size_t d) const { return made_[d]->force_N() > 0.4 * limit_N(d); }
   /// Contact begins outside: a hand that was lost may have come back within, and one whose tick came late has

@@ -87,16 +87,16 @@ class SceneTest(cli.PalpateTest):
                           says="felt.toml:3: the labels do not seem to belong to the scan")
         self.succeed("scene", "check", self.felt_scene(scan=self.scan(x=5), labels=labels))
 
-    def test_organs_are_bedded(self):
+    def test_organs_are_embedded(self):
         scan, labels = self.scan(), self.labels()
-        scene = self.folder / "bedded.toml"
+        scene = self.folder / "embedded.toml"
         self.succeed("scene", "new", scan, labels, "--embed", "-o", scene)
         text = scene.read_text()
         self.assertIn("# unlabelled tissue between the structures", text)
         self.assertRegex(text, r"embedding = true\n(.*\n)*air_below = ")
         self.assertRegex(self.succeed("scene", "check", scene).stdout, r"embedding +yes .* embedding")
         self.assertNotIn("air_below", self.succeed("scene", "new", labels, "--embed").stdout)
-        self.fail_clearly(cli.USAGE, "scene", "new", "--scan", scan, "--embed", says="no structures to bed")
+        self.fail_clearly(cli.USAGE, "scene", "new", "--scan", scan, "--embed", says="no structures to embed")
 
     def test_one_file_twice_and_labels_for_a_scan(self):
         labels = self.labels()

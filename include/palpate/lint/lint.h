@@ -97,8 +97,11 @@ struct LintReport {
   std::size_t count(LintSeverity severity) const;
 };
 
+/// Permitted range of LintOptions::tool_radius_mm.
+inline constexpr double kMinLintToolRadius_mm = 0.01, kMaxLintToolRadius_mm = 12;
+
 struct LintOptions {
-  double tool_radius_mm = 1;            ///< Tool radius for gaps and access; above 0, at most 12
+  double tool_radius_mm = 1;            ///< Tool radius for gaps and access
   bool oriented = true;                 ///< false: the files do not state the grid's orientation
   const Volume<float>* scan = nullptr;  ///< Scan on any grid; null: findings that need it are undecided
   /// Whether a structure of that name is too stiff for a tool to pass through; empty: unknown. Without a
