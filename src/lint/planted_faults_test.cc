@@ -4,6 +4,7 @@
 #include <iostream>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/test_seed.h"
@@ -22,7 +23,7 @@ struct Counts {
 /// @param share        minimum fraction of the planted faults that must be found
 /// @param unplantable  names of the faults for which such a map has no space
 void expect_found(const std::function<LintCase(unsigned)>& make, int maps, double share,
-                  const std::set<std::string>& unplantable = {}) {
+                  const std::set<std::string_view>& unplantable = {}) {
   const unsigned seed = test::test_seed();
   std::cout << "seed " << seed << '\n';
   std::vector<LintCase> clean;
