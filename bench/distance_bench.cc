@@ -15,7 +15,7 @@
 #include <random>
 
 #include "json_file.h"
-#include "palpate/haptics/distances.h"
+#include "palpate/contact/distances.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/surfaces/surfaces.h"
 

@@ -3,7 +3,7 @@
 
 Cells of 0.15 mm, each with an even pressure (Love 1929; Johnson 1985, 3.25); pressures not below 0 by constrained
 conjugate gradients (Polonsky & Keer 1999). A sphere is its paraboloid. The figures stand in
-src/haptics/footprint_test.cc. Takes a minute; needs numpy.
+src/core/contact/footprint_test.cc. Takes a minute; needs numpy.
 """
 
 import numpy

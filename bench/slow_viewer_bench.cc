@@ -20,8 +20,8 @@
 #include <vector>
 
 #include "json_file.h"
-#include "palpate/link/viewer_server.h"
 #include "palpate/rendering/volume_picture.h"
+#include "palpate/server/viewer_server.h"
 #include "palpate/session/explore.h"
 #include "viewer_client.h"
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "json_file.h"
-#include "palpate/haptics/proxy.h"
+#include "palpate/contact/proxy.h"
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/elastic_contact.h"

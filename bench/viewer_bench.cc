@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "json_file.h"
-#include "palpate/link/viewer_server.h"
+#include "palpate/server/viewer_server.h"
 #include "viewer_client.h"
 
 namespace palpate::bench {

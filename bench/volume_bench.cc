@@ -95,7 +95,7 @@ std::vector<VolumeCamera> views(const GridGeometry& grid, const Options& options
   return cameras;
 }
 
-/// Extinction in units of 1/255: palpate's solidity (src/rendering/volume_terms.h).
+/// Extinction in units of 1/255: palpate's solidity (src/output/rendering/volume_terms.h).
 std::vector<unsigned short> solidity(const Volume<LabelId>& labels) {
   const std::array<int, 3>& dims = labels.geometry().dims;
   std::vector<float> smooth(labels.voxels().begin(), labels.voxels().end()), from;

@@ -90,6 +90,8 @@ endfunction()
 function(palpate_module name)
   cmake_parse_arguments(MODULE "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
+  # private headers are included as MODULE/NAME.h
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH group)
   set(less_optimised)
   if(MODULE_WORDS AND NOT PALPATE_BUILD_FUZZERS)
     set(less_optimised $<$<CONFIG:Release>:-O1>)
@@ -120,7 +122,7 @@ function(palpate_module name)
     set(scope INTERFACE)
   endif()
   target_include_directories(${library} ${scope} $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
-    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src> $<INSTALL_INTERFACE:include>)
+    $<BUILD_INTERFACE:${group}> $<INSTALL_INTERFACE:include>)
   target_link_libraries(${library} ${scope} ${MODULE_LINK})
 
   if(PALPATE_BUILD_TESTS AND MODULE_TESTS)

@@ -18,7 +18,7 @@
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/felt_stiffness.h"
-#include "palpate/link/viewer_server.h"
+#include "palpate/server/viewer_server.h"
 #include "palpate/tracker/tracker_driver.h"
 #include "palpation.h"
 #include "recorded_runs.h"

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "palpate/link/viewer_server.h"
+#include "palpate/server/viewer_server.h"
 #include "verb.h"
 
 /// Shared by the verbs that serve the page.

@@ -1,7 +1,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "palpate/link/viewer_server.h"
+#include "palpate/server/viewer_server.h"
 #include "verb.h"
 
 namespace palpate::app {

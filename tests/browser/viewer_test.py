@@ -72,7 +72,7 @@ class Lane(unittest.TestLoader):
 
 
 def test_seed():
-    """The same in every run unless PALPATE_TEST_SEED says another, or "any" (src/base/test_seed.h)."""
+    """The same in every run unless PALPATE_TEST_SEED says another, or "any" (src/core/base/test_seed.h)."""
     asked = os.environ.get("PALPATE_TEST_SEED", "20261121")
     return random.randrange(1 << 30) if asked == "any" else int(asked)
 

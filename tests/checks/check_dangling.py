@@ -50,7 +50,7 @@ std::array<double, 3> three(double s);
 def compiler(build):
     """How the build compiles a unit of the proxy's, up to what it compiles; and in which folder."""
     entry = next(e for e in json.loads((pathlib.Path(build) / "compile_commands.json").read_text())
-                 if "palpate_haptics.dir" in e["command"])
+                 if "palpate_contact.dir" in e["command"])
     arguments = [a for a in shlex.split(entry["command"]) if not a.endswith("ccache")]
     return arguments[:arguments.index("-o")], entry["directory"]
 

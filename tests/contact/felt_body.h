@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-#include "palpate/haptics/proxy.h"
+#include "palpate/contact/proxy.h"
 #include "palpate/loading/loading.h"
 #include "palpate/scene/scene.h"
 #include "palpate/volume_io/volume_io.h"

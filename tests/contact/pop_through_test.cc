@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/test_files.h"
-#include "palpate/haptics/proxy_path.h"
+#include "palpate/contact/proxy_path.h"
 #include "palpate/scene/scene.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"

@@ -16,7 +16,7 @@
 #include "base/test_chart.h"
 #include "base/test_files.h"
 #include "felt_body.h"
-#include "palpate/haptics/proxy.h"
+#include "palpate/contact/proxy.h"
 #include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/scene/scene.h"

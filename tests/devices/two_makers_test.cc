@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "base/test_seed.h"
+#include "contact/test_model.h"
 #include "force_dimension/test_dhd_rig.h"
 #include "haply/test_haply_rig.h"
-#include "haptics/test_model.h"
 #include "openhaptics/test_hd_rig.h"
 #include "palpate/servo/composite_driver.h"
 

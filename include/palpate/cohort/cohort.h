@@ -12,8 +12,8 @@
 
 #include "palpate/base/force_method.h"
 #include "palpate/base/progress.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/geometry/geometry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/volume/volume.h"
 
 /// Batch processing of many studies: each is prepared, checked and palpated by a script, and the results are

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/model/memory_forecast.h"
 #include "palpate/model/preparing.h"
 #include "palpate/recording/recording.h"

@@ -3,8 +3,8 @@
 #include <memory>
 #include <span>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/model/preparing.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/surfaces/ramps.h"
 
 namespace palpate {

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/haptics/proxy.h"
+#include "palpate/contact/proxy.h"
 
 namespace palpate {
 

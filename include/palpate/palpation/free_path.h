@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 
 namespace palpate {
 

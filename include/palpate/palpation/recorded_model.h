@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/recording/recording.h"
 
 namespace palpate {

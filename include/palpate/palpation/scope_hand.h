@@ -2,9 +2,9 @@
 
 #include <optional>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/device.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/scene/scene.h"
 
 namespace palpate {

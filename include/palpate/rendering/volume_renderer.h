@@ -11,7 +11,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/volume/bricks.h"
 
 /// Volume rendering of structures on the CPU.
@@ -22,7 +22,7 @@ struct StructureLook {
   Rgb colour;
   double opacity = 1;  ///< 0: invisible; 1: opaque; between: its surface is visible, and what lies behind it
 };
-/// Looks by LabelId as the scene defines them (palpate/haptics/colours.h); labels without a tissue are
+/// Looks by LabelId as the scene defines them (palpate/contact/colours.h); labels without a tissue are
 /// opaque.
 std::vector<StructureLook> structure_looks(const Model& model);
 

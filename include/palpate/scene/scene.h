@@ -11,10 +11,10 @@
 #include <variant>
 #include <vector>
 
+#include "palpate/contact/haptics.h"
+#include "palpate/contact/scope.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
-#include "palpate/haptics/haptics.h"
-#include "palpate/haptics/scope.h"
 #include "palpate/preparation/preparation.h"
 #include "palpate/volume/volume.h"
 

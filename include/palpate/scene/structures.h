@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/scene/scene.h"
 
 namespace palpate {

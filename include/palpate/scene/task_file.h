@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "palpate/base/embedded_file.h"
-#include "palpate/haptics/scope.h"
+#include "palpate/contact/scope.h"
 #include "palpate/scene/plan_file.h"
 #include "palpate/scene/scene.h"
 

@@ -5,15 +5,15 @@
 #include <limits>
 #include <span>
 
+#include "palpate/contact/acting_force.h"
+#include "palpate/contact/haptics.h"
+#include "palpate/contact/passivity.h"
+#include "palpate/contact/swing.h"
+#include "palpate/contact/tool_contact.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
-#include "palpate/haptics/acting_force.h"
-#include "palpate/haptics/haptics.h"
-#include "palpate/haptics/passivity.h"
-#include "palpate/haptics/swing.h"
-#include "palpate/haptics/tool_contact.h"
 #include "palpate/servo/feel.h"
 #include "palpate/tissue/removal.h"
 

@@ -4,9 +4,9 @@
 #include <optional>
 
 #include "palpate/base/progress.h"
-#include "palpate/link/viewer_server.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
+#include "palpate/server/viewer_server.h"
 #include "palpate/session/shared_plan.h"
 #include "palpate/session/training.h"
 

@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/haptics/haptics.h"
-#include "palpate/link/viewed_plan.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/scene/plan_file.h"
+#include "palpate/server/viewed_plan.h"
 
 namespace palpate {
 

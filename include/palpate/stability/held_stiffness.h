@@ -3,9 +3,9 @@
 #include <string>
 
 #include "palpate/base/progress.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/device/workspace.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/stability/stability.h"
 
 namespace palpate {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/device/simulated_device.h"
-#include "palpate/haptics/haptics.h"
 
 /// Residual motion ("buzz") of a tip that a simulated hand holds still. See docs/results/between-bones.md and
 /// docs/results/stability.md, "Buzz".

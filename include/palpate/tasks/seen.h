@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "palpate/contact/haptics.h"
+#include "palpate/contact/scope.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
-#include "palpate/haptics/scope.h"
 
 namespace palpate {
 

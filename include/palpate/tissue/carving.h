@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/tissue/stroke_history.h"
 #include "palpate/tissue/sweep.h"
 

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/tissue/elastic_grid.h"
 
 /// Deformation of tissue by 3D ChainMail, for display only. It computes no forces; those are the force

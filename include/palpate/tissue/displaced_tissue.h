@@ -2,8 +2,8 @@
 
 #include <vector>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/tissue/displacement_field.h"
 #include "palpate/tissue/elastic_grid.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/haptics/haptics.h"
+#include "palpate/contact/haptics.h"
 
 namespace palpate {
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "palpate/base/result.h"
+#include "palpate/contact/elastic_constants.h"
 #include "palpate/geometry/geometry.h"
-#include "palpate/haptics/elastic_constants.h"
 #include "palpate/volume/bricks.h"
 
 /// Soft tissue as cubic cells: their material and the constraints of their nodes. docs/concepts/tissue.md has

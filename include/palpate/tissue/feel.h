@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/haptics/feel.h"
+#include "palpate/contact/feel.h"
 
 namespace palpate {
 

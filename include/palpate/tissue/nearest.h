@@ -4,8 +4,8 @@
 #include <map>
 #include <vector>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 #include "palpate/tissue/carving.h"
 
 namespace palpate {

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/haptics/proxy.h"
+#include "palpate/contact/proxy.h"
 #include "palpate/tissue/carving.h"
 
 /// A burr that removes bone, rendered in the tick in which it cuts. Positions are in the patient frame.

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 

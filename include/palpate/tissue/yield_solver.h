@@ -7,9 +7,9 @@
 #include <optional>
 #include <span>
 
+#include "palpate/contact/haptics.h"
+#include "palpate/contact/yield.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/haptics/haptics.h"
-#include "palpate/haptics/yield.h"
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/feel.h"
 

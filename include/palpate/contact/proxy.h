@@ -1,0 +1,426 @@
+#pragma once
+
+#include <array>
+#include <bitset>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "palpate/contact/feel.h"
+#include "palpate/contact/holes.h"
+#include "palpate/contact/owners.h"
+#include "palpate/contact/yield.h"
+#include "palpate/sampling/surface.h"
+
+/// God-object / proxy contact. A proxy of the tool tip is constrained to stay outside the surfaces while the
+/// device's tip penetrates them, and a virtual spring from the tip to the proxy generates the force (Zilles &
+/// Salisbury 1995; on implicit surfaces Salisbury & Tarr 1997). Positions are in the patient frame, so a
+/// proxy that sticks by friction moves along with a rotating object.
+namespace palpate {
+
+/// A surface with its contact properties: the surface of one structure, or a common surface of structures
+/// that touch. Touching structures share a surface because two separate surfaces side by side are both
+/// rounded at the seam and a tool would fall into the crack between them.
+///
+/// Structures that are stiffer than their surroundings form layers. Where fat and bone touch, the outer layer
+/// is their common surface, with the stiffness of fat; the surface of bone lies in the next layer, with the
+/// difference between the stiffness of bone and that of fat. Each layer constrains its own proxy, so the
+/// total force is the stiffness integrated along the penetration path, as in the inward ramp
+/// (docs/decisions/archive/0011-inward-ramps.md), and each layer's force is that of a conservative spring.
+///
+/// For a deformable structure the contact force at a depth is computed from the elastic solution (yield.h)
+/// instead of from a spring stiffness. A deformable structure belongs to the outermost of the layers that it
+/// touches; rigid structures within keep their whole stiffness.
+struct ContactSurface : ContactProperties {
+  /// Signed-distance surface. null: the structure is only touched through common surfaces.
+  std::shared_ptr<const Surface> surface;
+  /// Normal force above which the tool punctures the structure; infinite: never.
+  double puncture_N = std::numeric_limits<double>::infinity();
+  bool stays_open = false;  ///< Whether a puncture leaves a permanent hole (holes.h)
+  /// Ownership of a common surface: contact properties there are averaged over the owning structures by their
+  /// shares and replace the values above. null: not a common surface.
+  std::shared_ptr<const Owners> owners = nullptr;
+  /// Index of the structure to which this additional surface belongs, in a layer outside that structure's
+  /// own. -1: the entry is a structure's own, or a common surface.
+  int structure = -1;
+  /// Index of the common surface that covers this one; this surface is only tested for contact while the tool
+  /// has punctured that one. -1: not covered.
+  int beneath = -1;
+  /// Indices of the structures whose puncture also opens this common surface.
+  std::vector<std::int16_t> opened_by = {};
+  /// Layer index, 0 is the outermost. The entry of a structure has the innermost layer that contributes to
+  /// its stiffness.
+  int layer = 0;
+  /// Stiffness interval that this layer contributes, N/mm. For a structure whose own layer this is, the
+  /// contribution is everything above the lower bound.
+  double from_N_per_mm = 0, to_N_per_mm = std::numeric_limits<double>::infinity();
+  /// Specific cutting energy: work of a burr's motor per volume removed (palpate/tissue/removal.h). Infinite:
+  /// a burr cannot cut it.
+  double cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
+  /// After removal of tissue (palpate/tissue/carving.h): the surface before removal, and the labels it was
+  /// built from. Ownership of a point below that original surface follows these labels. null: nothing was
+  /// removed.
+  std::shared_ptr<const Surface> made = nullptr;
+  std::shared_ptr<const Bricks<LabelId>> original_labels = nullptr;
+  /// Whether burrs are blocked from removing this structure (palpate/tissue/removal.h).
+  bool kept = false;
+  /// Maximum error by which the distance to a carved part of the surface is underestimated
+  /// (CarvedSurface::clearance_error_mm).
+  double clearance_error_mm = 0;
+  /// Plane-strain modulus E / (1 - nu^2) of a deformable structure. 0: not deformable, a spring.
+  double yield_modulus_N_per_mm2 = 0;
+  /// Relaxation fractions of a deformable structure, one per time constant of the model.
+  RelaxedParts relaxed = {};
+};
+/// A touchable structure that a burr should spare.
+struct ProtectedStructure {
+  LabelId label = 0;
+  std::shared_ptr<const Surface> surface;  ///< The structure's own surface before any removal
+  bool kept = false;                       ///< Whether burrs are blocked from removing it
+};
+/// Ownership of a surface point: on a common surface the shares of its structures at that point, otherwise
+/// the one structure with share 1.
+/// @param index  index into `surfaces`
+OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at);
+/// Cache of the last four owner lookups. A tool at rest on a few contacts looks up the same points in every
+/// tick.
+class OwnerCache {
+ public:
+  /// Cached owners_at().
+  OwnerShares at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place);
+
+ private:
+  struct Known {
+    std::uint64_t owners = 0;  ///< Owners::number(). 0: empty entry
+    int surface = -1;
+    /// Whether tissue had been removed from the surface; the original surface and labels do not change
+    /// afterwards.
+    bool cut = false;
+    Point<Patient> place;
+    OwnerShares shares;
+  };
+  std::array<Known, 4> known_;
+  std::size_t next_ = 0;
+};
+/// Maximum number of surfaces of a model.
+inline constexpr std::size_t kMaxSurfaces = 1024;
+/// Set of surfaces, by their index.
+using SurfaceSet = std::bitset<kMaxSurfaces>;
+
+/// A collision primitive of the tool: a sphere, or a capsule (a sphere swept along a segment) whose radius
+/// may change linearly along its axis. A point tool is a sphere of radius 0.
+struct ToolSphere {
+  Vector<Patient> offset_mm;  ///< Centre relative to the tip, in the tool's current attitude
+  double radius_mm = 0;
+  /// Axis of a capsule, from the end at offset_mm to the other end; mm. 0: a sphere.
+  Vector<Patient> along_mm = {};
+  /// Radius at the other end of a capsule minus radius_mm; negative where it tapers. If not 0, both radii are
+  /// above 0.
+  double widens_mm = 0;
+  /// Radius that determines the spacing of the row of spheres by which a capsule is represented. 0: its own
+  /// radius. With a fixed value the spheres stay at the same positions of the axis when the radius changes.
+  double row_radius_mm = 0;
+
+  /// @param part  position on the axis, 0 at offset_mm ... 1 at the other end
+  double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
+};
+/// Maximum number of spheres and capsules of a tool.
+inline constexpr std::size_t kMaxToolSpheres = 4;
+
+/// Closest approach of a tool part to a surface.
+struct NearestPart {
+  /// Signed distance of the sphere centre there, minus the increase of the capsule's radius up to that point;
+  /// mm. Clearance is distance_mm - radius_mm.
+  double distance_mm = 0;
+  double part = 0;  ///< Position on the axis, 0 ... 1
+};
+/// Closest approach, evaluated on the same row of spheres that the proxy uses for a capsule. Does not
+/// allocate, lock or throw.
+/// @param at         position of the tip
+/// @param enough_mm  early-out for capsules: if the distance is nowhere below this, the result may be any
+///                   lower bound above it
+NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
+                         double enough_mm = std::numeric_limits<double>::infinity());
+
+/// Pose of the tool as held by the operator.
+struct ToolPose {
+  Point<Patient> tip;           ///< Position of the tip; finite
+  Eigen::Quaterniond attitude;  ///< Rotation from tool axes to patient axes; unit quaternion
+
+  /// A tool without rotation has the identity attitude.
+  /// @param turned  rotation; any non-zero norm, normalised here
+  ToolPose(const Point<Patient>& at, const Eigen::Quaterniond& turned = Eigen::Quaterniond::Identity())
+      : tip(at), attitude(turned.normalized()) {}
+};
+
+/// Tool parts rotated from one attitude to another. Bit-identical to the input if both attitudes are equal.
+class TurnedTool {
+ public:
+  /// @param spheres  parts in attitude `from`; at most kMaxToolSpheres
+  TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+             const Eigen::Quaterniond& to);
+  std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
+
+ private:
+  std::array<ToolSphere, kMaxToolSpheres> spheres_;
+  std::size_t count_;
+};
+
+/// A contact between a sphere or capsule of the tool and a surface.
+struct ProxyContact {
+  int surface = -1;        ///< Index into the surfaces
+  int sphere = 0;          ///< Index of the tool part
+  double part = 0;         ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
+  Vector<Patient> normal;  ///< Outward surface normal; unit
+  /// Multiplier of the contact: its contribution along `normal` to the vector from tip to proxy.
+  double multiplier_mm = 0;
+};
+/// Lever arm: vector from the tip to the contact point.
+inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
+  return sphere.offset_mm + sphere.along_mm * contact.part -
+         contact.normal * sphere.radius_at_mm(contact.part);
+}
+/// Friction coefficients of a contact.
+struct Friction {
+  double still = 0, sliding = 0;  ///< Static and kinetic coefficient
+};
+/// Cache of the active contacts of a proxy at rest. It is valid while the same tool remains at the same
+/// position with the same punctured surfaces; a tick then needs no surface queries. Not used for tools with
+/// capsules.
+class RestingContacts {
+ public:
+  struct Wall {
+    Vector<Patient> normal;  ///< Outward normal; unit
+    double offset_mm = 0;    ///< Half-space of allowed tip proxies: normal . p >= offset_mm
+    int surface = -1, sphere = 0;
+    /// Friction coefficients; empty unless they were evaluated.
+    std::optional<Friction> friction = std::nullopt;
+  };
+  static constexpr std::size_t kMaxConstraints = 4;
+
+  /// Cached half-spaces; empty if the cache does not match these arguments.
+  std::span<const Wall> find(const Point<Patient>& position, const SurfaceSet& punctured,
+                             std::span<const ToolSphere> spheres) const;
+  void remember(const Point<Patient>& position, const SurfaceSet& punctured,
+                std::span<const ToolSphere> spheres, std::span<const Wall> walls);
+  void forget() { walls_ = 0; }
+
+ private:
+  struct Sphere {
+    Vector<Patient> offset_mm;
+    double radius_mm = 0;
+  };
+  std::array<Wall, kMaxConstraints> wall_;
+  std::size_t walls_ = 0, spheres_ = 0;
+  Point<Patient> position_;
+  SurfaceSet punctured_;
+  std::array<Sphere, kMaxToolSpheres> sphere_;
+};
+/// Up to three active half-spaces (a corner), each shared by every sphere of the tool.
+inline constexpr std::size_t kMaxContacts = 3 * kMaxToolSpheres;
+
+/// Maximum number of layers (docs/decisions/0077-twelve-layers.md).
+inline constexpr int kMaxLayers = 12;
+
+/// State of one layer's proxy between ticks.
+struct ProxyLayer {
+  /// Whether the proxy constrains the tip. False until the tip has been in free space since the contact was
+  /// reset (start, clutch, pause, jump, a surface that grew over the tip): the side of the surface on which
+  /// the tip belongs is unknown until then, and the force is zero.
+  bool coupled = false;
+  bool sticking = false;    ///< Whether static friction holds the proxy
+  Point<Patient> position;  ///< Position of the tip's proxy
+  /// Attitude of the proxy's tool, as in ToolPose. Differs from the operator's while contacts block the
+  /// rotation or the work limit of a tick was reached.
+  Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
+  Vector<Patient>
+      last_displacement;  ///< Last substep displacement, mm; used to damp oscillation between substeps
+  SurfaceSet punctured;   ///< Bit n: the tool has punctured surface n and not left it yet
+  /// Fraction of the vector from tip to proxy that stretches the spring. Below 1 where the proxy is blocked
+  /// by a surface although no half-space constraint explains it.
+  double part = 1;
+  /// Spring stiffness of the last tick (force over length). 0: the spring was inactive. Empty: unknown, e.g.
+  /// after the surfaces changed.
+  std::optional<double> spring_N_per_mm;
+  /// Displacement of the device while the proxy was catching up through free space at zero force.
+  double catch_up_mm = 0;
+  double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
+  int contacts = 0;   ///< Number of valid entries of `contact`
+  std::array<ProxyContact, kMaxContacts> contact;
+  // caches: they affect the time of a tick but not its result
+  OwnerCache owners;
+  RestingContacts at_rest;
+};
+
+/// Residual force of layers whose proxies were released because the tool has left the covering layer. It
+/// fades out at a limited rate.
+struct ProxyRelease {
+  Vector<Patient> force_N;     ///< Force on the tip
+  Vector<Patient> torque_Nmm;  ///< Torque about the tip
+  double stored_mJ = 0;        ///< Elastic energy of a spring with that force
+
+  /// Reduces the magnitude of the force by at most `max_N`. Returns the reduction, N.
+  double fade(double max_N);
+  /// Limits the magnitude of the force to `max_N`.
+  void limit(double max_N);
+};
+
+/// Contact state of one tool between ticks: the outermost layer (base class) and the layers within. Trivially
+/// copyable, without pointers.
+struct ProxyState : ProxyLayer {
+  std::array<ProxyLayer, kMaxLayers - 1> within;  ///< Layer n at n - 1
+  Point<Patient> tip;                             ///< Tip position of the last tick
+  double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
+  ComplianceState yield;          ///< State of the deformable structures of the outermost layer
+  RelaxationState relaxation;     ///< Relaxation state of the outermost layer
+  ProxyRelease release;
+  /// Last tip position in free space, where the outermost proxy coincided with the tip.
+  Point<Patient> free_tip;
+  Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< Attitude of the tool at free_tip
+  Point<Patient> last_search_tip;  ///< Tip position at the last search for a free path back to the free pose
+
+  const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
+  ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
+};
+
+/// Parameters of advance_proxy.
+struct ProxyOptions {
+  bool friction = true;  ///< Whether friction is rendered
+  /// Upper limit of the rendered stiffness: the largest at which the device is stable in an operator's hand.
+  double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+  double dt_s = 0.001;  ///< Time since the last call
+  /// Limit of the rate at which the force on the tip changes while the proxy slips.
+  double max_slip_N_per_s = kProxyFeel.max_slip_N_per_s;
+  /// Local compliance of deformable structures, published by the elastic solver; `device` selects the entry
+  /// of this tool. null: no solution yet, each structure is an elastic half-space.
+  const ComplianceFrame* yields = nullptr;
+  std::size_t device = 0;
+  /// Relaxation times of the model. null: nothing relaxes.
+  const RelaxationTimes* relaxation_times = nullptr;
+  /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
+  Holes* holes = nullptr;
+  /// Maximum fraction of a substep by which the distance to the tip may increase.
+  double away = kProxyFeel.away;
+  /// Limit of the force sent to the device; a release starts with at most this force.
+  double most_force_N = std::numeric_limits<double>::infinity();
+};
+
+/// Force of the springs from the tip to the proxies.
+struct ProxyForce {
+  Vector<Patient> force_N;     ///< Force on the tip
+  Vector<Patient> torque_Nmm;  ///< Torque about the tip, with lever arms in the proxy's attitude
+  /// Secant stiffness (force over depth), averaged over contacts by their multipliers and shares and summed
+  /// over layers.
+  double stiffness_N_per_mm = 0;
+  /// Tangent stiffness (derivative of the force by depth). Differs from the secant for deformable structures.
+  double tangent_N_per_mm = 0;
+  double stored_mJ = 0;  ///< Elastic energy
+  bool yields = false;   ///< Whether a deformable structure is in contact
+};
+
+/// Contribution of one structure along the penetration path. The force is the stiffness integrated along the
+/// path, so each structure contributes its stiffness times the length of the path within it.
+struct PathSegment {
+  int structure = -1;  ///< Index into the surfaces
+  /// Length of the path within the structure; at a seam its share of that length, so that the depths add up
+  /// to the whole path.
+  double depth_mm = 0;
+  double share = 0;  ///< Fraction of the force, 0 ... 1
+};
+inline constexpr std::size_t kMaxPathSegments = 6;  ///< Capacity of ProxyResult::felt
+
+/// Total over all layers, including the force still being released.
+struct ProxyResult : ProxyForce {
+  std::array<ProxyForce, kMaxLayers> of_layer;  ///< Contribution of each layer
+  ProxyRelease release;                         ///< Residual force included in the total; it has no contacts
+  /// Structures along the penetration path, outermost first; empty without contact. If there are more than
+  /// fit, those with the largest shares.
+  std::array<PathSegment, kMaxPathSegments> felt;
+  int felt_parts = 0;  ///< Number of valid entries of `felt`
+  /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
+  /// disabled.
+  double friction = 0;
+  /// Force-weighted mean of the contact normals of all layers; unit. 0 without contact.
+  Vector<Patient> normal;
+  /// The half-spaces have no common point, i.e. the tool is wider than the gap it is in. The proxy keeps its
+  /// position, or its attitude if the rotation is blocked. A proxy that starts inside surfaces after a tool
+  /// change gives no force until the tip is in free space.
+  bool wedged = false;
+  bool ruptured = false;  ///< Whether a structure was punctured in this tick
+  /// Whether the proxy has not reached its goal: the tool moved or turned farther than the work limit of one
+  /// tick allows, or the proxy slips. It continues in the next tick. Contacts cannot be punctured meanwhile.
+  bool lagging = false;
+};
+
+/// Advances the proxies by one tick: rotates each proxy from its attitude to the operator's, moves it towards
+/// the tip along the surfaces without passing through them, then evaluates the springs. The whole path is
+/// collision-checked in substeps bounded by the clearance: at no point does a sphere penetrate a surface by
+/// more than ProxyFeel::max_dip_mm. Bounded work; does not allocate, lock or throw.
+///
+/// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
+///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/archive/0023). The contact point is the
+///   nearest point, or the middle of the touching interval where the capsule lies along the surface.
+/// - Rotation: the attitude follows the operator's, which no force resists; when the tool rotates into a
+///   surface the proxy's position is pushed out instead, so that the penetration generates a force at the tip
+///   (docs/decisions/archive/0019).
+/// - Free space is crossed in substeps of the clearance (sphere tracing, Hart 1996).
+/// - In contact the goal is the point nearest to the tip in the intersection of the half-spaces of all
+///   touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled
+///   alike.
+/// - Slip: where the nearest point jumps, e.g. at an edge, the proxy moves there at a speed at which the
+///   spring force changes by at most max_slip_N_per_s, through free space too. A punctured surface releases
+///   at once (docs/decisions/0033). The stiffness is rate-limited in the same way where the proxy moves from
+///   one structure to another with a stretched spring.
+/// - A layer constrains the tool only while the covering layer does. Once the outer proxy coincides with the
+///   tip, the tip is outside all inner layers: their proxies are reset to the tip and their residual force
+///   fades at the slip rate (docs/decisions/0076-layers-hold-while-covered.md).
+/// - The outermost layer constrains the tool until it has returned from the tissue, i.e. it is clear of the
+///   layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example
+///   in a pocket of the surface, is then reset in the same way.
+/// - Friction: the proxy sticks while its distance to the goal is at most static_friction times the depth,
+///   and otherwise slides to a distance of friction times the depth (friction cone: Harwin & Melder
+///   2002).
+/// - Stiffness and friction are averaged over the touched structures, weighted by the contact multipliers
+///   and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.
+/// - Puncture: a structure is punctured when its contribution to the spring force exceeds its puncture force.
+///   This excludes friction and uses the unlimited stiffness. Puncture also opens the common surfaces that
+///   the structure is part of, so that surfaces beneath are then touched individually; each closes again when
+///   tip and proxy have left it. A structure with stays_open keeps a hole: while all tool parts in contact
+///   with it fit into its holes, it is passed again without force.
+///
+/// @param surfaces  at most kMaxSurfaces; the same in every call with one `state`
+/// @param spheres   1 ... kMaxToolSpheres tool parts, in the attitude of `hand`
+/// @param hand      pose of the tool
+/// @param state     state of this tool, updated
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
+
+/// Transfers the state to a changed set of surfaces. Proxies are unaffected by surfaces whose shape is
+/// unchanged: position, sticking and punctures stay. A structure that was punctured and has changed shape
+/// stays punctured. A proxy inside a surface that is new or changed shape is uncoupled, because the side on
+/// which it belongs is unknown.
+/// @param hand    pose of the tool, in whose attitude `spheres` are given
+/// @param before  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
+void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                    const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
+
+/// Couples a tip that is inside tissue: each layer's proxy is initialised at the nearest point outside all
+/// surfaces. Returns false if there is none within reach of the distance fields. The caller ramps the force
+/// in.
+bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const ToolPose& hand, ProxyState& state);
+
+/// Transfers the state to surfaces whose structures have been assigned to different layers. The outermost
+/// proxy is treated as by transfer_proxy. If it was uncoupled, and for all inner layers, a proxy is
+/// initialised at the nearest point outside the surfaces that the tool has not punctured; punctures stay. The
+/// deformation and relaxation states are reset. A tip that was uncoupled before stays without force until it
+/// is in free space. The caller blends the force.
+/// @param before  as for transfer_proxy
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
+                                  std::span<const ToolSphere> spheres, const ToolPose& hand,
+                                  std::span<const SurfaceCorrespondence> before, ProxyState& state);
+
+}  // namespace palpate

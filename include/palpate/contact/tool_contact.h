@@ -1,0 +1,136 @@
+#pragma once
+
+#include <array>
+#include <limits>
+#include <span>
+
+#include "palpate/base/force_method.h"
+#include "palpate/contact/haptics.h"
+#include "palpate/contact/proxy.h"
+#include "palpate/device/device.h"
+#include "palpate/device/device_parameters.h"
+#include "palpate/device/telemetry.h"
+
+/// Contact of a device's tool with the model, by a direct force method or by the proxy.
+namespace palpate {
+
+/// Tick inputs common to all devices.
+struct TickContext {
+  const Model& model;
+  ForceMethod method = ForceMethod::kTrilinear;
+  bool friction = true, viscosity = true;  ///< Whether they are rendered
+  double dt_s = 0.001;                     ///< Length of the tick
+  /// Pose of the patient in the world, including the object's rotation.
+  Transform<World, Patient> X_WorldPatient;
+  Transform<Patient, World> X_PatientWorld;
+  const ComplianceFrame* yields = nullptr;  ///< Local compliance of deformable tissue; null: no solution yet
+  Holes* holes = nullptr;                   ///< As ProxyOptions::holes
+};
+
+/// Tick inputs of one device.
+struct DeviceContext {
+  const Tool& tool;
+  const DeviceParameters& device;
+  Eigen::Matrix3d R_WorldTool;    ///< Rotation from tool axes to world axes
+  Point<Patient> tip;             ///< Position of the tool's origin
+  Vector<Patient> velocity_mm_s;  ///< Velocity of the tip relative to the object
+  std::size_t number = 0;         ///< Index of the device
+
+  /// Transforms a vector from tool axes to patient axes.
+  /// @param of_tool  vector in the tool's frame
+  Vector<Patient> in_patient(const TickContext& tick, const Eigen::Vector3d& of_tool) const {
+    return tick.X_PatientWorld * Vector<World>(R_WorldTool * of_tool);
+  }
+  /// Maximum rendered stiffness in the patient, from the device's limit and gains; N/mm, at least 0.
+  double max_stiffness_N_per_mm() const;
+  /// Maximum total damping in the patient; N s/mm. Infinite if the device has no limit.
+  double max_damping_N_s_per_mm() const;
+};
+
+/// Contact of one point of the tool.
+struct PointContact {
+  /// Value and gradient of the force field; with the proxy, the gradient is the inward contact normal.
+  FieldSample sample;
+  /// Structure in contact.
+  ContactSite site;
+  Vector<Patient> force_N;  ///< Force on the tool, friction and viscosity included
+  Point<Patient> proxy;     ///< Proxy of the tool's origin; its own position for a direct method
+
+  /// Whether it counts as a touch: the force is perceptible, or the point is so deep inside a structure that
+  /// the field has no direction.
+  bool is_touch() const;
+};
+
+/// Contact of a part of the tool with a structure.
+struct ContactPoint {
+  LabelId label = 0;     ///< Structure in contact. 0: unused entry
+  int part = 0;          ///< Index of the tool part: its points, then its capsules
+  Point<Patient> place;  ///< Contact point on the surface; for a direct method the position of the tool point
+  double force_N = 0;    ///< Magnitude of the force along the surface normal, in the patient
+};
+
+/// Structure along the penetration path.
+struct PathStructure {
+  LabelId label = 0;
+  double depth_mm = 0;  ///< Length of the path within the structure; NaN: deeper than is measured
+  double share = 0;     ///< Fraction of the force, 0 ... 1
+};
+
+/// Contact of the whole tool: requested force with the device's gains applied, and its contacts.
+struct ToolContact {
+  /// Force and torque about the tool's origin requested at the device, in world axes.
+  Wrench asked;
+  PointContact strongest;  ///< Strongest contact of the outermost layer
+  /// Contacts, outermost layer first, within a layer by decreasing force. Unused entries have label 0.
+  /// Contacts beyond the capacity are dropped.
+  std::array<ContactPoint, kMaxContactsReported> contacts;
+  /// Structures along the penetration path, outermost first. Unused entries have label 0.
+  std::array<PathStructure, kMaxStructuresReported> felt;
+  /// Elastic energy of the contact at the device, an upper bound of what it can return; infinite: unknown.
+  double stored_mJ = std::numeric_limits<double>::infinity();
+  double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
+  std::uint32_t flags = 0;  ///< Flags of the proxy: kFlagInside, kFlagWedged, kFlagRuptured, kFlagRelease
+  /// Whether the proxy was reset because tissue was put back over it; its force fades out.
+  bool let_go = false;
+};
+
+/// Contact by a direct force method: sum over the tool's points.
+/// @param tick  inputs common to all devices
+/// @param hand  inputs of this device
+ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand);
+
+/// The tool's spheres and capsules in the operator's pose, in the patient frame.
+class PosedTool {
+ public:
+  PosedTool(const TickContext& tick, const DeviceContext& hand);
+  const ToolPose& pose() const { return pose_; }
+  std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
+  /// Replaces the first sphere, which is the head of a burr.
+  void set_first(const ToolSphere& sphere) { spheres_[0] = sphere; }
+
+ private:
+  std::array<ToolSphere, kMaxToolSpheres> spheres_;
+  std::size_t count_ = 0;
+  ToolPose pose_;
+};
+
+/// State of the spring and damper between tip and proxy.
+struct CouplingState {
+  double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
+  Vector<Patient> multiplier_mm;  ///< Vector from the tip to the proxy
+  VelocityWindow pull_velocity;   ///< Velocity of multiplier_mm, including free space; unused without damping
+};
+
+/// Options of advance_proxy() for a device in this tick.
+ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand);
+
+/// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
+/// the direct methods.
+/// @param held      tool with which the proxy was advanced
+/// @param proxy     state after the advance
+/// @param result    result of the advance
+/// @param coupling  spring and damper, updated
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& held,
+                           ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
+
+}  // namespace palpate

@@ -1,0 +1,119 @@
+#include "contact/capsule_row.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+// distance of a step's sphere centre, minus the increase of its radius over the first sphere's
+double distance_of_step(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+                        int steps, int step) {
+  const double part = static_cast<double>(step) / steps;
+  return surface.distance_mm(centre + shape.along_mm * part) - shape.widens_mm * part;
+}
+
+class RowSearch {
+ public:
+  RowSearch(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape, int steps,
+            double enough_mm)
+      : surface_(surface),
+        centre_(centre),
+        shape_(shape),
+        steps_(steps),
+        rise_mm_((surface.steepest() * shape.along_mm.norm() + std::abs(shape.widens_mm)) / steps),
+        enough_mm_(enough_mm) {}
+
+  double look(int step) {
+    ++looks_;
+    const double distance_mm = distance_of_step(surface_, centre_, shape_, steps_, step);
+    if (distance_mm < nearest_.distance_mm) nearest_ = {distance_mm, step};
+    return distance_mm;
+  }
+
+  // evaluates steps first ... last by bisection; keeps a lower bound of the distances it skips
+  void search(int first, int last) {
+    if (first > last) return;
+    const int middle = (first + last) / 2;
+    const double distance_mm = look(middle);
+    const double min_mm = distance_mm - rise_mm_ * (last - middle);
+    if (min_mm > std::min(enough_mm_, nearest_.distance_mm)) {
+      if (last > first) left_out_mm_ = std::min(left_out_mm_, min_mm);
+      return;
+    }
+    search(first, middle - 1);
+    search(middle + 1, last);
+  }
+
+  NearestInRow nearest() const {
+    if (nearest_.distance_mm <= enough_mm_) return nearest_;
+    return {std::min(nearest_.distance_mm, left_out_mm_), nearest_.step};
+  }
+  int looks() const { return looks_; }
+
+ private:
+  const Surface& surface_;
+  const Point<Patient>& centre_;
+  const ToolSphere& shape_;
+  const int steps_;
+  const double rise_mm_;  // maximum change of the distance from one step to the next
+  const double enough_mm_;
+  NearestInRow nearest_{std::numeric_limits<double>::infinity(), 0};
+  double left_out_mm_ = std::numeric_limits<double>::infinity();
+  int looks_ = 0;
+};
+
+}  // namespace
+
+int row_steps(const ToolSphere& sphere) {
+  if (sphere.along_mm == Vector<Patient>()) return 0;
+  // between two spheres the outline dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / (8 r) *
+  // 1.04 for these values
+  const double thinnest_mm =
+      sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
+  const double pitch_mm =
+      std::max(kProxyFeel.min_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.row_dip_mm));
+  return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
+}
+
+NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+                            int steps, int begin, double enough_mm, int& looks) {
+  RowSearch row(surface, centre, shape, steps, enough_mm);
+  row.look(begin);
+  row.search(0, begin - 1);
+  row.search(begin + 1, steps);
+  looks += row.looks();
+  return row.nearest();
+}
+
+NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
+                         double enough_mm) {
+  const Point<Patient> centre = at + sphere.offset_mm;
+  const int steps = row_steps(sphere);
+  if (steps == 0) return {surface.distance_mm(centre), 0};
+  int looks = 0;
+  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, looks);
+  return {nearest.distance_mm, static_cast<double>(nearest.step) / steps};
+}
+
+double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+                          int steps, int step, double beside_mm, int& looks) {
+  const auto distance_mm = [&](int at) {
+    ++looks;
+    return distance_of_step(surface, centre, shape, steps, at);
+  };
+  const double min_mm = distance_mm(step);
+  double all = 1, sum = step;
+  for (const int way : {-1, 1}) {
+    for (int at = step + way; at >= 0 && at <= steps; at += way) {
+      const double weight = 1 - std::abs(distance_mm(at) - min_mm) / beside_mm;
+      if (weight <= 0) break;
+      all += weight;
+      sum += weight * at;
+    }
+  }
+  return sum / all / steps;
+}
+
+}  // namespace palpate

@@ -1,0 +1,186 @@
+#include "palpate/contact/distances.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "palpate/base/check.h"
+
+namespace palpate {
+namespace {
+
+/// Evaluates points on the axes of tool parts and records the nearest.
+class NearestOfTool {
+ public:
+  NearestOfTool(const SurfaceTree& tree, const Point<Patient>& tip, double within_mm)
+      : tree_(tree), tip_(tip), within_mm_(within_mm) {
+    nearest_.distance_mm = within_mm;
+  }
+
+  void look_at(const ToolSphere& sphere) {
+    count_ = 0;
+    const double length_mm = sphere.along_mm.norm();
+    if (!(length_mm > 0)) {
+      look_at(sphere, 0, 0);
+      return;
+    }
+    // Lipschitz bound of the clearance over the whole axis
+    const double whole_mm = length_mm + std::abs(sphere.widens_mm);
+    if (!look_at(sphere, 0.5, 0.5 * whole_mm)) return;
+    look_at(sphere, 0, 0);
+    look_at(sphere, 1, 0);
+    follow_nearest(sphere, length_mm);
+    look_between(sphere, whole_mm);
+  }
+
+  std::optional<ToolDistance> nearest() const { return found_ ? std::optional(nearest_) : std::nullopt; }
+
+ private:
+  struct Place {
+    double part, distance_mm;  // lower bound if no surface is near
+    std::optional<Point<Patient>> on_surface;
+  };
+
+  // fixed-point iteration: projects the nearest surface point onto the axis and evaluates there
+  void follow_nearest(const ToolSphere& sphere, double length_mm) {
+    constexpr int kFollowed = 4;
+    constexpr double kStill_mm = 0.01;
+    for (int n = 0; n < kFollowed; ++n) {
+      const auto best =
+          std::min_element(place_.begin(), place_.begin() + count_,
+                           [](const auto& a, const auto& b) { return a.distance_mm < b.distance_mm; });
+      if (!best->on_surface) return;
+      const Vector<Patient> way = *best->on_surface - (tip_ + sphere.offset_mm);
+      const double part = std::clamp(way.dot(sphere.along_mm) / (length_mm * length_mm), 0.0, 1.0);
+      if (std::abs(part - best->part) * length_mm < kStill_mm) return;
+      look_at(sphere, part, 0);
+    }
+  }
+
+  // bisects the interval with the smallest lower bound until it cannot contain a nearer point
+  void look_between(const ToolSphere& sphere, double whole_mm) {
+    while (count_ < kMaxAlong) {
+      const auto min_mm = [&](std::size_t n) {
+        const Place &from = place_[n], &to = place_[n + 1];
+        return 0.5 * (from.distance_mm + to.distance_mm - (to.part - from.part) * whole_mm);
+      };
+      std::size_t next = 0;
+      for (std::size_t n = 1; n + 1 < count_; ++n)
+        if (min_mm(n) < min_mm(next)) next = n;
+      if (!(min_mm(next) < nearest_.distance_mm - kAlongSlack_mm)) return;
+      const double half = 0.5 * (place_[next + 1].part - place_[next].part);
+      look_at(sphere, place_[next].part + half, half * whole_mm);
+    }
+  }
+
+  // evaluates one point; true if a surface is within reach; keeps the points sorted along the axis
+  bool look_at(const ToolSphere& sphere, double part, double farther_mm) {
+    const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.along_mm * part;
+    const double radius_mm = sphere.radius_at_mm(part);
+    const auto near = tree_.nearest(centre, within_mm_ + radius_mm + farther_mm);
+    Place here{part, within_mm_ + farther_mm, {}};
+    if (near) {
+      here = {part, near->distance_mm - radius_mm, near->place};
+      if (here.distance_mm < nearest_.distance_mm) {
+        nearest_ = {here.distance_mm, centre, radius_mm, *near};
+        found_ = true;
+      }
+    }
+    const auto end = place_.begin() + count_;
+    const auto at = std::upper_bound(place_.begin(), end, here,
+                                     [](const auto& a, const auto& b) { return a.part < b.part; });
+    std::move_backward(at, end, end + 1);
+    *at = here;
+    ++count_;
+    return near.has_value();
+  }
+
+  const SurfaceTree& tree_;
+  const Point<Patient> tip_;
+  const double within_mm_;
+  std::array<Place, kMaxAlong> place_{};
+  std::size_t count_ = 0;
+  ToolDistance nearest_;
+  bool found_ = false;
+};
+
+}  // namespace
+
+Distances::Box Distances::box_of(const SurfaceTree& tree) {
+  const Eigen::Array3d &low = tree.low(), &high = tree.high();
+  return {low[0], low[1], low[2], high[0], high[1], high[2]};
+}
+
+Distances::Distances(std::vector<TrackedStructure> structures, double reach_mm)
+    : structures_(std::move(structures)), reach_mm_(reach_mm) {
+  for (const TrackedStructure& structure : structures_) {
+    PALPATE_CHECK(structure.tree != nullptr);
+    boxes_.push_back(box_of(*structure.tree));
+  }
+}
+
+Distances Distances::with(std::size_t structure, std::shared_ptr<const Surface> surface) const {
+  Distances now = *this;
+  auto& tree = now.structures_[structure].tree;
+  tree = std::make_shared<const SurfaceTree>(tree->with(std::move(surface)));
+  now.boxes_[structure] = box_of(*tree);
+  return now;
+}
+
+std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
+                                             const Point<Patient>& tip, double within_mm) {
+  NearestOfTool all(tree, tip, within_mm);
+  for (const ToolSphere& sphere : spheres) all.look_at(sphere);
+  return all.nearest();
+}
+
+ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
+  ToolBox box;
+  box.low.setConstant(std::numeric_limits<double>::infinity());
+  box.high = -box.low;
+  for (const ToolSphere& sphere : spheres)
+    for (const double part : {0.0, 1.0}) {
+      const Eigen::Array3d at = (tip + sphere.offset_mm + sphere.along_mm * part).eigen().array();
+      box.low = box.low.min(at - sphere.radius_at_mm(part));
+      box.high = box.high.max(at + sphere.radius_at_mm(part));
+    }
+  return box;
+}
+
+std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
+                                                               std::span<const ToolSphere> spheres,
+                                                               const Point<Patient>& tip) {
+  std::array<NearStructure, kMaxNearReported> told;
+  const ToolBox tool = box_of_tool(spheres, tip);
+  const std::vector<TrackedStructure>& structures = distances.structures();
+  std::size_t count = 0;
+  // Structures whose boxes are nearest are evaluated first: once the list is full, its last distance bounds
+  // the search for the others.
+  double within_mm = distances.reach_mm(), looked_mm = -1;
+  for (const double part : {0.1, 0.4, 1.0}) {
+    const double ring_mm = part * distances.reach_mm();
+    for (std::size_t s = 0; s < structures.size(); ++s) {
+      if (!structures[s].told) continue;
+      const double min_mm = distances.at_least_mm(s, tool);
+      if (!(min_mm > looked_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
+      const auto near = distance_of_tool(*structures[s].tree, spheres, tip, within_mm);
+      if (!near || !(near->distance_mm <= within_mm)) continue;
+      const NearStructure here{structures[s].label, near->distance_mm};
+      const auto end = told.begin() + static_cast<std::ptrdiff_t>(count);
+      const auto place = std::upper_bound(told.begin(), end, here, [](const auto& a, const auto& b) {
+        return a.distance_mm < b.distance_mm;
+      });
+      if (place == told.end()) continue;
+      if (count < told.size()) ++count;
+      std::move_backward(place, told.begin() + static_cast<std::ptrdiff_t>(count) - 1,
+                         told.begin() + static_cast<std::ptrdiff_t>(count));
+      *place = here;
+      if (count == told.size()) within_mm = told.back().distance_mm;
+    }
+    looked_mm = ring_mm;
+  }
+  return told;
+}
+
+}  // namespace palpate

@@ -1,0 +1,111 @@
+#include "contact/footprint.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "palpate/contact/feel.h"
+
+namespace palpate {
+namespace {
+
+// smoothstep of the depth difference: 0 if a is shallower by half a radius or more, 1 if it is as much deeper
+double is_deeper(double a_mm, double b_mm, double radius_mm) {
+  const double part = std::clamp((a_mm - b_mm) / radius_mm + 0.5, 0.0, 1.0);
+  return part * part * (3 - 2 * part);
+}
+
+}  // namespace
+
+Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along) {
+  PALPATE_CHECK(!places.empty() && places.size() <= kMaxPressPlaces);
+  std::array<double, kMaxPressPlaces> counts;
+  counts.fill(1);
+  const auto radius_mm = [&](std::size_t a, std::size_t b) {
+    return std::min(places[a].radius_mm, places[b].radius_mm);
+  };
+  // squared lateral distances of all pairs; up to 276 square roots and divisions dominate the cost of this
+  // function, so they are evaluated only where they affect the result
+  std::array<double, kMaxPressPlaces*(kMaxPressPlaces - 1) / 2> aside_mm2;
+  std::size_t pair = 0;
+  for (std::size_t a = 0; a < places.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b, ++pair) {
+      const Vector<Patient> way = places[a].middle_mm - places[b].middle_mm;
+      aside_mm2[pair] = (way - along * way.dot(along)).squared_norm();
+      const double radius = radius_mm(a, b);
+      if (!(aside_mm2[pair] < radius * radius)) continue;
+      const double behind = 1 - std::min(1.0, std::sqrt(aside_mm2[pair]) / radius);
+      const double deeper = is_deeper(places[a].depth_mm, places[b].depth_mm, radius);
+      counts[b] *= 1 - behind * deeper;
+      counts[a] *= 1 - behind * (1 - deeper);
+    }
+
+  // sums of sqrt(R) d^n, n = 0.5, 1.5, 2.5
+  std::array<double, kMaxPressPlaces> force;
+  double steep = 0, all = 0, work = 0;
+  Footprint foot;
+  for (std::size_t n = 0; n < places.size(); ++n) {
+    const PressPlace& place = places[n];
+    const double root = counts[n] * std::sqrt(place.radius_mm * place.depth_mm);
+    force[n] = root * place.depth_mm;
+    steep += root;
+    all += force[n];
+    work += force[n] * place.depth_mm;
+    foot.arm_mm += (place.middle_mm - along * place.radius_mm) * force[n];
+  }
+  if (!(all > 0)) {
+    // the contact is so slight that its force rounds to 0
+    foot.depth_mm = places[0].depth_mm;
+    foot.radius_mm = places[0].radius_mm;
+    foot.arm_mm = places[0].middle_mm - along * places[0].radius_mm;
+    return foot;
+  }
+  foot.depth_mm = work / all;
+  foot.radius_mm = all * all / (foot.depth_mm * foot.depth_mm * foot.depth_mm);
+  foot.stiffer = std::max(1.0, steep * work / (all * all));
+  foot.arm_mm = foot.arm_mm * (1 / all);
+  for (std::size_t n = 0; n < places.size(); ++n) force[n] /= all;
+  // two places closer than a radius count partly as one place
+  pair = 0;
+  for (std::size_t a = 0; a < places.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b, ++pair) {
+      const double aside = std::sqrt(aside_mm2[pair]), radius = radius_mm(a, b);
+      const double per_mm =
+          aside < radius ? aside / radius / (std::numbers::pi * radius) : 1 / (std::numbers::pi * aside);
+      foot.interaction_per_mm += 2 * force[a] * force[b] * per_mm;
+    }
+  return foot;
+}
+
+std::size_t press_places(std::span<const ContactSurface> all, std::span<const int> surfaces,
+                         std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                         std::span<PressPlace> places) {
+  const std::size_t most =
+      std::min(places.size(), kMaxPressPlaces) / std::max<std::size_t>(1, spheres.size());
+  std::size_t count = 0;
+  for (const ToolSphere& sphere : spheres) {
+    const double length_mm = sphere.along_mm.norm();
+    // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
+    // in a rotation
+    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldFeel.min_radius_mm});
+    const int steps =
+        length_mm > 0 ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(most) - 1) : 0;
+    for (int n = 0; n <= steps; ++n) {
+      const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
+      PressPlace place{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
+      for (const int s : surfaces) {
+        const ContactSurface& felt = all[static_cast<std::size_t>(s)];
+        if (felt.surface == nullptr) continue;
+        const double depth_mm = place.radius_mm - felt.surface->distance_mm(tip + place.middle_mm);
+        place.depth_mm = std::max(place.depth_mm, depth_mm);
+      }
+      // a thinner part presses like a sphere of the minimum radius at the same depth
+      place.radius_mm = std::max(place.radius_mm, kYieldFeel.min_radius_mm);
+      if (place.depth_mm > 0) places[count++] = place;
+    }
+  }
+  return count;
+}
+
+}  // namespace palpate

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "palpate/contact/proxy.h"
+
+/// Contact area of a tool with several parts, or of a capsule that lies along soft tissue, reduced to one
+/// equivalent Hertz sphere.
+namespace palpate {
+
+/// Sphere of the tool, or of a capsule's row, that penetrates the undeformed surface.
+struct PressPlace {
+  Vector<Patient> middle_mm;  ///< Centre relative to the tip
+  double radius_mm = 0;       ///< Radius; above 0
+  double depth_mm = 0;        ///< Penetration of the undeformed surface; above 0
+};
+inline constexpr std::size_t kMaxPressPlaces = 24;
+
+/// Sphere equivalent to several press places under the contact law of a tick (yield.h).
+struct Footprint {
+  double depth_mm = 0, radius_mm = 0;
+  /// Additional compliance by interaction of the places, times E*: each is lowered by the pressure at the
+  /// others, 1 / (pi E* r) at a distance r (Boussinesq).
+  double interaction_per_mm = 0;
+  /// Ratio of dF/dd of all places moved together to that of the equivalent sphere; at least 1.
+  double stiffer = 1;
+  /// Force-weighted mean of the vectors from the tip to the points of action on the surface.
+  Vector<Patient> arm_mm;
+};
+
+/// Equivalent sphere of several places. Places far apart follow Hertz's law independently, f ~ sqrt(R) d^1.5.
+/// A sphere with the force-weighted mean depth, and with the radius that gives the sum of the forces, then
+/// has the exact force and energy. A place behind a deeper one along the pressing direction is shielded: if
+/// their lateral distance is less than the smaller radius, it counts only by that ratio. The result is
+/// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
+/// throw.
+/// @param places  1 ... kMaxPressPlaces
+/// @param along   direction in which the tissue pushes the tool back; unit
+Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along);
+
+/// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
+/// are the maximum over the given surfaces.
+/// @param all       all surfaces of the model
+/// @param surfaces  indices of the surfaces in contact, without duplicates
+/// @param spheres   tool parts
+/// @param tip       position of the tip
+/// @param places    receives the places, in the order of the tool's parts
+/// @returns number of places written
+std::size_t press_places(std::span<const ContactSurface> all, std::span<const int> surfaces,
+                         std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                         std::span<PressPlace> places);
+
+}  // namespace palpate

@@ -1,0 +1,253 @@
+#include "palpate/contact/no_go.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+/// An active region.
+struct Push {
+  int region = -1;
+  Vector<Patient> outward;  // unit
+  Vector<Patient> arm_mm;   // from the tip to the point of action
+  double depth_mm = 0;
+  double stiffness_N_per_mm = 0;  // stiffness of the region alone
+};
+
+/// Closest approach of a tool to a region, and the outward direction there.
+struct NearRegion {
+  double distance_mm;
+  Point<Patient> centre;
+  Vector<Patient> outward;
+  double radius_mm;
+};
+
+using MetRegion = std::optional<NearRegion>;
+
+void keep_nearest(const NearRegion& one, MetRegion& nearest) {
+  if (!nearest || one.distance_mm < nearest->distance_mm) nearest = one;
+}
+
+MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
+  MetRegion nearest;
+  for (const ToolSphere& sphere : spheres)
+    // with a linearly changing radius the extremum is at one of the ends
+    for (const double part : {0.0, 1.0}) {
+      const Point<Patient> centre = tip + sphere.offset_mm + sphere.along_mm * part;
+      const double radius_mm = sphere.radius_at_mm(part);
+      keep_nearest({plane.outward.dot(centre - plane.point) - radius_mm, centre, plane.outward, radius_mm},
+                   nearest);
+    }
+  return nearest;
+}
+
+// position on a tapered capsule's axis where the line from the point is perpendicular to its outline
+double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_place) {
+  const double length2 = sphere.along_mm.squared_norm();
+  if (!(length2 > 0)) return 0;
+  const double foot = to_place.dot(sphere.along_mm) / length2;
+  const double beside_mm = (to_place - sphere.along_mm * foot).norm();
+  const double slant2 = length2 - sphere.widens_mm * sphere.widens_mm;
+  const double ahead = slant2 > 0 ? beside_mm * sphere.widens_mm / std::sqrt(slant2 * length2) : 0;
+  return std::clamp(foot + ahead, 0.0, 1.0);
+}
+
+MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
+  MetRegion nearest;
+  for (const ToolSphere& sphere : spheres) {
+    const Point<Patient> end = tip + sphere.offset_mm;
+    const double part = nearest_part_of_axis(sphere, ball.centre - end);
+    const Point<Patient> centre = end + sphere.along_mm * part;
+    const Vector<Patient> way = centre - ball.centre;
+    const double radius_mm = sphere.radius_at_mm(part);
+    keep_nearest({way.norm() - ball.radius_mm - radius_mm, centre, way.normalized(), radius_mm}, nearest);
+  }
+  return nearest;
+}
+
+MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
+                     std::span<const ToolSphere> spheres, const Point<Patient>& tip, double within_mm) {
+  if (structure.tracked < 0) return {};
+  const auto place = static_cast<std::size_t>(structure.tracked);
+  if (!(distances.at_least_mm(place, box_of_tool(spheres, tip)) <= within_mm)) return {};
+  const SurfaceTree& tree = *distances.structures()[place].tree;
+  const auto near = distance_of_tool(tree, spheres, tip, within_mm);
+  if (!near) return {};
+  return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
+}
+
+MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
+                     std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
+  if (const auto* plane = std::get_if<NoGoPlane>(&region.place)) return nearest_to(*plane, spheres, tip);
+  if (const auto* ball = std::get_if<NoGoSphere>(&region.place)) return nearest_to(*ball, spheres, tip);
+  return nearest_to(*std::get_if<NoGoStructure>(&region.place), distances, spheres, tip, region.keep_away_mm);
+}
+
+/// Active regions in order of decreasing depth, up to the capacity.
+class ActiveRegions {
+ public:
+  void add(const Push& push) {
+    const auto end = push_.begin() + static_cast<std::ptrdiff_t>(count_);
+    const auto place = std::upper_bound(push_.begin(), end, push,
+                                        [](const Push& a, const Push& b) { return a.depth_mm > b.depth_mm; });
+    if (place == push_.end()) return;
+    if (count_ < push_.size()) ++count_;
+    const auto last = push_.begin() + static_cast<std::ptrdiff_t>(count_) - 1;
+    std::move_backward(place, last, last + 1);
+    *place = push;
+  }
+  std::span<const Push> all() const { return {push_.data(), count_}; }
+
+ private:
+  std::array<Push, kMaxNoGoMet> push_;
+  std::size_t count_ = 0;
+};
+
+/// Energy of all active springs in series with the spring to the tip.
+class Envelope {
+ public:
+  Envelope(std::span<const Push> pushes, double max_N_per_mm) : pushes_(pushes), max_N_per_mm_(max_N_per_mm) {
+    // spring that, in series with the spring to the tip, has the region's own stiffness
+    for (std::size_t n = 0; n < pushes_.size(); ++n) {
+      const double felt = pushes_[n].stiffness_N_per_mm;
+      spring_[n] = felt * max_N_per_mm_ / (max_N_per_mm_ - felt);
+    }
+  }
+
+  double energy_mJ(const Eigen::Vector3d& u) const {
+    double energy_mJ = 0.5 * max_N_per_mm_ * u.squaredNorm();
+    for (std::size_t n = 0; n < pushes_.size(); ++n) {
+      const double deep_mm = depth_mm(n, u);
+      energy_mJ += 0.5 * spring_[n] * deep_mm * deep_mm;
+    }
+    return energy_mJ;
+  }
+
+  // Newton's method with line search; the function is convex and piecewise quadratic
+  Eigen::Vector3d find_least() const {
+    constexpr int kSteps = 32, kHalvings = 24;
+    constexpr double kEnough_mm = 1e-9, kEnoughOfSlope = 1e-4;
+    Eigen::Vector3d u = Eigen::Vector3d::Zero();
+    for (int step = 0; step < kSteps; ++step) {
+      Eigen::Vector3d slope = max_N_per_mm_ * u;
+      Eigen::Matrix3d bend = max_N_per_mm_ * Eigen::Matrix3d::Identity();
+      for (std::size_t n = 0; n < pushes_.size(); ++n) {
+        const double deep_mm = depth_mm(n, u);
+        if (!(deep_mm > 0)) continue;
+        const Eigen::Vector3d& out = pushes_[n].outward.eigen();
+        slope -= spring_[n] * deep_mm * out;
+        bend += spring_[n] * out * out.transpose();
+      }
+      const Eigen::Vector3d way = bend.ldlt().solve(-slope);
+      if (!(way.norm() > kEnough_mm)) break;
+      double part = 1;
+      const double before_mJ = energy_mJ(u), gain = kEnoughOfSlope * slope.dot(way);
+      for (int n = 0; n < kHalvings && energy_mJ(u + part * way) > before_mJ + part * gain; ++n) part *= 0.5;
+      u += part * way;
+    }
+    return u;
+  }
+
+  double force_N(std::size_t n, const Eigen::Vector3d& u) const { return spring_[n] * depth_mm(n, u); }
+
+ private:
+  double depth_mm(std::size_t n, const Eigen::Vector3d& u) const {
+    return std::max(0.0, pushes_[n].depth_mm - pushes_[n].outward.eigen().dot(u));
+  }
+
+  std::span<const Push> pushes_;
+  double max_N_per_mm_;
+  std::array<double, kMaxNoGoMet> spring_;
+};
+
+// regions without series spring: forces add up
+void add_up(std::span<const Push> pushes, NoGoForce& all) {
+  for (const Push& push : pushes) {
+    const Vector<Patient> force_N = push.outward * (push.stiffness_N_per_mm * push.depth_mm);
+    all.force_N += force_N;
+    all.torque_Nmm += push.arm_mm.cross(force_N);
+    all.stored_mJ += 0.5 * push.stiffness_N_per_mm * push.depth_mm * push.depth_mm;
+  }
+}
+
+void take_together(std::span<const Push> pushes, double max_N_per_mm, NoGoForce& all) {
+  const Envelope envelope(pushes, max_N_per_mm);
+  const Eigen::Vector3d u = envelope.find_least();
+  for (std::size_t n = 0; n < pushes.size(); ++n) {
+    const Vector<Patient> force_N = pushes[n].outward * envelope.force_N(n, u);
+    all.force_N += force_N;
+    all.torque_Nmm += pushes[n].arm_mm.cross(force_N);
+  }
+  all.stored_mJ = envelope.energy_mJ(u);
+}
+
+}  // namespace
+
+Result<void> check_no_go(std::span<const NoGoRegion> regions) {
+  const auto wrong = [](std::string what, std::string remedy) {
+    return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
+  };
+  if (regions.size() > kMaxNoGo)
+    return wrong(std::to_string(regions.size()) + " no-go regions",
+                 "a model has at most " + std::to_string(kMaxNoGo) + ": leave the others out");
+  for (const NoGoRegion& region : regions) {
+    const std::string name = "no-go region \"" + region.name + "\": ";
+    const auto is_in = [](double value, const auto& range) {
+      return value >= range.min && value <= range.max;
+    };
+    if (!(region.keep_away_mm >= 0 && region.keep_away_mm <= kMaxKeepAway_mm))
+      return wrong(name + "to keep away by " + std::to_string(region.keep_away_mm) + " mm",
+                   "give 0 to 20 mm");
+    if (!is_in(region.stiffness_N_per_mm, kNoGoStiffness_N_per_mm))
+      return wrong(name + "a stiffness of " + std::to_string(region.stiffness_N_per_mm) + " N/mm",
+                   "give 0.01 to 20 N/mm");
+    if (const auto* plane = std::get_if<NoGoPlane>(&region.place))
+      if (!plane->point.all_finite() || !(std::abs(plane->outward.norm() - 1) < 1e-6))
+        return wrong(name + "a plane without a place or a direction",
+                     "give a point, and a direction of length 1 towards where the tool may be");
+    if (const auto* ball = std::get_if<NoGoSphere>(&region.place))
+      if (!ball->centre.all_finite() || !is_in(ball->radius_mm, kNoGoRadius_mm))
+        return wrong(
+            name + "a sphere without a place, or with a radius of " + std::to_string(ball->radius_mm) + " mm",
+            "give a centre, and a radius of 0.1 to 500 mm");
+  }
+  return {};
+}
+
+NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
+                      std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                      double max_stiffness_N_per_mm) {
+  // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
+  constexpr double kMaxOfIt = 0.9;
+  NoGoForce all;
+  // NaN: the limit is unknown, and nothing is limited
+  const bool capped = max_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
+  if (capped && !(max_stiffness_N_per_mm > 0)) return all;
+  ActiveRegions pushes;
+  for (std::size_t r = 0; r < regions.size(); ++r) {
+    const NoGoRegion& region = regions[r];
+    const MetRegion near = nearest_to(region, distances, spheres, tip);
+    if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
+    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMaxOfIt * max_stiffness_N_per_mm)
+                                    : region.stiffness_N_per_mm;
+    pushes.add({static_cast<int>(r), near->outward, near->centre - near->outward * near->radius_mm - tip,
+                region.keep_away_mm - near->distance_mm, stiffness});
+  }
+  if (pushes.all().empty()) return all;
+  all.region = pushes.all().front().region;
+  all.depth_mm = pushes.all().front().depth_mm;
+  for (const Push& push : pushes.all())
+    all.stiffness_N_per_mm = std::max(all.stiffness_N_per_mm, push.stiffness_N_per_mm);
+  if (capped && pushes.all().size() > 1)
+    take_together(pushes.all(), max_stiffness_N_per_mm, all);
+  else
+    add_up(pushes.all(), all);
+  return all;
+}
+
+}  // namespace palpate

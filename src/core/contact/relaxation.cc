@@ -1,0 +1,127 @@
+#include "palpate/contact/relaxation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/base/hash.h"
+
+namespace palpate {
+namespace {
+
+// dents with a smaller elastic force are dropped
+constexpr double kMinRemembered_N = 1e-6;
+
+}  // namespace
+
+double Relaxation::part() const {
+  double sum = 0;
+  for (const RelaxationTerm& one : term) sum += one.part;
+  return sum;
+}
+
+bool RelaxationTimes::add(const Relaxation& relaxation) {
+  for (const RelaxationTerm& one : relaxation.term) {
+    if (!(one.part > 0)) continue;
+    const auto end = time_s.begin() + static_cast<std::ptrdiff_t>(count);
+    const auto place = std::lower_bound(time_s.begin(), end, one.time_s);
+    if (place != end && *place == one.time_s) continue;
+    if (count == kMaxRelaxationTimes) return false;
+    std::copy_backward(place, end, end + 1);
+    *place = one.time_s;
+    ++count;
+  }
+  return true;
+}
+
+void RelaxedParts::add(const Relaxation& relaxation, const RelaxationTimes& times, double weight) {
+  for (const RelaxationTerm& one : relaxation.term)
+    for (std::size_t n = 0; n < times.count; ++n)
+      if (one.part > 0 && times.time_s[n] == one.time_s) of_time[n] += weight * one.part;
+}
+
+void RelaxedParts::add(const RelaxedParts& other, double weight) {
+  for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n) of_time[n] += weight * other.of_time[n];
+}
+
+bool RelaxedParts::any() const {
+  return std::any_of(of_time.begin(), of_time.end(), [](double part) { return part > 0; });
+}
+
+void RelaxedParts::hash_into(std::uint64_t& hash) const {
+  for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n) {
+    if (of_time[n] == 0) continue;
+    hash_word(hash, n);
+    hash_double(hash, of_time[n]);
+  }
+}
+
+void RelaxationState::hash_into(std::uint64_t& hash) const {
+  hash_word(hash, static_cast<std::uint64_t>(presses));
+  hash_double(hash, elastic_N);
+  for (const double value : lagging_N) hash_double(hash, value);
+  for (int axis = 0; axis < 3; ++axis) hash_double(hash, at[axis]);
+  parts.hash_into(hash);
+}
+
+Decay decay(double x) {
+  // repeated halving of the interval, then doubling formulas
+  constexpr double kMost = 700, kShort = 1.0 / 64;
+  x = std::min(x, kMost);
+  double y = x;
+  int halved = 0;
+  for (; y > kShort; y *= 0.5) ++halved;
+  // series of (1 - exp(-y)) / y; the truncation error is below 1e-19
+  constexpr double kParts[] = {1.0 / 8, 1.0 / 7, 1.0 / 6, 1.0 / 5, 1.0 / 4, 1.0 / 3, 1.0 / 2};
+  double mean = 1;
+  for (const double part : kParts) mean = 1 - y * mean * part;
+  Decay of{1 - y * mean, mean};
+  for (int n = 0; n < halved; ++n) {
+    of.mean *= 0.5 * (1 + of.left);
+    of.left *= of.left;
+  }
+  return of;
+}
+
+double advance_relaxation(const RelaxationTimes& times, double elastic_N, const RelaxingContact* contact,
+                          double dt_s, RelaxationState& state) {
+  // fraction of the dent's depth at the tool
+  double near = 1;
+  if (contact != nullptr && elastic_N > 0) {
+    if (!state.presses) near = 1 - (contact->at - state.at).norm() / contact->reach_mm;
+    if (!state.remembers() || !(near > 0)) {
+      state = {};
+      state.parts = contact->parts;
+      near = 1;
+    } else if (state.presses) {
+      const double in = std::min(1.0, dt_s / contact->blend_s);
+      for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n)
+        state.parts.of_time[n] += in * (contact->parts.of_time[n] - state.parts.of_time[n]);
+    }
+  }
+
+  // p after the tick is past + now * F_e
+  std::array<double, kMaxRelaxationTimes> past{}, now{};
+  double lost_N = 0, lost_part = 0;
+  for (std::size_t n = 0; n < times.count; ++n) {
+    const Decay of = decay(dt_s / times.time_s[n]);
+    past[n] = (of.mean - of.left) * state.elastic_N + of.left * state.lagging_N[n];
+    now[n] = 1 - of.mean;
+    lost_N += state.parts.of_time[n] * past[n];
+    lost_part += state.parts.of_time[n] * now[n];
+  }
+  // a negative force: the tissue separates from the tool and recovers freely
+  const double free_N = lost_N / (1 - lost_part);
+  state.presses = elastic_N > near * free_N;
+  state.elastic_N = state.presses ? elastic_N : free_N;
+  const double kept = state.presses ? near : 1;
+  for (std::size_t n = 0; n < times.count; ++n)
+    state.lagging_N[n] = kept * past[n] + now[n] * state.elastic_N;
+  if (state.presses) {
+    if (contact != nullptr) state.at = contact->at;
+    return std::max(0.0, elastic_N - lost_part * elastic_N - near * lost_N);
+  }
+  if (state.elastic_N < kMinRemembered_N) state = {};
+  return 0;
+}
+
+}  // namespace palpate

@@ -1,0 +1,59 @@
+#include "palpate/contact/swing.h"
+#include "palpate/contact/feel.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// evaluates a completed half cycle, from the last reversal to the extremum
+void end_half(double step_mm, OscillationState& state) {
+  const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
+  const bool by_itself = length_mm >= std::max(kSwingFeel.min_mm, kSwingFeel.min_steps * step_mm) &&
+                         time_s <= kSwingFeel.longest_half_s &&
+                         length_mm >= kSwingFeel.min_speed_mm_s * time_s &&
+                         state.aside_mm.norm() <= length_mm;
+  const bool as_large = length_mm >= kSwingFeel.kept * state.before_mm;
+  state.halves = !by_itself ? 0 : as_large ? state.halves + 1 : 1;
+  if (state.halves >= kSwingFeel.halves)
+    state.later_s = std::min(kSwingFeel.max_later_s, state.later_s + kSwingFeel.later_s);
+  state.before_mm = length_mm;
+}
+
+}  // namespace
+
+void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
+                        double dt_s, OscillationState& state) {
+  state.later_s = std::max(0.0, state.later_s - kSwingFeel.forget_later * dt_s);
+  const double force = force_N.norm();
+  state.free_s = force > 0 ? 0 : state.free_s + dt_s;
+  if (force > 0) state.axis = force_N / force;
+  if (state.free_s > kSwingFeel.forgotten_s) {
+    const double later_s = state.later_s;
+    state = {};
+    state.later_s = later_s;
+    state.free_s = kSwingFeel.forgotten_s;
+    return;
+  }
+
+  const double along_mm = way_mm.dot(state.axis);
+  state.way_mm += along_mm;
+  state.time_s += dt_s;
+  state.aside_mm += way_mm - state.axis * along_mm;
+  if (std::abs(state.way_mm) > std::abs(state.farthest_mm) && state.way_mm * state.farthest_mm >= 0) {
+    state.farthest_mm = state.way_mm;
+    state.farthest_s = state.time_s;
+    return;
+  }
+  if (std::abs(state.farthest_mm - state.way_mm) < kSwingFeel.turn_steps * step_mm) return;
+  end_half(step_mm, state);
+  // the next half cycle began at the extremum of this one
+  state.way_mm -= state.farthest_mm;
+  state.time_s -= state.farthest_s;
+  state.farthest_mm = state.way_mm;
+  state.farthest_s = state.time_s;
+  state.aside_mm = {};
+}
+
+}  // namespace palpate

@@ -1,0 +1,314 @@
+#include "palpate/contact/tool_contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "contact/proxy_spheres.h"
+#include "palpate/contact/feel.h"
+#include "palpate/device/felt_stiffness.h"
+
+namespace palpate {
+namespace {
+
+/// Contact of one point of the tool, and the magnitude of its normal force.
+struct PointForce {
+  PointContact contact;
+  double normal_N = 0;
+};
+
+/// Contact of one point by a direct method.
+/// @param full_force_N     force at field value 1
+/// @param max_N_s_per_mm  limit of the total damping at this point
+/// @param x                position of the point
+PointForce touch(const TickContext& tick, double full_force_N, double max_N_s_per_mm, const Point<Patient>& x,
+                 const Vector<Patient>& velocity_mm_s) {
+  const ForceField& field = tick.model.force_field(tick.method);
+  PointForce met;
+  PointContact& contact = met.contact;
+  contact.proxy = x;
+  contact.sample = field.sample(x);
+  const Vector<Patient> normal_N = normal_force(contact.sample, full_force_N);
+  met.normal_N = normal_N.norm();
+  contact.force_N = normal_N;
+  contact.site = find_contact_site(tick.model, x, contact.sample);
+  if (contact.site.tissue < 0) return met;
+
+  const Tissue& tissue = tick.model.tissues[static_cast<std::size_t>(contact.site.tissue)];
+  const double left_N_s_per_mm =
+      tick.viscosity ? std::max(0.0, max_N_s_per_mm - tissue.viscosity_N_s_per_mm) : max_N_s_per_mm;
+  if (tick.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N, left_N_s_per_mm);
+  if (tick.viscosity)
+    contact.force_N +=
+        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, max_N_s_per_mm);
+  return met;
+}
+
+// label of the voxel at a point; 0 outside the volume
+LabelId label_at(const Model& model, const Point<Patient>& at) {
+  const Point<Voxel> p = model.field->X_VoxelPatient() * at;
+  const auto& dims = model.labels->geometry().dims;
+  std::array<int, 3> index{};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(p[axis] > -0.5 && p[axis] < dims[axis] - 0.5)) return 0;
+    index[axis] = static_cast<int>(p[axis] + 0.5);
+  }
+  return model.labels->at(index[0], index[1], index[2]);
+}
+
+// site of a felt label; empty for other labels
+ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
+  ContactSite site;
+  if (!model.is_felt(label)) return site;
+  site.label = label;
+  site.tissue = model.tissue_of_label[label];
+  site.level = model.level_of_label[label];
+  site.depth_mm = depth_mm;
+  return site;
+}
+
+// structure in contact; where structures touch or overlap, the one whose voxels are half a voxel below the
+// surface
+LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at,
+                    OwnerCache& owners) {
+  const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
+  const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
+  // a tissue softer than the layer's lower bound belongs to an outer layer
+  const ContactSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
+  if (model.is_felt(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
+    return label;
+  const int structure = owners.at(model.surfaces, contact.surface, at).largest();
+  return model.label_of_surface[static_cast<std::size_t>(structure)];
+}
+
+// Normal of all contacts. On an edge, or where the surface has more curvature than its smoothed normals, the
+// contact normals do not explain the whole force. The result is then the direction closest to theirs for
+// which the force lies in the friction cone.
+Vector<Patient> normal_of(const ProxyResult& result) {
+  const Vector<Patient>& walls = result.normal;
+  const Vector<Patient> along = result.force_N.normalized();
+  if (along == Vector<Patient>()) return walls;
+  const double ahead = walls.dot(along);
+  const Vector<Patient> aside = walls - along * ahead;
+  const double off = aside.norm();
+  if (off <= result.friction * ahead || off == 0) return walls;
+  return (along + aside * (result.friction / off)).normalized();
+}
+
+// stable insertion sort; std::stable_sort may allocate
+template <class T, class Before>
+void sort_few(std::span<T> few, Before before) {
+  for (auto next = few.begin(); next != few.end(); ++next)
+    std::rotate(std::upper_bound(few.begin(), next, *next, before), next, next + 1);
+}
+
+// contact point on the surface
+Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
+                        std::span<const ToolSphere> spheres) {
+  const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+  return layer.position + arm_of(contact, sphere);
+}
+
+// distribution of a layer's force over its contacts: along each normal, in sum the spring force
+struct LayerForce {
+  ProxyLayer& layer;
+  double force_N_per_mm;  // force per multiplier
+  std::span<const ToolSphere> spheres;
+};
+
+// appends a layer's contacts by decreasing force, up to the capacity; returns their number
+std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> told) {
+  std::array<const ProxyContact*, kMaxContacts> order;
+  const auto count = static_cast<std::size_t>(on.layer.contacts);
+  for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
+  sort_few(std::span(order).first(count),
+           [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
+  std::size_t n = 0;
+  for (; n < std::min(count, told.size()); ++n) {
+    const ProxyContact& contact = *order[n];
+    const Point<Patient> place = place_of(contact, on.layer, on.spheres);
+    told[n] = {label_under(model, contact, place, on.layer.owners), contact.sphere, place,
+               std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
+  }
+  return n;
+}
+
+// the proxy's contacts in the form of a direct method's contact: that of the strongest contact's structure
+PointContact strongest_of(const Model& model, const ProxyState& proxy, const ContactPoint& most,
+                          const Point<Patient>& tip, const ProxyResult& result,
+                          const Vector<Patient>& force_N) {
+  PointContact contact;
+  contact.proxy = proxy.coupled ? proxy.position : tip;
+  contact.force_N = force_N;
+  if (proxy.contacts == 0) return contact;
+  contact.sample.gradient = -normal_of(result);
+  contact.site = site_of(model, most.label, (proxy.position - tip).norm());
+  return contact;
+}
+
+PathStructure all_of_it(const PointContact& contact) {
+  return {contact.site.label, contact.site.depth_mm, 1};
+}
+
+std::array<PathStructure, kMaxStructuresReported> felt_by_proxy(const Model& model, const ProxyResult& result,
+                                                                const PointContact& strongest) {
+  static_assert(kMaxStructuresReported == kMaxPathSegments);
+  std::array<PathStructure, kMaxStructuresReported> felt;
+  for (int n = 0; n < result.felt_parts; ++n) {
+    const PathSegment& part = result.felt[static_cast<std::size_t>(n)];
+    felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
+                                         part.depth_mm, part.share};
+  }
+  // inside a punctured structure only viscosity acts
+  if (result.felt_parts == 0) felt[0] = all_of_it(strongest);
+  return felt;
+}
+
+// Ratio of the spring-damper force between tip and proxy to the spring force at the contacts' current
+// stiffness. The rendered stiffness is low-pass filtered, so that it is continuous across the seam of two
+// structures; it starts at the contacts' value. The damper's velocity is averaged over a window that includes
+// free space, so the damping builds up with the spring; it reduces the spring force to zero at most.
+double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, double damping_N_s_per_mm,
+               double dt_s, CouplingState& state) {
+  if (damping_N_s_per_mm > 0) state.pull_velocity.push(multiplier_mm - state.multiplier_mm, dt_s);
+  state.multiplier_mm = multiplier_mm;
+  const double stiffness = spring.stiffness_N_per_mm, length_mm = multiplier_mm.norm();
+  if (!(stiffness > 0) || !(length_mm > 0)) {
+    state.stiffness_N_per_mm = 0;
+    return 1;
+  }
+  double& felt = state.stiffness_N_per_mm;
+  // deformable tissue stiffens with depth, without a filter
+  felt = felt > 0 && !spring.yields ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s)
+                                    : stiffness;
+  const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
+  const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
+  return std::max(0.0, force_N) / (stiffness * length_mm);
+}
+
+}  // namespace
+
+bool PointContact::is_touch() const {
+  const bool inside = sample.value >= 0.5 * site.level;
+  return site.label != 0 && (inside || force_N.norm() >= kTouchFeel.min_N);
+}
+
+double DeviceContext::max_stiffness_N_per_mm() const {
+  return RenderedStiffness(device).max_in_patient();
+}
+
+double DeviceContext::max_damping_N_s_per_mm() const {
+  return device.max_damping_N_s_per_mm > 0
+             ? RenderedStiffness(device).in_patient(device.max_damping_N_s_per_mm)
+             : std::numeric_limits<double>::infinity();
+}
+
+ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
+  const DeviceParameters& gains = hand.device;
+  const auto points = static_cast<double>(hand.tool.points_mm.size());
+  ToolContact tool;
+  // forces of points in contact at the same time add up
+  const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
+  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
+  const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
+  const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
+  tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
+  std::size_t told = 0;
+  for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
+    const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
+    const PointForce met = touch(tick, full_force_N, max_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
+                                 hand.velocity_mm_s);
+    const Vector<World> force_N = tick.X_WorldPatient * met.contact.force_N;
+    tool.asked.force_N += force_N * gains.force_gain;
+    tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
+    if (part == 0 || met.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
+      tool.strongest = met.contact;
+    if (!met.contact.is_touch()) continue;
+    static_assert(kMaxContactsReported >= kMaxToolParts);
+    tool.contacts[told++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy, met.normal_N};
+  }
+  sort_few(std::span(tool.contacts).first(told),
+           [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
+  tool.felt[0] = all_of_it(tool.strongest);
+  return tool;
+}
+
+PosedTool::PosedTool(const TickContext& tick, const DeviceContext& hand)
+    : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
+  const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return hand.in_patient(tick, of_tool); };
+  for (const Eigen::Vector3d& offset_mm : hand.tool.points_mm)
+    spheres_[count_++] = {in_patient(offset_mm), hand.tool.radius_mm};
+  for (const ToolCapsule& capsule : hand.tool.capsules)
+    spheres_[count_++] = {in_patient(capsule.from_mm), capsule.radius_mm,
+                          in_patient(capsule.to_mm - capsule.from_mm)};
+}
+
+ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
+  const RelaxationTimes& times = tick.model.relaxation_times;
+  const double peak_N = hand.device.limits.peak_force_N;
+  ProxyOptions options;
+  options.friction = tick.friction;
+  options.max_stiffness_N_per_mm = hand.max_stiffness_N_per_mm();
+  options.dt_s = tick.dt_s;
+  options.max_slip_N_per_s = kProxyFeel.max_slip_N_per_s / hand.device.force_gain;
+  options.yields = tick.yields;
+  options.device = hand.number;
+  options.relaxation_times = times.any() ? &times : nullptr;
+  options.holes = tick.holes;
+  if (peak_N > 0) options.most_force_N = peak_N / hand.device.force_gain;
+  return options;
+}
+
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& held,
+                           ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
+  const Model& model = tick.model;
+  const DeviceParameters& gains = hand.device;
+  const Vector<Patient> multiplier_mm =
+      proxy.coupled ? (proxy.position - hand.tip) * proxy.part : Vector<Patient>();
+  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm();
+  const double damping_N_s_per_mm =
+      std::min(model.method_settings.coupling_damping_N_s_per_mm, max_N_s_per_mm);
+  // inner layers are not filtered: their force starts from zero depth anyway
+  const ProxyForce& outermost = result.of_layer[0];
+  const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
+               less = 1 - part;
+  ToolContact tool;
+  std::size_t told = 0;
+  for (int n = 0; n < kMaxLayers; ++n) {
+    ProxyLayer& layer = proxy.layer(n);
+    if (!layer.coupled || layer.contacts == 0) continue;
+    // tool parts in the proxy's attitude
+    const ProxySpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
+    const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
+    told += append_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
+                            std::span(tool.contacts).subspan(told));
+  }
+  tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
+                                result.force_N - outermost.force_N * less);
+  ContactSite& site = tool.strongest.site;
+  if (site.tissue < 0 && proxy.punctured.any())
+    site = site_of(model, label_at(model, hand.tip), kTouchFeel.whole_viscosity_mm);
+  if (tick.viscosity && site.tissue >= 0)
+    tool.strongest.force_N +=
+        viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
+                      site.depth_mm / kTouchFeel.whole_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
+  tool.felt = felt_by_proxy(model, result, tool.strongest);
+  tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
+  tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
+                          (gains.force_gain / gains.scale);
+  const double stored_mJ = outermost.yields
+                               ? outermost.stored_mJ
+                               : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
+  tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
+  const double stiffness_N_per_mm =
+      outermost.yields ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
+  tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -
+                                                               outermost.tangent_N_per_mm);
+  if (!proxy.coupled) tool.flags |= kFlagInside;
+  if (result.wedged) tool.flags |= kFlagWedged;
+  if (result.ruptured) tool.flags |= kFlagRuptured;
+  if (result.release.force_N != Vector<Patient>()) tool.flags |= kFlagRelease;
+  return tool;
+}
+
+}  // namespace palpate

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <span>
+
+#include "palpate/contact/proxy.h"
+#include "palpate/contact/proxy_path.h"
+
+namespace palpate {
+
+/// Result of rotating a proxy's tool by one tick.
+struct ToolTurn {
+  bool lagging = false;  ///< The rotation exceeds the work limit of a tick and continues in the next
+  bool blocked = false;  ///< Surfaces leave no position outside for the tool in a further rotated attitude
+};
+
+/// Rotates a layer's proxy about the tip towards an attitude, along the shorter arc, and pushes its position
+/// out of surfaces that the tool rotates into: the attitude follows the operator's, the position gives way.
+/// Swept in steps; between the ends of a step no sphere penetrates deeper than ProxyFeel::max_dip_mm. If the
+/// position cannot give way, the attitude stays behind. Bounded work; does not allocate, lock or throw.
+/// @param spheres   tool parts in `attitude`
+/// @param attitude  target attitude
+/// @param state     proxy of the layer, updated
+/// @param way       receives the pose after every step; may be null
+ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* way);
+
+}  // namespace palpate

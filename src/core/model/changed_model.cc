@@ -1,0 +1,245 @@
+#include "palpate/model/changed_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/surfaces_needed.h"
+#include "palpate/base/hash.h"
+#include "palpate/contact/tissue_values.h"
+#include "palpate/model/ramp_structures.h"
+#include "palpate/surfaces/ramps.h"
+
+namespace palpate {
+namespace {
+
+void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
+  for (std::size_t s = 0; s < model.label_of_surface.size(); ++s) {
+    if (model.tissue_of_label[model.label_of_surface[s]] != index) continue;
+    static_cast<ContactProperties&>(model.surfaces[s]) = tissue;
+  }
+}
+
+// scales the existing trilinear field down if the stiffest tissue is now softer than when it was computed
+std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model& made) {
+  const double part = std::min(1.0, felt.greatest_stiffness_N_per_mm() / made.greatest_stiffness_N_per_mm());
+  const double full_force_N = made.force_field(ForceMethod::kTrilinear).full_force_N() * part;
+  return std::make_shared<const ForceField>(made.field, full_force_N);
+}
+
+// sets the hashes of the version after a change
+void hash_after(const Model& felt, const ModelChange& change, Model& next) {
+  std::uint64_t hash = felt.hash_before_removal;
+  hash_word(hash, change.tissue);
+  for (const ContactProperty& property : kContactProperties)
+    hash_double(hash, change.contact.*property.value);
+  next.hash_before_removal = hash_finish(hash);
+  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.hash_before_removal)
+                                              : next.hash_before_removal;
+}
+
+Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
+                                              const Preparing& preparing, const Progress& progress) {
+  // a file may contain any value
+  const double coarsened = change.contact.stiffness_N_per_mm;
+  if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
+    return Error{ErrorKind::kBadInput,
+                 "no machine asks for cells " + std::to_string(coarsened) + " times as long", "", ""};
+  auto under = under_law(felt, law_of(change), preparing, progress);
+  if (!under) return under.error();
+  return with_law(felt, **under, change);
+}
+
+}  // namespace
+
+ModelChange unchanged(const Model& model, std::size_t tissue) {
+  return {model.version + 1, static_cast<std::uint32_t>(tissue), model.tissues[tissue]};
+}
+
+bool fields_match(const Model& felt, const Model& made) {
+  return std::equal(felt.tissues.begin(), felt.tissues.end(), made.tissues.begin(), made.tissues.end(),
+                    [](const Tissue& a, const Tissue& b) {
+                      return !a.felt || a.stiffness_N_per_mm == b.stiffness_N_per_mm;
+                    });
+}
+
+Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Model& made,
+                                                   const ModelChange& change) {
+  if (change.version != felt.version + 1)
+    return Error{ErrorKind::kBadInput,
+                 "version " + std::to_string(change.version) + " of the model does not follow version " +
+                     std::to_string(felt.version),
+                 "", ""};
+  if (change.tissue >= felt.tissues.size())
+    return Error{ErrorKind::kBadInput,
+                 "there is no tissue " + std::to_string(change.tissue) + ": the scene has " +
+                     std::to_string(felt.tissues.size()),
+                 "tissue", "tissues are counted from 0, in the order of the scene"};
+
+  auto next = std::make_shared<Model>(felt);
+  next->version = change.version;
+  Tissue& tissue = next->tissues[change.tissue];
+  static_cast<ContactProperties&>(tissue) = change.contact;
+  if (auto fine = check_tissue_values(next->tissues, change.tissue); !fine) return fine.error();
+  give_to_surfaces(static_cast<int>(change.tissue), tissue, *next);
+  if (fields_match(*next, made)) {
+    next->methods = made.methods;
+  } else {
+    next->methods = {};
+    next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, made);
+  }
+
+  hash_after(felt, change, *next);
+  return std::shared_ptr<const Model>(std::move(next));
+}
+
+bool can_make_fields(const Model& model) {
+  return model.ramp_width_mm > 0;
+}
+
+Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
+                                                         const Progress& progress) {
+  if (!can_make_fields(felt))
+    return Error{ErrorKind::kBadInput, "a union Gaussian is made once, for the scene's stiffnesses", "", ""};
+  const double stiffest = felt.greatest_stiffness_N_per_mm();
+  auto ramps = prepare_ramps(*felt.labels, ramp_structures(felt, *felt.labels),
+                             {.stiffest_N_per_mm = stiffest, .width_mm = felt.ramp_width_mm}, progress);
+  if (!ramps) return ramps.error();
+  auto model = std::make_shared<Model>(felt);
+  model->field = made.field->bytes_per_voxel() == 1
+                     ? std::make_shared<const Field>(in_eight_bits(ramps->field))
+                     : std::make_shared<const Field>(ramps->field);
+  for (std::size_t label = 0; label < model->level_of_label.size(); ++label)
+    if (const Tissue* tissue = model->tissue_of(static_cast<LabelId>(label)))
+      model->level_of_label[label] = level_of(*tissue, weight_of(*tissue, stiffest));
+  model->methods = {};
+  std::shared_ptr<const Model> ready = std::move(model);
+  for (const ForceMethodInfo& info : kDirectMethods) {
+    if (!made.has(info.method)) continue;
+    auto more = with_methods(ready, {&info.method, 1}, progress);
+    if (!more && more.error().kind == ErrorKind::kInterrupted) return more.error();
+    if (more) ready = *std::move(more);
+  }
+  return ready;
+}
+
+std::shared_ptr<const Model> with_fields(const Model& felt, const Model& fields) {
+  PALPATE_CHECK(fields_match(felt, fields));
+  auto next = std::make_shared<Model>(felt);
+  next->version = felt.version + 1;
+  next->field = fields.field;
+  next->level_of_label = fields.level_of_label;
+  next->methods = fields.methods;
+  hash_after(felt, {next->version, ModelChange::kFieldsRebuilt}, *next);
+  return next;
+}
+
+std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts) {
+  const std::shared_ptr<const Carving> before =
+      felt.carving != nullptr ? felt.carving : std::make_shared<const Carving>(felt);
+  return before->with(cuts);
+}
+
+ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
+  return {felt.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
+}
+
+ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened) {
+  ModelChange change{felt.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
+  change.contact.stiffness_N_per_mm = coarsened;
+  return change;
+}
+
+bool has_other_surfaces(const Model& felt, TissueLaw law) {
+  return is_elastic(law) != is_elastic(felt.tissue_law);
+}
+
+Result<void> check_law(const Model& felt, TissueLaw law) {
+  const bool is_soft = std::ranges::any_of(
+      felt.tissues, [](const Tissue& tissue) { return tissue.felt && tissue.elastic.has_value(); });
+  if (!is_soft)
+    return Error{ErrorKind::kBadInput, "no tissue that is felt has a Young's modulus", "",
+                 "give one `youngs_modulus`, or a preset that has one"};
+  if (has_other_surfaces(felt, law)) {
+    const bool yields = is_elastic(law);
+    if (!felt.has(ForceMethod::kProxy))
+      return Error{ErrorKind::kBadInput,
+                   "tissue yields to the proxy alone, and no surfaces are prepared for it", "",
+                   "write the law into the scene's [yielding], and method = \"proxy\" into [force]"};
+    if (felt.carving != nullptr)
+      return Error{ErrorKind::kBadInput,
+                   std::string("something was cut away, and tissue that ") +
+                       (yields ? "yields" : "is felt by layers") +
+                       " has other surfaces, which are made of what is whole",
+                   "", "begin with that law, or change to it before anything is cut"};
+  }
+  if (is_moving(law) && felt.carving != nullptr && !felt.carving->records_fractions())
+    return Error{ErrorKind::kBadInput,
+                 "what was cut away from tissue that did not move was not counted in parts of voxels", "",
+                 "begin with the law by which it moves, or change to it before anything is cut"};
+  return {};
+}
+
+Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law, const Preparing& preparing,
+                                               const Progress& progress) {
+  if (auto fine = check_law(felt, law); !fine) return fine.error();
+  auto next = std::make_shared<Model>(felt);
+  next->tissue_law = law;
+  if (!has_other_surfaces(felt, law)) return std::shared_ptr<const Model>(std::move(next));
+  auto times = relaxation_times_of(felt.tissues, law);
+  if (!times) return times.error();
+  next->relaxation_times = *times;
+  return with_surfaces(std::move(next), preparing, progress);
+}
+
+std::shared_ptr<const Model> with_law(const Model& felt, const Model& under, const ModelChange& change) {
+  auto next = std::make_shared<Model>(under);
+  next->version = change.version;
+  // set by change_of_law()
+  if (const double coarsened = change.contact.stiffness_N_per_mm; coarsened != 0)
+    next->tissue_coarsened = coarsened;
+  hash_after(felt, change, *next);
+  return next;
+}
+
+std::shared_ptr<const Carving> carving_after(const Carving* carving, const ModelChange& change) {
+  if (carving == nullptr || !change.is_of_stroke()) return nullptr;
+  return change.tissue == ModelChange::kUndo ? carving->undone() : carving->redone();
+}
+
+void follow(const ModelChange& change, RemovedVolume& removed) {
+  if (change.tissue == ModelChange::kUndo) removed.undo();
+  if (change.tissue == ModelChange::kRedo) removed.redo();
+}
+
+Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
+                                   std::span<const Cut> cuts, const Progress& progress,
+                                   const Preparing& preparing) {
+  if (change.tissue == ModelChange::kCut) {
+    if (!now.felt->has(ForceMethod::kProxy))
+      return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model is prepared without", "",
+                   ""};
+    return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
+  }
+  if (change.is_of_stroke()) {
+    const auto carving = carving_after(now.felt->carving.get(), change);
+    if (carving == nullptr)
+      return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "", ""};
+    return ModelVersions{carving->taken_from(*now.felt), now.made};
+  }
+  if (change.is_of_law()) {
+    auto felt = next_law(*now.felt, change, preparing, progress);
+    if (!felt) return felt.error();
+    return ModelVersions{*std::move(felt), now.made};
+  }
+  if (change.tissue != ModelChange::kFieldsRebuilt) {
+    auto felt = changed_model(*now.felt, *now.made, change);
+    if (!felt) return felt.error();
+    return ModelVersions{*std::move(felt), now.made};
+  }
+  const auto fields = with_rebuilt_fields(*now.felt, *now.made, progress);
+  if (!fields) return fields.error();
+  const auto felt = with_fields(*now.felt, **fields);
+  return ModelVersions{felt, felt};
+}
+
+}  // namespace palpate

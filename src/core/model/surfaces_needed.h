@@ -1,0 +1,27 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "palpate/contact/haptics.h"
+#include "palpate/model/preparing.h"
+
+namespace palpate {
+
+/// Groups of structures from which the proxy's surfaces are built, without duplicates, in the order of
+/// building. Builds nothing; requires a model with labels and tissues. Errors: those of
+/// Preparing::touching_pairs; kBadInput for more surfaces than the proxy supports.
+Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
+                                                          const Progress& progress);
+
+/// The model with the proxy's surfaces rebuilt from its labels and tissues. Requires that nothing was cut.
+/// Errors: those of surfaces_needed and Preparing::outer_surfaces; kInterrupted.
+Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
+                                                   const Preparing& preparing, const Progress& progress);
+
+/// Relaxation times of the tissues that are deformable under a law. Errors: kBadInput for an invalid series,
+/// or more different times than supported.
+Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, TissueLaw law);
+
+}  // namespace palpate

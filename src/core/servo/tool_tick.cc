@@ -1,0 +1,99 @@
+#include "servo/tool_tick.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "palpate/contact/no_go.h"
+#include "palpate/device/felt_stiffness.h"
+
+namespace palpate {
+namespace {
+
+std::optional<Burr> burr_of(const TickContext& tick, const DeviceContext& hand, const MotorState& motor) {
+  const Tool& tool = hand.tool;
+  if (!tool.burr) return std::nullopt;
+  return Burr{tool.radius_mm,
+              motor.runs ? tool.burr->revolutions_per_s : 0,
+              hand.in_patient(tick, tool.burr->spindle),
+              tool.burr->grip,
+              motor.max_press_N,
+              tick.model.protected_structures,
+              motor.stroke,
+              tool.burr->length_mm,
+              tool.burr->end_radius_mm};
+}
+
+// bit n is set if layer n has a proxy
+unsigned coupled_layers(const ProxyState& proxy) {
+  unsigned layers = 0;
+  for (int n = 0; n < kMaxLayers; ++n) layers |= static_cast<unsigned>(proxy.layer(n).coupled) << n;
+  return layers;
+}
+
+}  // namespace
+
+ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, const ProxyChange& change,
+                         const MotorState& motor, SessionState::Hand& hand) {
+  const std::vector<ContactSurface>& surfaces = tick.model.surfaces;
+  PosedTool held(tick, context);
+  ProxyState& proxy = hand.proxy;
+  const std::optional<Burr> burr = burr_of(tick, context, motor);
+  if (burr) {
+    if (change.surfaces) rebase_burr(surfaces, *burr, held.pose(), change.carved, proxy, hand.burr);
+    held.set_first(burr->head(hand.burr.inset_mm));
+  }
+  const unsigned coupled_before = coupled_layers(proxy);
+  if (change.surfaces && change.layers)
+    transfer_proxy_to_new_layers(surfaces, held.spheres(), held.pose(), change.before, proxy);
+  else if (change.surfaces)
+    transfer_proxy(surfaces, held.spheres(), held.pose(), change.before, proxy);
+  const bool let_go = coupled_layers(proxy) != coupled_before;
+  if (change.method && !proxy.coupled) initialise_proxy(surfaces, held.spheres(), held.pose(), proxy);
+  const ProxyOptions options = proxy_options(tick, context);
+  const ProxyResult result = burr ? advance_burr(surfaces, *burr, held.pose(), proxy, hand.burr, options)
+                                  : advance_proxy(surfaces, held.spheres(), held.pose(), proxy, options);
+  if (burr) held.set_first(burr->head(hand.burr.penetration_mm));
+  ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
+  contact.let_go = let_go;
+  // a burr's head is at the proxy of the layer in which it cuts, or else of the innermost layer in contact
+  if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
+    contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
+  return contact;
+}
+
+void keep_away(const TickContext& tick, const DeviceContext& context, ToolContact& contact, DeviceTick& out) {
+  const Model& model = tick.model;
+  if (model.no_go.empty() && model.distances.structures().empty()) return;
+  PosedTool held(tick, context);
+  if (const auto burr = burr_of(tick, context, {})) held.set_first(burr->head(0));
+
+  // structures near the tool
+  const auto near = nearest_structures(model.distances, held.spheres(), context.tip);
+  for (std::size_t n = 0; n < near.size(); ++n) {
+    out.near_label[n] = near[n].label;
+    out.near_mm[n] = near[n].distance_mm;
+  }
+
+  // force of the no-go regions
+  const NoGoForce push = push_out_of(model.no_go, model.distances, held.spheres(), context.tip,
+                                     context.max_stiffness_N_per_mm());
+  if (push.region < 0) return;
+  out.flags |= kFlagNoGo;
+  out.no_go = static_cast<std::uint16_t>(push.region + 1);
+  out.no_go_depth_mm = push.depth_mm;
+  const DeviceParameters& gains = context.device;
+  const Vector<World> force_N = tick.X_WorldPatient * push.force_N * gains.force_gain;
+  const double all_N = force_N.norm();
+  if (!(all_N > 0)) return;
+  const double lent_N = std::max(0.0, contact.asked.force_N.dot(force_N) / all_N);
+  const double lacks = std::max(0.0, all_N - lent_N) / all_N;
+  const double lever = gains.force_gain / gains.scale;
+  contact.asked.force_N += force_N * lacks;
+  contact.asked.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
+  contact.stored_mJ += push.stored_mJ * lever;
+  contact.stiffness_N_per_mm =
+      std::max(contact.stiffness_N_per_mm, RenderedStiffness(gains).at_device(push.stiffness_N_per_mm));
+  out.no_go_N = all_N * lacks;
+}
+
+}  // namespace palpate

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "palpate/contact/haptics.h"
+#include "palpate/contact/yield.h"
+#include "palpate/tissue/carved_cells.h"
+#include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/yield_solver.h"
+
+/// Placement of the boxes of cells around tools on which soft tissue is solved.
+namespace palpate {
+
+/// Upper limit of a patch's radius, as a fraction of the box's width.
+inline constexpr double kMaxPatchPart = 0.25;
+
+/// Middle of the box for a tool that presses on a surface point: far enough below the surface that most of
+/// the box is tissue. In cells of the lattice over the whole volume, with which every box is aligned.
+/// @param outward  unit normal of the surface there
+Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward);
+/// First cell of the box with that middle, and whether an existing box still covers a middle.
+std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
+bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
+/// YieldSolver::displacing_force_N for relaxing tissue.
+/// @param tissue  tissue at the contact
+double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm);
+/// Cells of a box, with springs on its faces for a load at YieldBox::about.
+CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
+                        const YieldBox& box);
+
+}  // namespace palpate

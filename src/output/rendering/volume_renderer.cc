@@ -1,0 +1,392 @@
+#include "palpate/rendering/volume_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "palpate/base/for_each_index.h"
+#include "palpate/contact/colours.h"
+#include "rendering/shear_warp.h"
+#include "rendering/volume_encoding.h"
+
+namespace palpate {
+
+using internal::volume_picture::AccumulatedLine;
+using internal::volume_picture::CubesView;
+using internal::volume_picture::Encoding;
+using internal::volume_picture::Factored;
+using internal::volume_picture::LitBlockCache;
+using internal::volume_picture::MixingBuffers;
+using internal::volume_picture::PixelRun;
+using internal::volume_picture::Rays;
+using internal::volume_picture::Region;
+using internal::volume_picture::RowsView;
+using internal::volume_picture::TracedRay;
+
+namespace internal::volume_picture {
+
+/// Line of intermediate pixels.
+struct Line {
+  std::vector<float> floats;
+  std::vector<std::uint64_t> open;
+};
+/// Buffers reused from picture to picture.
+struct Scratch {
+  std::vector<Line> lines;                   ///< kMaxLines per thread
+  std::vector<std::vector<float>> mixing;    ///< Per thread
+  std::vector<LitBlockCache> lit;            ///< Per thread
+  std::vector<std::vector<TracedRay>> rays;  ///< Per thread
+  std::vector<std::vector<std::int32_t>> edges;
+  std::vector<std::uint32_t> pixels, marked;
+  std::vector<float> met, begun;
+  std::vector<std::vector<float>> row_met;  ///< Per thread
+};
+
+}  // namespace internal::volume_picture
+
+namespace {
+
+/// Maximum distance between samples along a ray, in units of the grid's shortest spacing; smaller if a clip
+/// plane cuts between two of them.
+constexpr double kMaxApart = 1, kMaxApartClipped = 0.5;
+using internal::volume_picture::kMaxLines;
+using internal::volume_picture::kNoPlane;
+/// Number of rays of a row that are traced together.
+constexpr std::size_t kMaxRays = 64;
+
+/// Per intermediate pixel: visible range of planes under clipping, and distance between planes along its ray.
+class Ways {
+ public:
+  Ways(const GridGeometry& grid, const Rays& rays, const Factored& view, const std::optional<ClipPlane>& clip)
+      : rays_(rays), view_(view), linear_(grid.X_PatientVoxel().linear()), h_(grid.min_spacing_mm()) {
+    if (!clip) return;
+    is_clipped_ = true;
+    normal_ = linear_.transpose() * clip->away.eigen();
+    offset_ = clip->away.dot(clip->at - grid.origin);
+  }
+  bool is_clipped() const { return is_clipped_; }
+
+  /// Step of an intermediate pixel's ray from plane to plane; voxels.
+  Eigen::Vector3d pace(const Eigen::Vector3d& at) const {
+    const Eigen::Vector3d way = rays_.is_parallel ? rays_.way : Eigen::Vector3d(at - rays_.from);
+    return way * (view_.z_step / way[view_.z]);
+  }
+  float step(const Eigen::Vector3d& pace) const { return static_cast<float>((linear_ * pace).norm() / h_); }
+  /// Range of visible planes.
+  std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& pace) const {
+    if (!is_clipped_) return {-kNoPlane, kNoPlane};
+    const double rise = normal_.dot(pace), here = normal_.dot(at) - offset_;
+    if (rise == 0) return {here > 0 ? kNoPlane : -kNoPlane, kNoPlane};
+    const double plane = (view_.z_ref - view_.z_first) / view_.z_step - here / rise;
+    const auto bounded = static_cast<float>(std::clamp(plane, -double{kNoPlane}, double{kNoPlane}));
+    return {rise < 0 ? bounded : -kNoPlane, rise > 0 ? bounded : kNoPlane};
+  }
+
+  void find(int v, const AccumulatedLine& line) const {
+    Eigen::Vector3d at;
+    at[view_.z] = view_.z_ref;
+    at[view_.y] = view_.y_ref_0 + view_.y_ref_per_v * v;
+    for (int u = 0; u < view_.width; ++u) {
+      if (u > 0 && rays_.is_parallel && !is_clipped_) {
+        line.step[u] = line.step[0];
+        continue;
+      }
+      at[view_.x] = view_.x_ref_0 + view_.x_ref_per_u * u;
+      const Eigen::Vector3d further = pace(at);
+      line.step[u] = step(further);
+      if (!is_clipped_) continue;
+      const auto planes = seen(at, further);
+      line.first[u] = planes[0];
+      line.last[u] = planes[1];
+    }
+  }
+
+ private:
+  const Rays& rays_;
+  const Factored& view_;
+  Eigen::Matrix3d linear_;
+  double h_;
+  bool is_clipped_ = false;
+  Eigen::Vector3d normal_ = Eigen::Vector3d::Zero();  ///< Per voxel
+  double offset_ = 0;
+};
+
+RowsView rows_of(RowsView rows, const GridGeometry& grid, const Factored& view) {
+  const int axes[3] = {view.x, view.y, view.z};
+  // distances between rows: first across the rows, then along k
+  const std::ptrdiff_t across = 1, along_k = grid.dims[view.x == 0 ? 1 : 0];
+  for (int a = 0; a < 3; ++a) {
+    rows.count[a] = grid.dims[static_cast<std::size_t>(axes[a])];
+    rows.row[a] = axes[a] == 2 ? along_k : across;
+  }
+  return rows;
+}
+
+AccumulatedLine line_of(internal::volume_picture::Line& line, int width, bool is_clipped, bool has_depth) {
+  constexpr int kChunk = internal::volume_picture::kChunk;
+  const auto stride = static_cast<std::size_t>((width + kChunk - 1) / kChunk * kChunk);
+  line.floats.resize(9 * stride);
+  const std::size_t chunks = stride / kChunk;
+  line.open.assign((chunks + 63) / 64, ~std::uint64_t{0});
+  if (chunks % 64 != 0) line.open.back() = (std::uint64_t{1} << chunks % 64) - 1;
+  const auto part = [&](std::size_t n) { return line.floats.data() + n * stride; };
+  AccumulatedLine gathered{};
+  for (std::size_t n = 0; n < 3; ++n) gathered.channel[n] = part(n);
+  gathered.clear = part(3);
+  gathered.met = has_depth ? part(4) : nullptr;
+  gathered.step = part(5);
+  if (is_clipped) gathered.first = part(6), gathered.last = part(7);
+  gathered.begun = part(8);
+  gathered.open = line.open.data();
+  std::fill(part(0), part(3), 0.0f);
+  std::fill(part(3), part(4), 1.0f);
+  std::fill(part(4), part(5), -1.0f);
+  std::fill(part(5), part(8), 0.0f);
+  std::fill(part(8), part(9), kNoPlane);
+  return gathered;
+}
+
+MixingBuffers mixing_room(std::vector<float>& floats, LitBlockCache& lit, int row_voxels) {
+  const std::size_t room = static_cast<std::size_t>(row_voxels) +
+                           2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
+  floats.resize(4 * internal::volume_picture::kMaxRows * room);
+  MixingBuffers rows{};
+  rows.lit = &lit;
+  float* next = floats.data();
+  for (auto& pair : rows.pair)
+    for (float*& channel : pair) channel = next, next += room;
+  return rows;
+}
+
+/// Initialisation of a picture's rays.
+struct RayStart {
+  const Ways& ways;
+  const Factored& view;
+  const float* begun;  ///< First non-empty plane of the intermediate pixels, `stride` per line
+  std::ptrdiff_t stride;
+
+  /// Ray at intermediate position (u, v), starting at the first non-empty plane of the four pixels around it.
+  TracedRay at(double u, double v) const {
+    Eigen::Vector3d at;
+    at[view.x] = view.x_ref_0 + view.x_ref_per_u * u;
+    at[view.y] = view.y_ref_0 + view.y_ref_per_v * v;
+    at[view.z] = view.z_ref;
+    const Eigen::Vector3d pace = ways.pace(at),
+                          start = at - pace * ((view.z_ref - view.z_first) / view.z_step);
+    const auto seen = ways.seen(at, pace);
+    TracedRay ray{};
+    ray.x = static_cast<float>(start[view.x]);
+    ray.y = static_cast<float>(start[view.y]);
+    ray.x_per_plane = static_cast<float>(pace[view.x]);
+    ray.y_per_plane = static_cast<float>(pace[view.y]);
+    ray.step = ways.step(pace);
+    ray.first = seen[0];
+    ray.last = seen[1];
+    const int column = std::clamp(static_cast<int>(u), 0, view.width - 2),
+              row = std::clamp(static_cast<int>(v), 0, view.height - 2);
+    const float* near = begun + stride * row + column;
+    ray.begun = std::min({near[0], near[1], near[stride], near[stride + 1]});
+    return ray;
+  }
+};
+
+/// Traces individual rays for some pixels of a row, through the same planes.
+void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
+           std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
+           LitBlockCache& lit, std::uint8_t* rgb, float* met) {
+  const Factored& view = starts.view;
+  rays.resize(kMaxRays);
+  for (std::size_t from = 0; from < columns.size(); from += kMaxRays) {
+    const std::size_t count = std::min(kMaxRays, columns.size() - from);
+    for (std::size_t n = 0; n < count; ++n) {
+      const Eigen::Vector3d pixel =
+          view.warp_start + view.warp_line * row + view.warp_step * columns[from + n];
+      rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
+    }
+    trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
+               static_cast<float>(view.z_step), met != nullptr, static_cast<int>(count), rays.data(), lit);
+    for (std::size_t n = 0; n < count; ++n) {
+      const std::int32_t column = columns[from + n];
+      for (int c = 0; c < 3; ++c) {
+        const float value = rays[n].channel[c] + rays[n].clear * background[c];
+        rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
+      }
+      if (met != nullptr) met[column] = rays[n].met;
+    }
+  }
+}
+
+void fill(const PixelRun& run, int width, const Rgb& colour, std::span<std::uint8_t> rgb) {
+  for (int x = run.begin; x < run.end; ++x) {
+    std::uint8_t* pixel = &rgb[3 * (static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width) +
+                                    static_cast<std::size_t>(x))];
+    pixel[0] = colour.r;
+    pixel[1] = colour.g;
+    pixel[2] = colour.b;
+  }
+}
+
+}  // namespace
+
+std::vector<StructureLook> structure_looks(const Model& model) {
+  std::vector<StructureLook> looks;
+  for (const Rgb& colour : colours_of_labels(model)) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(looks.size()));
+    looks.push_back({colour, tissue != nullptr ? tissue->opacity : 1});
+  }
+  if (!looks.empty()) looks[0].opacity = 0;
+  return looks;
+}
+
+Point<Patient> VolumeCamera::at(double column, double row) const {
+  const double mm = mm_per_px();
+  return focus + right * ((column - 0.5 * (width_px - 1)) * mm) + down * ((row - 0.5 * (height_px - 1)) * mm);
+}
+
+VolumeRenderer::VolumeRenderer() = default;
+VolumeRenderer::VolumeRenderer(VolumeRenderer&&) noexcept = default;
+VolumeRenderer& VolumeRenderer::operator=(VolumeRenderer&&) noexcept = default;
+VolumeRenderer::~VolumeRenderer() = default;
+
+Result<VolumeRenderer> VolumeRenderer::make(const Bricks<LabelId>& labels,
+                                            std::span<const StructureLook> looks, int threads,
+                                            const Progress& progress, ScanLook scan) {
+  PALPATE_CHECK(scan.scan == nullptr ||
+                (scan.scan->geometry().dims == labels.geometry().dims && scan.window[0] < scan.window[1]));
+  VolumeRenderer renderer;
+  renderer.threads_ = threads;
+  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), looks, std::move(scan));
+  renderer.scratch_ = std::make_unique<internal::volume_picture::Scratch>();
+  if (const auto made =
+          renderer.encoding_->encode(labels, {{0, 0, 0}, labels.geometry().dims}, threads, progress);
+      !made)
+    return made.error();
+  return renderer;
+}
+
+void VolumeRenderer::change(const Bricks<LabelId>& labels, const VoxelBox& box) {
+  const auto changed = encoding_->encode(labels, box, threads_, {});
+  PALPATE_CHECK(changed);
+}
+
+std::size_t VolumeRenderer::prepared_bytes() const {
+  return encoding_->bytes();
+}
+
+void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style, std::span<std::uint8_t> rgb,
+                            std::span<float> depth_mm) {
+  const auto width = static_cast<std::size_t>(camera.width_px),
+             height = static_cast<std::size_t>(camera.height_px);
+  PALPATE_CHECK(rgb.size() == 3 * width * height && (depth_mm.empty() || depth_mm.size() == width * height));
+  PALPATE_CHECK(camera.eye_mm > 0 && camera.width_mm > 0);
+  std::fill(depth_mm.begin(), depth_mm.end(), std::numeric_limits<float>::infinity());
+  const GridGeometry& grid = encoding_->grid();
+  const Rays rays(grid, camera);
+  const float background[3] = {style.background.r / 255.0f, style.background.g / 255.0f,
+                               style.background.b / 255.0f};
+  const double max_apart = style.clip ? kMaxApartClipped : kMaxApart;
+  for (const Region& region : regions_of(grid, camera, rays)) {
+    const auto view = Factored::of(grid, camera, rays, region, max_apart);
+    if (!view) {
+      for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
+      continue;
+    }
+    const RowsView rows =
+        rows_of(encoding_->rows_for(region.axis).view(camera.into(), style.light), grid, *view);
+    const Ways ways(grid, rays, *view, style.clip);
+    const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
+                        internal::volume_picture::kChunk * internal::volume_picture::kChunk;
+    const std::size_t all = stride * static_cast<std::size_t>(view->height);
+    // one more at either end, read beside the first and the last pixel
+    scratch_->pixels.resize(all + 2);
+    scratch_->pixels.front() = scratch_->pixels.back() = 0;
+    scratch_->marked.resize(all);
+    scratch_->begun.resize(all);
+    if (!depth_mm.empty()) scratch_->met.resize(all);
+    const int groups = (view->height + kMaxLines - 1) / kMaxLines, workers = worker_count(threads_, groups);
+    scratch_->lines.resize(
+        std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMaxLines}));
+    scratch_->mixing.resize(std::max(scratch_->mixing.size(), static_cast<std::size_t>(workers)));
+    const int runs = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, runs);
+    scratch_->lit.resize(
+        std::max(scratch_->lit.size(), static_cast<std::size_t>(std::max(workers, warpers))));
+    for (LitBlockCache& lit : scratch_->lit) lit.forget();
+
+    for_each_index(groups, workers, [&](int worker, int group) {
+      const int first = group * kMaxLines, count = std::min(kMaxLines, view->height - first);
+      std::array<AccumulatedLine, kMaxLines> lines{};
+      for (int n = 0; n < count; ++n) {
+        auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMaxLines + n)];
+        lines[static_cast<std::size_t>(n)] = line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
+        ways.find(first + n, lines[static_cast<std::size_t>(n)]);
+      }
+      accumulate_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
+                       view->width, lines.data(),
+                       mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
+                                   scratch_->lit[static_cast<std::size_t>(worker)],
+                                   rows.blocks * internal::volume_picture::kBlock));
+      for (int n = 0; n < count; ++n) {
+        const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
+        const std::size_t at = stride * static_cast<std::size_t>(first + n);
+        pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
+        std::copy_n(line.begun, view->width, &scratch_->begun[at]);
+        if (!depth_mm.empty()) std::copy_n(line.met, view->width, &scratch_->met[at]);
+      }
+      return true;
+    });
+    for_each_index(view->height, workers, [&](int, int v) {
+      const auto line = [&](int n) {
+        return &scratch_->pixels[1 + stride * static_cast<std::size_t>(std::clamp(n, 0, view->height - 1))];
+      };
+      internal::volume_picture::mark_line(line(v - 1), line(v), line(v + 1), view->width,
+                                          &scratch_->marked[stride * static_cast<std::size_t>(v)]);
+      return true;
+    });
+
+    const CubesView cubes = encoding_->leaps().view(view->x, view->y, view->z);
+    scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
+    scratch_->edges.resize(scratch_->rays.size());
+    scratch_->row_met.resize(scratch_->rays.size());
+    const RayStart starts{ways, *view, scratch_->begun.data(), static_cast<std::ptrdiff_t>(stride)};
+    for_each_index(runs, warpers, [&](int worker, int n) {
+      const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
+      const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
+      std::vector<std::int32_t>& edges = scratch_->edges[static_cast<std::size_t>(worker)];
+      std::vector<float>& met = scratch_->row_met[static_cast<std::size_t>(worker)];
+      edges.resize(width);
+      std::uint8_t* row = &rgb[3 * width * static_cast<std::size_t>(run.row)];
+      const int edge_count = internal::volume_picture::warp_row(
+          {scratch_->marked.data(), static_cast<std::ptrdiff_t>(stride), view->width, view->height, start[0],
+           view->warp_step[0], start[1], view->warp_step[1], start[2], view->warp_step[2]},
+          run.begin, run.end, row, edges.data());
+      if (!depth_mm.empty()) {
+        met.resize(width);
+        for (int x = run.begin; x < run.end; ++x) {
+          const Eigen::Vector3d at = start + view->warp_step * x;
+          const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
+          const bool is_in = u >= 0 && v >= 0 && u < view->width && v < view->height;
+          met[static_cast<std::size_t>(x)] =
+              is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
+        }
+      }
+      trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
+            scratch_->rays[static_cast<std::size_t>(worker)], scratch_->lit[static_cast<std::size_t>(worker)],
+            row, depth_mm.empty() ? nullptr : met.data());
+      if (depth_mm.empty()) return true;
+      for (int x = run.begin; x < run.end; ++x) {
+        const float plane = met[static_cast<std::size_t>(x)];
+        // the first plane's sample extends half a plane before it
+        if (plane < -0.5f) continue;
+        const Eigen::Vector3d way = rays.along(x, run.row);
+        const double slice = view->z_first + view->z_step * plane,
+                     ways_along = (slice - rays.start(x, run.row)[view->z]) / way[view->z];
+        depth_mm[width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
+            static_cast<float>(ways_along *
+                               (rays.is_parallel ? 1 : (grid.X_PatientVoxel().linear() * way).norm()));
+      }
+      return true;
+    });
+  }
+}
+
+}  // namespace palpate

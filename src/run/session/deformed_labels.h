@@ -1,0 +1,27 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <mutex>
+
+#include "palpate/device/telemetry.h"
+#include "palpate/server/viewer_server.h"
+#include "palpate/volume/bricks.h"
+
+namespace palpate {
+
+/// Label map deformed by soft tissue, as viewers see it, for volume pictures rendered by this process.
+/// Versions share unchanged bricks. Thread-safe; concurrent callers wait.
+class DeformedLabels {
+ public:
+  /// @returns ViewerHost::seen_labels(), from the host's labels and deformation
+  std::shared_ptr<const Bricks<LabelId>> of(const ViewerHost& host);
+
+ private:
+  using Yields = std::array<std::shared_ptr<const ViewedYield>, kMaxDevices>;
+  std::mutex mutex_;
+  std::shared_ptr<const Bricks<LabelId>> labels_, seen_;
+  Yields yields_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,454 @@
+#include "palpate/session/playback.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <mutex>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include "palpate/base/force_method.h"
+#include "palpate/contact/haptics.h"
+#include "palpate/device/felt_stiffness.h"
+#include "palpate/loading/loading.h"
+#include "palpate/model/changed_model.h"
+#include "palpate/palpation/recorded_model.h"
+#include "palpate/tissue/carving.h"
+#include "palpate/tissue/removed_volume.h"
+#include "session/cut_list.h"
+#include "session/deformed_labels.h"
+#include "session/nearest_line.h"
+#include "session/played_task.h"
+#include "session/played_yields.h"
+#include "session/recording_line.h"
+#include "session/tick_blocks.h"
+#include "session/viewed_scene.h"
+#include "session/yield_index.h"
+
+namespace palpate {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+Error is_a_recording() {
+  return {ErrorKind::kUsage, "this is a recording: what was felt cannot be changed", "",
+          "palpate explore feels the scene anew"};
+}
+
+/// Playback position in a recording. Not thread-safe.
+class Place {
+ public:
+  Place(double begin_s, double end_s) : begin_s_(begin_s), end_s_(end_s), from_s_(begin_s) {}
+
+  double now_s() {
+    if (!playing_) return from_s_;
+    const double passed_s = std::chrono::duration<double>(Clock::now() - since_).count();
+    const double now_s = from_s_ + speed_ * passed_s;
+    if (now_s > begin_s_ && now_s < end_s_) return now_s;
+    // playback stops at either end
+    if (speed_ > 0 ? now_s >= end_s_ : now_s <= begin_s_) stand(speed_ > 0 ? end_s_ : begin_s_, false);
+    return std::clamp(now_s, begin_s_, end_s_);
+  }
+  bool playing() {
+    (void)now_s();
+    return playing_;
+  }
+  double speed() const { return speed_; }
+  /// Position at which playback began, or at which it is paused.
+  double from_s() const { return from_s_; }
+
+  void follow(const PlayRequest& request) {
+    double at_s = std::clamp(request.at_s.value_or(now_s()), begin_s_, end_s_);
+    speed_ = request.speed.value_or(speed_);
+    const bool plays = request.playing.value_or(playing_);
+    const double end_s = speed_ > 0 ? end_s_ : begin_s_;
+    if (request.playing == true && !request.at_s && at_s == end_s) at_s = speed_ > 0 ? begin_s_ : end_s_;
+    stand(at_s, plays);
+  }
+  void stop() { stand(now_s(), false); }
+
+ private:
+  void stand(double at_s, bool plays) {
+    from_s_ = at_s;
+    since_ = Clock::now();
+    playing_ = plays;
+  }
+
+  const double begin_s_, end_s_;
+  double from_s_, speed_ = 1;
+  Clock::time_point since_ = Clock::now();
+  bool playing_ = false;
+};
+
+/// Changes of the model during the recording.
+struct Edits {
+  explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_coarsened) {}
+
+  std::vector<ModelChange> tissues;
+  LawHistory laws;
+  CutList cuts;
+  // removed volume per structure in mm3, for each version that removed or restored something; ascending
+  // versions
+  struct Gone {
+    std::uint32_t version = 0;
+    std::map<LabelId, double> removed_mm3;
+  };
+  std::vector<Gone> gone;
+  std::uint32_t last_version = 0;
+
+  void hear(const RecordingEvent& event);
+};
+// an hour of uninterrupted milling; later sweeps are not shown
+constexpr std::size_t kMaxSweeps = 1'000'000;
+
+void Edits::hear(const RecordingEvent& event) {
+  const bool is_sweep = event.kind == RecordingEvent::Kind::kSweep;
+  if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
+  // versions ascend, whatever an untrusted file contains
+  last_version = std::max(last_version, event.number);
+  const bool is_shown = cuts.sweeps().size() < kMaxSweeps && cuts.changes().size() < kMaxSweeps;
+  if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
+  if (is_sweep) return;
+  if (event.change.is_of_tissue()) tissues.push_back(event.change);
+  laws.hear(event.change);
+  if (event.change.is_of_stroke() && is_shown)
+    cuts.add(last_version,
+             event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
+}
+
+/// Computes the removed volume of every version in one pass, so that any position can be looked up.
+/// Errors: kInterrupted.
+Result<void> compute_removed_volumes(const Model& model, const Progress& progress, Edits& edits) {
+  RemovedVolume removed(model);
+  const std::span<const SweepRecord> sweeps = edits.cuts.sweeps();
+  const std::span<const std::uint32_t> versions = edits.cuts.versions();
+  const std::span<const CutList::Change> changes = edits.cuts.changes();
+  auto change = changes.begin();
+  for (std::size_t n = 0;; ++n) {
+    for (; change != changes.end() && change->sweeps == n; ++change) {
+      change->action == StrokeAction::kUndo ? removed.undo() : removed.redo();
+      edits.gone.push_back({change->version, removed.by_label_mm3()});
+    }
+    if (n == sweeps.size()) return {};
+    const Cut cut = cut_of(sweeps[n]);
+    removed.add({&cut, 1});
+    if (n + 1 < sweeps.size() && versions[n + 1] == versions[n]) continue;
+    if (progress.stopped()) return Progress::interrupted();
+    progress.report("reckoning what was removed",
+                    static_cast<double>(n + 1) / static_cast<double>(sweeps.size()));
+    edits.gone.push_back({versions[n], removed.by_label_mm3()});
+  }
+}
+
+/// Labels of a model minus the swept volume, at one position of the recording after another; extends the
+/// previous result if possible.
+class CutLabels {
+ public:
+  std::shared_ptr<const Bricks<LabelId>> by(const Model& model, std::vector<SweepRecord> sweeps) {
+    const bool continues =
+        sweeps.size() >= sweeps_.size() && std::equal(sweeps_.begin(), sweeps_.end(), sweeps.begin());
+    if (!continues || carving_ == nullptr) {
+      carving_ = std::make_shared<const Carving>(model);
+      labels_ = model.labels;
+      sweeps_.clear();
+    }
+    if (sweeps.size() == sweeps_.size()) return labels_;
+    std::vector<Cut> more;
+    std::transform(sweeps.begin() + static_cast<std::ptrdiff_t>(sweeps_.size()), sweeps.end(),
+                   std::back_inserter(more), cut_of);
+    carving_ = carving_->with(more);
+    labels_ = carving_->taken_from(model)->labels;
+    sweeps_ = std::move(sweeps);
+    return labels_;
+  }
+
+ private:
+  std::vector<SweepRecord> sweeps_;  ///< Sweeps applied to carving_
+  std::shared_ptr<const Carving> carving_;
+  std::shared_ptr<const Bricks<LabelId>> labels_;
+};
+
+class Playback final : public ViewerHost {
+ public:
+  Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
+           const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
+           YieldIndex yields, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
+      : header_(recording.head().header),
+        model_(std::move(model)),
+        scene_(std::move(scene)),
+        edits_(std::move(edits)),
+        nearest_(std::move(nearest)),
+        task_(std::move(task)),
+        plan_(std::move(plan)),
+        place_(scene_.recording->begin_s, scene_.recording->end_s),
+        shown_(first),
+        blocks_(
+            [recording](std::size_t block, const Progress& progress) {
+              return recording.read_at(block * TickBlocks::kTicks, TickBlocks::kTicks, progress);
+            },
+            std::move(begins_s)) {
+    if (yields.empty()) return;
+    // A solution whose input ticks are in an earlier block is rare enough to be read separately.
+    const auto tick_at = [this, source = std::move(recording)](
+                             std::uint64_t row, const Progress& progress) -> std::optional<TickRecord> {
+      if (auto kept = blocks_.kept_at(row)) return kept;
+      auto read = source.read_at(row, 1, progress);
+      return read && !read->empty() ? std::optional(read->front()) : std::nullopt;
+    };
+    yields_ = std::make_unique<PlayedYields>(model_, std::move(yields), edits_.cuts, edits_.laws, tick_at);
+  }
+
+  const ViewedScene& scene() const override { return scene_; }
+
+  TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override {
+    const std::lock_guard lock(mutex_);
+    const double at_s = place_.now_s();
+    const int way = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
+    if (auto tick = blocks_.tick_at(at_s, way, place_.from_s())) shown_ = *tick;
+    const bool yields = is_elastic(edits_.laws.at(shown_.model_version));
+    if (yields_ != nullptr) {
+      constexpr double kNear_s = 0.25;
+      const double speed = place_.playing() ? std::max(1.0, std::abs(place_.speed())) : 1.0;
+      const auto near = static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s);
+      yields ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
+    }
+    stiffness_N_per_mm = {};
+    // a direct method's stiffness depends on the stiffest tissue of the model, so none is reported
+    if (shown_.method != static_cast<std::uint8_t>(ForceMethod::kProxy)) return shown_;
+    const auto tissues = tissues_at(shown_.model_version);
+    for (std::size_t d = 0; d < static_cast<std::size_t>(shown_.devices); ++d) {
+      const DeviceTick& device = shown_.device[d];
+      const int tissue =
+          device.label < model_->tissue_of_label.size() ? model_->tissue_of_label[device.label] : -1;
+      if (device.label != 0 && tissue >= 0)
+        stiffness_N_per_mm[d] = yields && model_->tissues[static_cast<std::size_t>(tissue)].elastic
+                                    ? yielding_stiffness_N_per_mm(device)
+                                    : RenderedStiffness(device).by_proxy(
+                                          tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
+    }
+    return shown_;
+  }
+  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
+    return yields_ != nullptr ? yields_->yielded(device) : nullptr;
+  }
+  std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen_labels_.of(*this); }
+  ViewedHealth health() const override {
+    ViewedHealth health;
+    health.rate_hz = header_.rate_hz;
+    return health;
+  }
+  ViewedState state() const override {
+    const std::lock_guard lock(mutex_);
+    ViewedState state;
+    const auto method = std::min<std::size_t>(shown_.method, kForceMethods.size() - 1);
+    state.method = kForceMethods[method].name;
+    state.friction = shown_.switches & kSwitchFriction;
+    state.viscosity = shown_.switches & kSwitchViscosity;
+    state.passivity = shown_.switches & kSwitchPassivity;
+    state.paused = shown_.switches & kSwitchPaused;
+    state.motor = shown_.switches & kSwitchMotor;
+    state.motor_is_on = motor_was_on(*model_, shown_);
+    state.max_force_N = shown_.max_force_N;
+    state.rotation_wxyz = shown_.rotation_target_wxyz;
+    state.model_version = shown_.model_version;
+    state.law = name_of(edits_.laws.at(shown_.model_version), kTissueLaws);
+    state.tissues = tissues_at(shown_.model_version);
+    state.sweeps = edits_.cuts.count(shown_.model_version);
+    state.undone_to = edits_.cuts.undone_to(shown_.model_version);
+    // last version that removed material, up to the one shown
+    const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
+    if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
+    state.nearest_mm = nearest_.at(shown_.time_s);
+    state.playback = {place_.playing(), place_.speed(), blocks_.failure()};
+    return state;
+  }
+
+  Result<void> play(const PlayRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    place_.follow(request);
+    blocks_.try_again();
+    return {};
+  }
+  void emergency_stop(const ViewerIdentity& /*by*/) override {
+    const std::lock_guard lock(mutex_);
+    place_.stop();
+  }
+
+  std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
+                                  std::size_t most) const override {
+    const std::lock_guard lock(mutex_);
+    return edits_.cuts.by(version, static_cast<std::size_t>(first), most);
+  }
+  std::shared_ptr<const Bricks<LabelId>> labels() const override {
+    std::vector<SweepRecord> sweeps;
+    {
+      const std::lock_guard lock(mutex_);
+      const std::uint32_t version = shown_.model_version;
+      sweeps = edits_.cuts.by(version, 0, edits_.cuts.count(version));
+    }
+    if (sweeps.empty()) return model_->labels;
+    const std::lock_guard lock(cut_mutex_);
+    return cut_.by(*model_, std::move(sweeps));
+  }
+  std::shared_ptr<const ViewedPlan> plan() const override {
+    return plan_ != nullptr ? plan_->viewed() : nullptr;
+  }
+  Result<void> change(const PlanRequest& request) override {
+    return plan_ != nullptr ? plan_->change(request) : ViewerHost::change(request);
+  }
+  ViewedTraining training() const override {
+    if (task_ == nullptr) return {};
+    const std::lock_guard lock(mutex_);
+    return task_->at(shown_.time_s);
+  }
+  std::shared_ptr<const ViewedDebriefing> debriefing() const override {
+    if (task_ == nullptr) return nullptr;
+    const std::lock_guard lock(mutex_);
+    return task_->debriefing_at(shown_.time_s);
+  }
+  Result<void> train(const TaskRequest& /*request*/) override { return is_a_recording(); }
+  Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
+  Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
+  Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
+  Result<void> rearm(const RearmRequest& /*request*/) override { return is_a_recording(); }
+  Result<void> take_pointer(bool take, const ViewerIdentity& /*by*/) override {
+    return take ? Result<void>(is_a_recording()) : Result<void>();
+  }
+  void move_pointer(const std::array<double, 3>& /*tip_patient_mm*/) override {}
+  std::vector<LateAnswer> take_answers() override { return {}; }
+  void forget(const ViewerIdentity& /*viewer*/) override {}
+
+ private:
+  // tissue settings of that version
+  std::vector<ContactProperties> tissues_at(std::uint32_t version) const {
+    auto tissues = viewed_tissues(*model_);
+    for (const ModelChange& change : edits_.tissues)
+      if (change.version <= version && change.tissue < tissues.size())
+        tissues[change.tissue] = change.contact;
+    return tissues;
+  }
+
+  const RecordingHeader header_;
+  const std::shared_ptr<const Model> model_;
+  const ViewedScene scene_;
+  const Edits edits_;
+  mutable DeformedLabels seen_labels_;
+  mutable std::mutex cut_mutex_;
+  mutable CutLabels cut_;
+  const NearestLine nearest_;
+  const std::unique_ptr<const PlayedTask> task_;  // null: the recording is not shown as a run of a task
+  const std::shared_ptr<SharedPlan> plan_;        ///< Plan shown along with the recording; may be null
+
+  mutable std::mutex mutex_;  // guards the members below
+  mutable Place place_;
+  mutable TickRecord shown_;
+  mutable TickBlocks blocks_;
+  std::unique_ptr<PlayedYields> yields_;  // null: no tissue deforms
+};
+
+}  // namespace
+
+Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
+                                                  std::shared_ptr<const Model> model, Modality modality,
+                                                  const Progress& progress,
+                                                  std::optional<PlayedTaskOptions> task,
+                                                  std::shared_ptr<SharedPlan> plan) {
+  const RecordingHead& head = recording.head();
+  if (auto same = check_recorded_model(head.header, *model); !same) return same.error();
+  if (head.ticks == 0)
+    return Error{ErrorKind::kBadInput, "the recording has no ticks", "", "record for longer than an instant"};
+  if (!head.is_clock_monotonic)
+    return Error{ErrorKind::kBadInput,
+                 "the recording's clock does not rise, so that there is no time to look at", "",
+                 "palpate replay without --view compares its ticks"};
+
+  // the distances of a burr and the deformation of tissue are computed with the proxy's surfaces
+  const auto with_surfaces = [&]() -> Result<void> {
+    constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+    auto ready = ready_for(std::move(model), kProxyAlone, progress);
+    if (!ready) return ready.error();
+    model = solved_as_recorded(*std::move(ready), head.header);
+    return {};
+  };
+  // a task's patches lie on the rendered surfaces
+  if (model->cuts() || is_elastic(model->tissue_law) || task)
+    if (auto ready = with_surfaces(); !ready) return ready.error();
+
+  std::unique_ptr<PlayedTask> played;
+  if (task) {
+    auto in_scene = look_up(task->task.file, *model, progress);
+    if (!in_scene) return in_scene.error();
+    played = std::make_unique<PlayedTask>(*task, *std::move(in_scene), *model);
+  }
+
+  RecordingLine line(head);
+  NearestLine nearest(*model);
+  TickRecord first;
+  std::vector<double> begins_s;
+  Edits edits(*model);
+  const bool yields_first = is_elastic(model->tissue_law);
+  auto yields = std::make_unique<YieldIndex>(*model);
+  std::uint64_t row = 0;
+  const auto seen = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("looking through the recording",
+                        static_cast<double>(row) / static_cast<double>(head.ticks));
+        line.see(part);
+        nearest.see(part.ticks, part.events);
+        for (const RecordingEvent& event : part.events) edits.hear(event);
+        if (yields_first) yields->see(part, row);
+        if (played)
+          if (auto known = played->see(part); !known) return known;
+        for (const TickRecord& tick : part.ticks) {
+          if (row == 0) first = tick;
+          if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
+        }
+        return {};
+      },
+      progress);
+  if (!seen) return seen.error();
+  // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
+  if (!yields_first && edits.laws.any(is_elastic)) {
+    if (auto ready = with_surfaces(); !ready) return ready.error();
+    yields = std::make_unique<YieldIndex>(*model);
+    row = 0;
+    const auto found = recording.read(
+        [&](const RecordingPart& part) -> Result<void> {
+          yields->see(part, row);
+          row += part.ticks.size();
+          return {};
+        },
+        progress);
+    if (!found) return found.error();
+  }
+  if (played)
+    if (auto any = played->finish(head.summary.has_value()); !any) return any.error();
+  progress.report("looking through the recording", 1);
+
+  if (auto reckoned = compute_removed_volumes(*model, progress, edits); !reckoned) return reckoned.error();
+
+  ViewedScene scene = viewed_scene(*model, static_cast<std::size_t>(head.header.devices), modality);
+  scene.recording = line.take();
+  scene.device_name = head.header.device.empty() ? "recorded" : head.header.device;
+  scene.input = "recording";
+  if (played) scene.tasks = {played->task()};
+  scene.rate_hz = head.header.rate_hz;
+  for (const RecordingHead::UsedMethod& felt : head.methods)
+    if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
+  for (const auto& law : kTissueLaws)
+    if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))
+      scene.laws.emplace_back(law.name);
+  try {
+    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
+        std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
+        std::move(edits), std::move(nearest), std::move(*yields), std::move(played), std::move(plan)));
+  } catch (const std::system_error&) {
+    return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
+                 "end other programs"};
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "palpate/recording/recording.h"
+#include "palpate/server/viewer_server.h"
+
+namespace palpate {
+
+/// Time line of a recording, accumulated tick by tick; memory is bounded independently of the number of
+/// ticks.
+class RecordingLine {
+ public:
+  /// Maximum gap within a contact; shorter gaps would not be visible on the time line.
+  static constexpr double kBreak_s = 0.05;
+  static constexpr std::size_t kMaxContacts = 2000, kMaxEvents = 2000, kForces = 1000;
+
+  /// @param head  header of the recording whose ticks follow
+  explicit RecordingLine(const RecordingHead& head);
+  void see(const RecordingPart& part);
+  /// Returns the time line, after the last part.
+  ViewedRecording take();
+
+ private:
+  void see(const TickRecord& tick);
+  void see(const RecordingEvent& event);
+  void see(int device, const DeviceTick& tick, double time_s);
+  void end(ViewedRecording::Contact& contact);
+  void drop_short_contacts();
+
+  const double rate_hz_;
+  const int devices_;
+  ViewedRecording line_;
+  ViewedRecording::Contact open_[kMaxDevices];  // current contact per device; label 0: none yet
+  std::uint64_t seen_ = 0;
+  std::vector<std::pair<std::uint64_t, ViewedRecording::Event>>
+      events_;             // events with the tick in which they took effect
+  std::size_t timed_ = 0;  // number of events whose time is set
+};
+
+}  // namespace palpate

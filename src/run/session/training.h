@@ -1,0 +1,107 @@
+#pragma once
+
+#include <array>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <thread>
+#include <vector>
+
+#include "palpate/server/viewed_training.h"
+#include "palpate/server/viewer_server.h"
+#include "palpate/session/training.h"
+#include "session/viewed_run.h"
+
+namespace palpate {
+
+/// Tasks of a live session (palpate/session/training.h). Thread-safe, except that see() is called by the
+/// recorder's thread only.
+class Training {
+ public:
+  /// Looks the tasks up in the scene.
+  /// @param model  with its surfaces
+  /// @param devices  number of devices of the session: a task with a scope needs two
+  /// Errors: those of look_up(), if the tasks have to fit; kInterrupted.
+  static Result<std::unique_ptr<Training>> start(const TrainingOptions& options, const Model& model,
+                                                 std::size_t devices, const Progress& progress);
+  ~Training() { end(); }
+  Training(const Training&) = delete;
+  Training& operator=(const Training&) = delete;
+
+  const std::vector<ViewedTask>& tasks() const { return viewed_; }
+  /// Called before the first tick.
+  void begin_session(const RecordingHeader& header);
+  /// Processes a tick and the events that took effect with it. Does not throw.
+  void see(const TickRecord& tick, std::span<const RecordingEvent> told = {}) noexcept;
+  /// Ends the run under way and waits until all finished runs are stored. Later ticks are ignored.
+  void end();
+
+  /// Begins a run.
+  /// @param learner  pseudonym; empty: the learner of the session or of the lesson
+  /// Errors: kBadInput for an unknown task; kUsage while a run is under way or the last one is being stored,
+  /// if material was removed already and the task has a plan, and if a lesson requires another task.
+  Result<void> begin(const std::string& task, const std::string& learner = "");
+  /// Error kUsage if no run is under way.
+  Result<void> end_run();
+  /// Ends the run under way; if there is none, begins the task done last, or the first.
+  Result<void> begin_or_end();
+
+  /// Sets the learner of the following runs, and the only task that may be begun. Errors: kUsage while a run
+  /// is under way and for an unknown task; those of check_learner.
+  Result<void> teach(const LessonRequest& request);
+  ViewedState::Lesson lesson() const;
+  /// Learning curves, by TrainingOptions::curves.
+  bool keeps_runs() const { return static_cast<bool>(options_.curves); }
+  Result<std::string> curves(const std::string& learner) const { return options_.curves(learner); }
+
+  ViewedTraining state() const;
+  std::shared_ptr<const ViewedDebriefing> debriefing() const;
+  /// Finished and stored runs in chronological order, without the first `but`.
+  std::vector<FinishedRun> finished(std::size_t but = 0) const;
+
+ private:
+  struct Live {
+    std::size_t task;
+    std::uint32_t number;
+    TaskEvaluator evaluator;
+    RunTrace trace;
+    TickRange ticks{0, 0};
+    std::uint64_t run_hash;
+    std::string learner;
+  };
+
+  Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
+  void over(RunEnd end);
+  ViewedTraining seen(const Live& live) const;
+  bool keeps(const std::string& learner) const { return options_.over && !learner.empty(); }
+  void keep();
+
+  TrainingOptions options_;
+  std::vector<TaskInScene> in_scene_;
+  std::vector<ViewedTask> viewed_;
+
+  mutable std::mutex mutex_;  // guards the members below, except keeper_
+  std::condition_variable changed_;
+  std::shared_ptr<const RecordingHeader> header_;
+  std::optional<RemovalFollower> gone_;  // removed volume; set if a task has a plan
+  std::unique_ptr<Live> live_;
+  struct Over {
+    std::unique_ptr<Live> live;
+    TaskRun run;
+  };
+  std::deque<Over> over_;  // queue of runs to be stored
+  bool keeping_ = false, ending_ = false;
+  std::uint32_t runs_ = 0;
+  std::size_t last_task_ = 0;
+  ViewedState::Lesson lesson_;
+  ViewedTraining state_;  // state while no run is under way
+  std::shared_ptr<const ViewedDebriefing> debriefing_;
+  std::vector<FinishedRun> finished_;
+  std::thread keeper_;
+};
+
+}  // namespace palpate

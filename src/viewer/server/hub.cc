@@ -1,0 +1,536 @@
+#include "server/hub.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "palpate/base/clock.h"
+#include "server/connection.h"
+#include "server/plan_json.h"
+#include "server/task_json.h"
+#include "server/viewer.h"
+
+namespace palpate::server {
+namespace {
+
+constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
+// deformation is smooth in time at that rate, and its message may be as long as a hundred poses
+constexpr auto kYieldPeriod = std::chrono::microseconds(66'600);
+// numbers to be read by a person need no higher rate
+constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
+// the force display guides the user to hold a force within a band
+constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
+constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
+constexpr auto kPosePeriod =
+    std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
+
+// roles with a reserved place, however many viewers there are
+bool has_reserved_place(Role role) {
+  return role == Role::kControl || role == Role::kTeacher;
+}
+
+// permission that a request needs
+Right right_for(const Request& request) {
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
+    const bool is_of_feel = settings->method || settings->law || settings->friction || settings->viscosity ||
+                            settings->passivity || settings->max_force_N;
+    return is_of_feel ? Right::kFeel : Right::kHand;
+  }
+  if (std::holds_alternative<TissueRequest>(request.what)) return Right::kFeel;
+  if (std::holds_alternative<PlanRequest>(request.what)) return Right::kPlan;
+  if (std::holds_alternative<PlayRequest>(request.what)) return Right::kPlay;
+  if (std::holds_alternative<LessonRequest>(request.what)) return Right::kLesson;
+  return Right::kHand;
+}
+
+}  // namespace
+
+Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
+         DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
+    : host_(host),
+      site_(site),
+      volumes_(volumes),
+      pictures_(pictures),
+      downloads_(downloads),
+      log_(std::move(log)),
+      count_viewers_(std::move(count_viewers)),
+      loop_(loop),
+      pose_timer_(loop.timer()),
+      sweep_timer_(loop.timer()) {
+  if (site.veil() != nullptr) veiled_steps_.emplace(site.veil()->scene());
+}
+
+Hub::~Hub() = default;
+
+void Hub::begin() {
+  wait_for_sweep();
+}
+
+void Hub::end() {
+  ended_ = true;
+  pose_timer_->cancel();
+  // viewers that have not closed by then are dropped
+  sweep_timer_->wait_until(Clock::now() + kGoodbyeWithin, [this] { loop_.stop(); });
+  for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
+  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->end(kGoingAway, "");
+  if (viewers_.empty()) loop_.stop();
+}
+
+// ---- connections
+
+void Hub::add(std::shared_ptr<Connection> connection) {
+  connections_.insert(std::move(connection));
+}
+
+void Hub::remove(const std::shared_ptr<Connection>& connection) {
+  connections_.erase(connection);
+}
+
+void Hub::add(std::shared_ptr<Viewer> viewer) {
+  viewers_.insert(std::move(viewer));
+}
+
+void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
+  if (viewers_.erase(viewer) == 0) return;
+  if (viewer->welcomed()) host_.forget(viewer->identity());
+  if (pointer_ == viewer.get()) {
+    pointer_ = nullptr;
+    (void)host_.take_pointer(false, viewer->identity());
+  }
+  if (viewer->welcomed()) count();
+  if (ended_ && viewers_.empty()) loop_.stop();
+}
+
+bool Hub::one_loads_alone() const {
+  return welcomed_ <= 1 &&
+         std::count_if(connections_.begin(), connections_.end(),
+                       [](const auto& connection) { return connection->is_loading(); }) <= kDownloadsOfOne;
+}
+
+DownloadPace::Turn Hub::next_part(std::size_t left_bytes) {
+  return downloads_.next(left_bytes, one_loads_alone(), Clock::now());
+}
+
+void Hub::make_room_for_connection() {
+  if (connections_.empty() || connections_.size() + viewers_.size() < kMaxConnections) return;
+  const auto place = [](const auto& connection) {
+    return std::pair(connection->about(), connection->since());
+  };
+  const auto oldest =
+      std::min_element(connections_.begin(), connections_.end(),
+                       [&](const auto& one, const auto& other) { return place(one) < place(other); });
+  log_.say((*oldest)->peer(), "too many connections: this one, which gets on least, is closed");
+  std::shared_ptr(*oldest)->close();
+}
+
+void Hub::drop_oldest_unauthenticated() {
+  // a viewer that is closing occupies a place while it waits for the close frame
+  const auto ending =
+      std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
+  if (viewers_.size() >= kMaxViewers + kMaxSilent && ending != viewers_.end())
+    std::shared_ptr(*ending)->gone();
+  std::shared_ptr<Viewer> oldest;
+  std::size_t silent = 0;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->is_silent()) continue;
+    ++silent;
+    if (!oldest || viewer->hello_by() < oldest->hello_by()) oldest = viewer;
+  }
+  if (silent >= kMaxSilent) oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
+}
+
+bool Hub::make_room_for_viewer(Role role) {
+  std::shared_ptr<Viewer> latest;  // most recent one without control
+  std::size_t all = 0, looking = 0;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->welcomed() || viewer->is_ending()) continue;
+    ++all;
+    if (has_reserved_place(viewer->who().role)) continue;
+    ++looking;
+    // the viewer that moves the tip is not dropped
+    if (viewer.get() == pointer_) continue;
+    if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
+  }
+  if (!has_reserved_place(role) && looking >= kMaxViewers - kKeptForControl) return false;
+  if (all < kMaxViewers) return true;
+  if (!has_reserved_place(role) || !latest) return false;
+  latest->end(kTryAgainLater, "gives its place to one with control or a teacher");
+  return true;
+}
+
+void Hub::want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then) {
+  volumes_.want(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
+    loop_.post([then, payload = std::move(payload)] { then(payload); });
+  });
+}
+
+void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
+                       std::function<void(PictureStore::Payload)> then) {
+  pictures_.want(std::move(key), std::move(asker),
+                 [this, then = std::move(then)](PictureStore::Payload payload) mutable {
+                   loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
+                 });
+}
+
+void Hub::want_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
+  volumes_.run([this, learner, then = std::move(then)] {
+    Result<std::string> page = host_.curves(learner);
+    loop_.post([then, page = std::move(page)] { then(page); });
+  });
+}
+
+// ---- requests of viewers
+
+void Hub::welcome(Viewer& viewer) {
+  viewer.set_number(++greeted_);
+  count();
+  publish_state();
+  viewer.show_state();
+  // a late viewer gets the current data, not what was last sent to others
+  if (viewer.wants_yields()) publish_yields(Clock::now());
+  if (viewer.wants_training()) publish_training(Clock::now());
+  viewer.show_training();
+  if (std::exchange(posing_, true)) return;
+  next_pose_ = Clock::now();
+  wait_for_poses();
+}
+
+void Hub::count() {
+  welcomed_ = static_cast<int>(
+      std::count_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->welcomed(); }));
+  count_viewers_(welcomed_);
+}
+
+std::string Hub::answer(Viewer& viewer, const Request& request) {
+  const auto granted = grant(viewer, request);
+  if (!granted) return refused_json(request.id, granted.error());
+  return *granted == Grant::kAsked ? asked_json(request.id) : done_json(request.id);
+}
+
+Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
+  // every viewer may stop
+  if (std::holds_alternative<StopRequest>(request.what)) {
+    host_.emergency_stop(viewer.identity());
+    return Grant::kDone;
+  }
+  if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
+  const Right right = right_for(request);
+  if (!may(viewer.who().role, right, !host_.scene().tasks.empty()))
+    return lacks_right(viewer.who().role, right);
+  if (right == Right::kHand)
+    if (const auto own = check_hand(viewer); !own) return own.error();
+  const auto set = [&](auto asked) {
+    asked.by = viewer.identity();
+    asked.id = request.id;
+    return host_.set(asked);
+  };
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
+  if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
+  if (const auto* stroke = std::get_if<StrokeRequest>(&request.what)) return set(*stroke);
+  const auto granted = [&]() -> Result<void> {
+    if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
+      return grant_pointer(viewer, *pointer);
+    if (const auto* task = std::get_if<TaskRequest>(&request.what)) return grant_task(viewer, *task);
+    if (const auto* lesson = std::get_if<LessonRequest>(&request.what)) return grant_lesson(*lesson);
+    if (const auto* play = std::get_if<PlayRequest>(&request.what)) return host_.play(*play);
+    if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return host_.change(*plan);
+    return grant_rearm(viewer, std::get<RearmRequest>(request.what));
+  }();
+  return granted ? Result<Grant>(Grant::kDone) : granted.error();
+}
+
+// a learner may only do what is recorded as his or her own run
+Result<void> Hub::check_hand(const Viewer& viewer) const {
+  const Who& who = viewer.who();
+  if (who.role != Role::kLearner) return {};
+  const ViewedTraining training = host_.training();
+  const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
+  if (state_.lesson.is_for(who.learner) && (!is_run || training.learner == who.learner)) return {};
+  return Error{ErrorKind::kUsage,
+               is_run ? "the run under way is somebody else's" : "the lesson is somebody else's now",
+               "learner",
+               is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
+}
+
+// the viewer that moves the tip is the one being assessed; a teacher may begin a task without it
+Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
+  const Who& who = viewer.who();
+  if (pointer_ && pointer_ != &viewer && !may(who.role, Right::kLesson, true))
+    return Error{ErrorKind::kUsage, "a task is begun and ended by whoever moves the tip", "",
+                 "ask them, or wait until they let go"};
+  request.learner = who.learner;
+  return host_.train(request);
+}
+
+Result<void> Hub::grant_lesson(const LessonRequest& request) {
+  if (request.learner || request.task || request.end)
+    if (auto taught = host_.teach(request); !taught) return taught;
+  names_ = request.names.value_or(names_);
+  publish_state();
+  // a viewer that is no longer permitted loses the pointer
+  if (pointer_ && !check_hand(*pointer_)) {
+    (void)host_.take_pointer(false, pointer_->identity());
+    pointer_ = nullptr;
+  }
+  return {};
+}
+
+// the force is given back only to the viewer that moves the tip
+Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
+  if (host_.scene().input == "pointer" && pointer_ != &viewer)
+    return Error{
+        ErrorKind::kUsage, "the force is given back by whoever moves the tip", "",
+        pointer_ ? "ask them, or wait until they let go" : "take the pointer first (Touch), then rearm"};
+  request.by = viewer.identity();
+  return host_.rearm(request);
+}
+
+Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
+  if (pointer_ && pointer_ != &viewer)
+    return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until it lets go"};
+  // releasing the pointer without having it changes nothing
+  if (!request.take && !pointer_) return {};
+  if (auto taken = host_.take_pointer(request.take, viewer.identity()); !taken) return taken;
+  pointer_ = request.take ? &viewer : nullptr;
+  return {};
+}
+
+void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
+  // a viewer that has just lost the pointer may not know yet
+  if (pointer_ == &viewer) host_.move_pointer(tip.tip_patient_mm);
+}
+
+std::uint32_t Hub::holder() const {
+  return pointer_ ? pointer_->identity().number : 0;
+}
+
+std::string Hub::state_for(const Viewer& viewer) const {
+  const Veil* veil = veil_of(viewer);
+  return state_json(veil != nullptr ? veil->of(state_) : state_,
+                    {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, veil != nullptr});
+}
+
+std::string Hub::welcome_for(const Who& who) const {
+  return welcome_json(who, !host_.scene().tasks.empty(), host_.keeps_runs());
+}
+
+const Veil* Hub::veil_of(const Viewer& viewer) const {
+  return site_.veil_of(viewer.who());
+}
+
+const Veil* Hub::active_veil() const {
+  return site_.veil_of({Role::kLearner, ""});
+}
+
+const std::string& Hub::published_training(const Viewer& viewer) const {
+  return veil_of(viewer) != nullptr ? veiled_training_ : training_;
+}
+
+std::shared_ptr<const std::string> Hub::published_plan(const Viewer& viewer) const {
+  return veil_of(viewer) != nullptr ? nullptr : told_plan_;
+}
+
+std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewer) const {
+  const bool is_own =
+      debriefed_ && (viewer.who().role != Role::kLearner || debriefed_->learner == viewer.who().learner);
+  return is_own ? debriefing_ : nullptr;
+}
+
+// the veil depends on the task that may be begun; if several may, one quiz suffices
+void Hub::update_veil() {
+  const auto& tasks = host_.scene().tasks;
+  const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
+  site_.set_veil_active(!names_ && (chosen == tasks.end() || chosen->quiz));
+}
+
+std::string Hub::sweeps_after(SentSweeps& had) const {
+  constexpr std::size_t kMaxAtOnce = 200;
+  had.count = std::min(had.count, state_.sweeps);
+  const std::vector<SweepRecord> next = host_.sweeps(
+      state_.model_version, had.count, std::min<std::uint64_t>(kMaxAtOnce, state_.sweeps - had.count));
+  // tells the viewer to drop the sweeps beyond `count`
+  if (next.empty() && had.shown == had.count) return {};
+  std::string text = sweeps_json(had.count, next);
+  had.count += next.size();
+  had.shown = had.count;
+  return text;
+}
+
+// length of the common prefix of both sweep lists
+std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState& now) {
+  std::uint64_t least = std::min(before.sweeps, now.sweeps);
+  // limited by every undo between the two, whichever list is the later
+  const auto &more = before.undone_to.size() > now.undone_to.size() ? before : now,
+             &less = &more == &before ? now : before;
+  for (std::size_t n = less.undone_to.size(); n < more.undone_to.size(); ++n)
+    least = std::min(least, more.undone_to[n]);
+  return least;
+}
+
+void Hub::publish_state() {
+  publish_plan();
+  const ViewedState before = std::exchange(state_, host_.state());
+  const std::uint64_t in_common = sweeps_in_common(before, state_);
+  if (in_common < before.sweeps)
+    for (const auto& viewer : viewers_) viewer->truncate_sweeps(in_common);
+  update_veil();
+  // complete state, as for a teacher
+  StateReader whoever;
+  whoever.holder = holder();
+  whoever.viewers = welcomed_;
+  whoever.names = names_;
+  std::string text = state_json(state_, whoever), veiled_text;
+  const Veil* const veil = active_veil();
+  whoever.veiled = veil != nullptr;
+  if (veil != nullptr) veiled_text = state_json(veil->of(state_), whoever);
+  const bool is_new = text != last_state_, is_new_veiled = veiled_text != last_veiled_state_;
+  last_state_ = std::move(text);
+  last_veiled_state_ = std::move(veiled_text);
+  // message timing carries information, too: a veiled viewer gets no message for changes that it must not see
+  for (const auto& viewer : viewers_)
+    if (is_new_veiled || (is_new && veil_of(*viewer) == nullptr)) viewer->show_state();
+}
+
+void Hub::publish_plan() {
+  auto plan = host_.plan();
+  if (plan == plan_) return;
+  plan_ = std::move(plan);
+  told_plan_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
+  for (const auto& viewer : viewers_) viewer->show_plan();
+}
+
+// ---- poses
+
+void Hub::wait_for_poses() {
+  // missed periods are not made up for
+  next_pose_ = std::max(next_pose_ + kPosePeriod, Clock::now());
+  pose_timer_->wait_until(next_pose_, [this] {
+    if (ended_) return;
+    if (welcomed_ == 0) {
+      posing_ = false;
+      return;
+    }
+    // schedule the next one first, whatever happens in this one
+    wait_for_poses();
+    show_pose();
+  });
+}
+
+void Hub::publish_yields(Clock::time_point now) {
+  next_yields_ = now + kYieldPeriod;
+  for (std::size_t device = 0; device < yields_.size(); ++device) {
+    LastPublished& looked = yields_[device];
+    auto yield = host_.yielded(device);
+    if (looked.message && yield == looked.yield) continue;
+    looked.yield = std::move(yield);
+    YieldMessage next(device, looked.yield.get());
+    if (looked.message && next.looks_like(*looked.message)) continue;
+    looked.told = {looked.told.number + 1, next.rests(), std::make_shared<const std::string>(next.bytes())};
+    looked.message = std::move(next);
+  }
+  for (const auto& viewer : viewers_) viewer->show_yields();
+}
+
+void Hub::publish_training(Clock::time_point now) {
+  next_training_ = now + kTrainingPeriod;
+  if (host_.scene().tasks.empty()) return;
+  const ViewedTraining training = host_.training();
+  std::string text = training_json(training), veiled_text;
+  if (const Veil* const veil = active_veil()) {
+    veiled_steps_->follow(training);
+    veiled_text = training_json(veil->of(training, *veiled_steps_, veiled_tick_));
+  }
+  auto debriefed = host_.debriefing();
+  const bool is_over = debriefed != debriefed_;
+  if (is_over) {
+    debriefed_ = std::move(debriefed);
+    debriefing_ = debriefed_ ? std::make_shared<const std::string>(debriefing_json(*debriefed_)) : nullptr;
+  }
+  const bool is_new = text != training_ || is_over,
+             is_new_veiled = veiled_text != veiled_training_ || is_over;
+  training_ = std::move(text);
+  veiled_training_ = std::move(veiled_text);
+  for (const auto& viewer : viewers_)
+    if (veil_of(*viewer) != nullptr ? is_new_veiled : is_new) viewer->show_training();
+}
+
+void Hub::publish_navigation(Clock::time_point now) {
+  next_navigation_ = now + kNavigationPeriod;
+  const auto navigation = host_.navigation();
+  if (!navigation) return;
+  std::string text = navigation_json(*navigation);
+  if (told_navigation_ && text == *told_navigation_) return;
+  told_navigation_ = std::make_shared<const std::string>(std::move(text));
+  for (const auto& viewer : viewers_) viewer->show_navigation();
+}
+
+void Hub::show_pose() {
+  const Clock::time_point now = Clock::now();
+  if (now >= next_navigation_ && std::any_of(viewers_.begin(), viewers_.end(),
+                                             [](const auto& viewer) { return viewer->wants_navigation(); }))
+    publish_navigation(now);
+  if (now >= next_training_ && std::any_of(viewers_.begin(), viewers_.end(),
+                                           [](const auto& viewer) { return viewer->wants_training(); }))
+    publish_training(now);
+  if (now >= next_yields_ && std::any_of(viewers_.begin(), viewers_.end(),
+                                         [](const auto& viewer) { return viewer->wants_yields(); }))
+    publish_yields(now);
+  const auto due = [&](const auto& viewer) { return viewer->is_due(now); };
+  if (std::none_of(viewers_.begin(), viewers_.end(), due)) return;
+  std::array<double, kMaxDevices> stiffness_N_per_mm{};
+  const std::int64_t clock_ns = monotonic_ns();
+  const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
+  const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
+  const NearMessage near(tick);
+  struct Veiled {
+    PoseMessage pose;
+    NearMessage near;
+    bool reports_distances;
+  };
+  std::optional<Veiled> veiled;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->is_due(now)) continue;
+    const Veil* veil = veil_of(*viewer);
+    if (veil != nullptr && !veiled) {
+      veiled_tick_ = veil->of(tick);
+      veiled_steps_->see(veiled_tick_);
+      veiled.emplace(Veiled{PoseMessage(veiled_tick_, {}, veil->of(health_), clock_ns),
+                            NearMessage(veiled_tick_), veil->scene().reports_distances()});
+    }
+    const NearMessage& its_near = veil != nullptr ? veiled->near : near;
+    const bool reports_distances =
+        veil != nullptr ? veiled->reports_distances : host_.scene().reports_distances();
+    viewer->show(veil != nullptr ? veiled->pose : pose, reports_distances ? &its_near : nullptr, now);
+  }
+}
+
+// ---- periodic work
+
+void Hub::wait_for_sweep() {
+  sweep_timer_->wait_until(Clock::now() + kSweepPeriod, [this] {
+    if (ended_) return;
+    wait_for_sweep();
+    sweep();
+  });
+}
+
+void Hub::sweep() {
+  const Clock::time_point now = Clock::now();
+  for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->check(now);
+  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->check(now);
+  log_.catch_up(now);
+  site_.access().forget_inactive_guesses(now);
+  if (welcomed_ == 0) return;
+  health_ = host_.health();
+  answer_late();
+  publish_state();
+}
+
+void Hub::answer_late() {
+  for (const LateAnswer& late : host_.take_answers())
+    for (const auto& viewer : viewers_)
+      if (viewer->identity().number == late.by.number && viewer->welcomed())
+        viewer->say(late.outcome ? done_json(late.id) : refused_json(late.id, late.outcome.error()));
+}
+
+}  // namespace palpate::server

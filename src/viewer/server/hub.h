@@ -1,0 +1,181 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "server/download_pace.h"
+#include "server/fault_log.h"
+#include "server/payload_store.h"
+#include "server/pose_message.h"
+#include "server/request.h"
+#include "server/site.h"
+#include "server/transport.h"
+#include "server/yield_message.h"
+
+namespace palpate::server {
+
+class Connection;
+class Viewer;
+struct SentSweeps;
+
+/// Shared state of a server's connections: the site, the session, the owner of the pointer. Used on the
+/// server's thread only.
+///
+///    timer, 120 Hz ── snapshot ── one PoseMessage ──► every viewer whose pose is due
+///            15 Hz ── tissue deformation ─────────► subscribed viewers, if it has changed
+///            20 Hz ── progress of a task's run ───► subscribed viewers, if it has changed
+///    timer, 10 Hz ─── state, health; time limits of every connection
+class Hub {
+ public:
+  using Clock = std::chrono::steady_clock;
+  /// Maximum number of viewers after their hello, and of connections including them.
+  static constexpr std::size_t kMaxViewers = 64, kMaxConnections = 256;
+  /// Places reserved for viewers with control or a teacher's role.
+  static constexpr std::size_t kKeptForControl = 2;
+  /// Maximum number of WebSockets before their hello, when their role is not known yet.
+  static constexpr std::size_t kMaxSilent = 16;
+  /// A single viewer downloads scan and labels concurrently.
+  static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
+
+  /// @param loop, host, site, volumes, pictures  outlive the hub
+  Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
+      DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
+  ~Hub();
+
+  void begin();
+  /// Closes every viewer's connection with a code, without waiting for answers.
+  void end();
+
+  // ---- connections
+
+  void add(std::shared_ptr<Connection> connection);
+  void remove(const std::shared_ptr<Connection>& connection);
+  void add(std::shared_ptr<Viewer> viewer);
+  void remove(const std::shared_ptr<Viewer>& viewer);
+  /// If there are too many WebSockets before their hello, closes the oldest: clients without a token cannot
+  /// lock out those with one.
+  void drop_oldest_unauthenticated();
+  /// Whether a viewer that says hello gets a place. For a role with a reserved place, the most recent viewer
+  /// of another role is closed if necessary.
+  bool make_room_for_viewer(Role role);
+  /// If all places are taken, closes one connection: the one without progress for the longest time,
+  /// preferring those that wait for a request, then those that are sending, then those whose answer is being
+  /// generated.
+  void make_room_for_connection();
+
+  // ---- services for connections
+
+  Site& site() { return site_; }
+  std::unique_ptr<Timer> timer() { return loop_.timer(); }
+  FaultLog& log() { return log_; }
+  /// Next part of a connection's download whose previous part has been sent.
+  DownloadPace::Turn next_part(std::size_t left_bytes);
+  /// Asynchronous requests; `then` is called on the server's thread.
+  void want_picture(PictureKey key, std::weak_ptr<const void> asker,
+                    std::function<void(PictureStore::Payload)> then);
+  void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
+  /// @param learner  pseudonym; empty: all learners
+  void want_curves(const std::string& learner, std::function<void(Result<std::string>)> then);
+
+  // ---- requests of viewers
+
+  /// Admits a viewer after its hello: it is counted and receives poses.
+  void welcome(Viewer& viewer);
+  /// Carries out a request and returns the answer.
+  std::string answer(Viewer& viewer, const Request& request);
+  void move_pointer(const Viewer& viewer, const TipMessage& tip);
+  /// Publishes the state to every viewer if it has changed.
+  void publish_state();
+  std::string state_for(const Viewer& viewer) const;
+  /// First message to a viewer: its role and permissions.
+  std::string welcome_for(const Who& who) const;
+  /// Veil that applies to a viewer; null: none.
+  const Veil* veil_of(const Viewer& viewer) const;
+  /// Veil that currently applies to learners; null: none.
+  const Veil* active_veil() const;
+  /// Message with the next sweeps for a viewer, and marks them as sent; empty: no more.
+  std::string sweeps_after(SentSweeps& had) const;
+  /// Latest deformation around a device.
+  const PublishedYield& published_yield(std::size_t device) const { return yields_[device].told; }
+  /// Latest plan; null if there is none, and for a veiled viewer: the plan's author may have known what is
+  /// hidden.
+  std::shared_ptr<const std::string> published_plan(const Viewer& viewer) const;
+  /// Publishes the progress of a run if it has changed.
+  void publish_training(Clock::time_point now);
+  /// Progress message published last; empty: the session has no tasks.
+  const std::string& published_training(const Viewer& viewer) const;
+  /// Latest error estimate of a tracked tip; null: none.
+  const std::shared_ptr<const std::string>& published_navigation() const { return told_navigation_; }
+  /// Debriefing of the last run; null if there is none, and for a learner if it was another learner's run.
+  std::shared_ptr<const std::string> published_debriefing(const Viewer& viewer) const;
+
+ private:
+  static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
+  bool one_loads_alone() const;
+  Result<Grant> grant(Viewer& viewer, const Request& request);
+  Result<void> grant_rearm(Viewer& viewer, RearmRequest request);
+  Result<void> grant_task(Viewer& viewer, TaskRequest request);
+  Result<void> grant_lesson(const LessonRequest& request);
+  Result<void> check_hand(const Viewer& viewer) const;
+  void update_veil();
+  void answer_late();
+  Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
+  void count();
+  void wait_for_poses();
+  void show_pose();
+  void publish_yields(Clock::time_point now);
+  void publish_plan();
+  void publish_navigation(Clock::time_point now);
+  void wait_for_sweep();
+  void sweep();
+
+  ViewerHost& host_;
+  Site& site_;
+  PayloadStore& volumes_;
+  PictureStore& pictures_;
+  DownloadPace downloads_;
+  FaultLog log_;
+  const std::function<void(int)> count_viewers_;
+
+  EventLoop& loop_;
+  const std::unique_ptr<Timer> pose_timer_, sweep_timer_;
+  Clock::time_point next_pose_{};
+  std::set<std::shared_ptr<Connection>> connections_;
+  std::set<std::shared_ptr<Viewer>> viewers_;
+  int welcomed_ = 0;
+  std::uint32_t greeted_ = 0;  ///< Number of viewers that have said hello so far
+  bool posing_ = false, ended_ = false;
+  /// Number of the viewer that moves the tip; 0: none.
+  std::uint32_t holder() const;
+
+  const Viewer* pointer_ = nullptr;  ///< Viewer that moves the tip; may be null
+  ViewedState state_;
+  std::string last_state_, last_veiled_state_;  ///< Last messages: as a teacher receives them, and veiled
+  std::optional<VeiledSteps> veiled_steps_;
+  TickRecord veiled_tick_;  ///< Last veiled tick
+  bool names_ = false;      ///< Whether learners are shown what a quiz hides
+  ViewedHealth health_;
+  struct LastPublished {
+    std::shared_ptr<const ViewedYield> yield;
+    std::optional<YieldMessage> message;  ///< Message published last
+    PublishedYield told;
+  };
+  std::array<LastPublished, kMaxDevices> yields_;
+  Clock::time_point next_yields_{};
+  std::shared_ptr<const ViewedPlan> plan_;
+  std::shared_ptr<const std::string> told_plan_;
+  std::shared_ptr<const std::string> told_navigation_;
+  Clock::time_point next_navigation_{};
+  std::string training_, veiled_training_;
+  std::shared_ptr<const ViewedDebriefing> debriefed_;
+  std::shared_ptr<const std::string> debriefing_;
+  Clock::time_point next_training_{};
+};
+
+}  // namespace palpate::server

@@ -1,0 +1,81 @@
+#include "server/payload_store.h"
+
+#include <exception>
+#include <utility>
+
+#include "palpate/base/check.h"
+#include "server/ordinary_thread.h"
+
+namespace palpate::server {
+
+PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {
+  thread_ = std::thread([this] {
+    be_ordinary_thread("viewer-volumes");
+    work();
+  });
+}
+
+PayloadStore::~PayloadStore() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wished_.notify_one();
+  thread_.join();
+}
+
+void PayloadStore::want(const PayloadKey& key, std::function<void(Payload)> then) {
+  run([this, key, then = std::move(then)] {
+    const Payload payload = made(key);
+    if (!stop_) then(payload);
+  });
+}
+
+void PayloadStore::run(std::function<void()> job) {
+  {
+    const std::lock_guard lock(mutex_);
+    jobs_.push_back(std::move(job));
+  }
+  wished_.notify_one();
+}
+
+void PayloadStore::work() {
+  while (true) {
+    std::unique_lock lock(mutex_);
+    wished_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
+    if (stop_) return;
+    const auto job = std::move(jobs_.front());
+    jobs_.pop_front();
+    lock.unlock();
+
+    // an exception from the callback is dropped; the connection that waits runs into its time limit
+    try {
+      job();
+    } catch (const std::exception&) {
+    }
+  }
+}
+
+// a failure affects this request only
+PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
+  Payload& payload = made_[key];
+  if (!payload) payload = make_(key, stop_);
+  return payload;
+} catch (const std::exception&) {
+  return nullptr;
+}
+
+PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
+                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
+                                 std::shared_ptr<const Bricks<LabelId>> veiled, bool wide_veiled) {
+  PALPATE_CHECK(labels);
+  return [scan = std::move(scan), scale, labels = std::move(labels), wide_labels, veiled = std::move(veiled),
+          wide_veiled](const PayloadKey& key, const std::atomic<bool>& stop) -> PayloadStore::Payload {
+    if (!key.labels) return scan ? scan_payload(*scan, scale, key.shrink, stop) : nullptr;
+    const PayloadStore::Payload plain = key.veiled ? labels_payload(*veiled, wide_veiled, key.shrink, stop)
+                                                   : labels_payload(*labels, wide_labels, key.shrink, stop);
+    return plain && key.gzip ? gzip(*plain, stop) : plain;
+  };
+}
+
+}  // namespace palpate::server

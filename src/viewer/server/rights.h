@@ -1,0 +1,64 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/base/result.h"
+
+/// Permissions: one table, by which the server grants and refuses requests, and which
+/// docs/reference/viewer-protocol.md shows.
+namespace palpate::server {
+
+enum class Role : std::uint8_t { kView, kControl, kLearner, kTeacher };
+inline constexpr std::array kRoles{Role::kView, Role::kControl, Role::kLearner, Role::kTeacher};
+std::string_view name_of(Role role);
+
+/// Authenticated viewer.
+struct Who {
+  Role role = Role::kView;
+  std::string learner;  ///< Pseudonym of the token, for a learner
+};
+
+enum class Right : std::uint8_t {
+  kLook,
+  kStop,
+  kUnseen,
+  kHand,
+  kFeel,
+  kPlan,
+  kPlay,
+  kLesson,
+  kOwnRuns,
+  kAllRuns,
+};
+/// Permission of a role.
+enum class May : std::uint8_t {
+  kNo,
+  kYes,
+  kWithoutTasks,  ///< Granted only in sessions without tasks
+};
+struct RightInfo {
+  Right right;
+  std::string_view name;  ///< Name in messages
+  std::string_view deed;  ///< Verb phrase after "may": "take the hand"
+  std::string_view about;
+  std::array<May, kRoles.size()> may;  ///< In the order of Role
+};
+std::span<const RightInfo> right_infos();
+
+/// @param has_tasks  whether the session or recording has tasks
+bool may(Role role, Right right, bool has_tasks);
+/// Names of a role's permissions, for messages.
+/// @param keeps_runs  whether records exist from which curves are computed
+std::vector<std::string_view> rights_of(Role role, bool has_tasks, bool keeps_runs);
+/// Refusal for a missing permission; names the roles that have it.
+Error lacks_right(Role role, Right right);
+
+/// The table in Markdown.
+std::string rights_table();
+
+}  // namespace palpate::server

@@ -1,0 +1,316 @@
+#include "server/scene_json.h"
+
+#include <cmath>
+
+#include "palpate/base/printable.h"
+#include "palpate/json/json.h"
+#include "palpate_version.h"
+#include "server/error_json.h"
+#include "server/pose_message.h"
+#include "server/task_json.h"
+
+namespace palpate::server {
+namespace {
+
+// keys in the order of the document; unknown and non-finite values become null
+std::string text_of(const Json& json) {
+  return json.dump();
+}
+
+// names come from files, and go to a page
+Json shown(const std::string& name) {
+  return printable_name(name);
+}
+
+Json colour_json(const Rgb& colour) {
+  return {colour.r, colour.g, colour.b};
+}
+
+Json matrix_json(const Eigen::Matrix4d& matrix) {
+  Json rows = Json::array();
+  for (int row = 0; row < 4; ++row)
+    rows.push_back({matrix(row, 0), matrix(row, 1), matrix(row, 2), matrix(row, 3)});
+  return rows;
+}
+
+Json volume_json(const ViewedScene& scene, const VolumeFacts& facts) {
+  const GridGeometry& grid = scene.labels->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+  matrix.topLeftCorner<3, 3>() = X_PatientVoxel.linear();
+  matrix.topRightCorner<3, 1>() = X_PatientVoxel.translation();
+  Json json;
+  json["hash"] = facts.hash;
+  json["dims"] = grid.dims;
+  json["patient_from_voxel"] = matrix_json(matrix);
+  json["scan"] = nullptr;
+  if (scene.scan)
+    json["scan"] = {
+        {"scale", facts.scale}, {"offset", facts.offset}, {"window", scene.window}, {"range", facts.range}};
+  json["labels"] = {{"type", facts.wide_labels ? "uint16" : "uint8"}};
+  return json;
+}
+
+// originator of the stop from the point of view of the viewer that receives it
+const char* who_stopped(const ViewedState& state, std::uint32_t reader) {
+  switch (state.stopped_by) {
+    case StoppedBy::kSession:
+      return "palpate";
+    case StoppedBy::kKey:
+      return "key";
+    case StoppedBy::kViewer:
+      return state.stopped_by_viewer == reader ? "you" : "viewer";
+  }
+  return "palpate";
+}
+
+Json contact_json(const ContactProperties& properties) {
+  Json json = Json::object();
+  for (const ContactProperty& property : kContactProperties)
+    json[std::string(property.name)] = properties.*property.value;
+  return json;
+}
+
+Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
+  Json tissues = Json::array();
+  for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
+    const ViewedTissue& tissue = scene.tissues[t];
+    Json json = {{"name", shown(tissue.name)},
+                 {"felt", tissue.felt},
+                 {"protection", tissue.protection},
+                 {"colour", colour_json(tissue.colour)},
+                 {"opacity", tissue.opacity}};
+    json.update(contact_json(t < state.tissues.size() ? state.tissues[t] : ContactProperties{0, 0, 0, 0}));
+    json["rests_on"] = tissue.rests_on;
+    tissues.push_back(std::move(json));
+  }
+  return tissues;
+}
+
+Json structures_json(const ViewedScene& scene) {
+  Json structures = Json::array();
+  for (const ViewedStructure& structure : scene.structures)
+    structures.push_back({{"label", structure.label},
+                          {"name", shown(structure.name)},
+                          {"colour", colour_json(structure.colour)},
+                          {"tissue", structure.tissue},
+                          {"within", structure.within}});
+  return structures;
+}
+
+Json capsules_json(const ViewedTool& tool) {
+  Json capsules = Json::array();
+  for (const ViewedTool::Capsule& capsule : tool.capsules)
+    capsules.push_back({{"from_mm", capsule.from_mm},
+                        {"to_mm", capsule.to_mm},
+                        {"radius_mm", capsule.radius_mm},
+                        {"end_radius_mm", capsule.end_radius_mm}});
+  return capsules;
+}
+
+Json tool_json(const ViewedTool& tool) {
+  return {{"name", shown(tool.name)},    {"radius_mm", tool.radius_mm},
+          {"cuts", tool.cuts},           {"burr", tool.burr.empty() ? Json() : Json(tool.burr)},
+          {"points_mm", tool.points_mm}, {"capsules", capsules_json(tool)},
+          {"shaver", tool.shaver}};
+}
+
+// exactly one of the three shapes is not null
+Json no_go_json(const ViewedNoGo& region) {
+  const auto* label = std::get_if<LabelId>(&region.place);
+  const auto* plane = std::get_if<ViewedNoGo::Plane>(&region.place);
+  const auto* ball = std::get_if<ViewedNoGo::Ball>(&region.place);
+  Json json = {{"name", shown(region.name)}, {"keep_away_mm", region.keep_away_mm}};
+  json["label"] = label ? Json(*label) : Json();
+  json["plane"] = plane ? Json{{"point_mm", plane->point_mm}, {"outward", plane->outward}} : Json();
+  json["ball"] = ball ? Json{{"centre_mm", ball->centre_mm}, {"radius_mm", ball->radius_mm}} : Json();
+  return json;
+}
+
+Json recording_json(const ViewedRecording& recording) {
+  Json contacts = Json::array(), events = Json::array();
+  for (const ViewedRecording::Contact& contact : recording.contacts)
+    contacts.push_back({contact.begin_s, contact.end_s, contact.label, contact.max_N, contact.device});
+  for (const ViewedRecording::Event& event : recording.events)
+    events.push_back({{"time_s", event.time_s},
+                      {"kind", event.kind},
+                      {"changed", event.changed},
+                      {"tissue", event.tissue < 0 ? Json() : Json(event.tissue)},
+                      {"by", event.by},
+                      {"viewer", event.viewer == 0 ? Json() : Json(event.viewer)}});
+  return {{"ticks", recording.ticks},
+          {"begin_s", recording.begin_s},
+          {"end_s", recording.end_s},
+          {"contacts", contacts},
+          {"contacts_left_out", recording.contacts_left_out},
+          {"events", events},
+          {"events_left_out", recording.events_left_out},
+          {"force_N", recording.force_N}};
+}
+
+// role and permissions of the receiver
+void add_who(Json& json, const Who& who, bool has_tasks, bool keeps_runs) {
+  json["role"] = name_of(who.role);
+  json["learner"] = who.learner.empty() ? Json() : shown(who.learner);
+  json["may"] = rights_of(who.role, has_tasks, keeps_runs);
+}
+
+// the learner is disclosed to teachers and to that learner only
+Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
+  const bool is_told = reader.who.role == Role::kTeacher ||
+                       (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
+  return {{"learner", is_told && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
+          {"of_another", reader.who.role == Role::kLearner && !lesson.is_for(reader.who.learner)},
+          {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
+          {"names", reader.names},
+          {"veiled", reader.veiled}};
+}
+
+Json playback_json(const ViewedState::Playback& playback) {
+  return {{"playing", playback.playing},
+          {"speed", playback.speed},
+          {"failed", playback.failure ? error_json(*playback.failure) : Json()}};
+}
+
+}  // namespace
+
+std::string hash_text(std::uint64_t hash) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  for (int shift = 60; shift >= 0; shift -= 4) text += kDigits[hash >> shift & 15];
+  return text;
+}
+
+std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
+                       const Who& who, bool keeps_runs) {
+  Json json;
+  json["protocol"] = kProtocol;
+  json["palpate"] = PALPATE_VERSION;
+  add_who(json, who, !scene.tasks.empty(), keeps_runs);
+  json["side"] = scene.side;
+  json["oriented"] = scene.oriented;
+  json["caveats"] = Json::array();
+  for (const ViewedCaveat& caveat : scene.caveats)
+    json["caveats"].push_back({{"concerns", caveat.concerns}, {"text", shown(caveat.text)}});
+  json["modality"] = scene.modality;
+  json["volume"] = volume_json(scene, facts);
+  json["world_from_patient"] = scene.world_from_patient;
+  json["structures"] = structures_json(scene);
+  json["tissues"] = tissues_json(scene, state);
+  json["tools"] = Json::array();
+  for (const ViewedTool& tool : scene.tools) json["tools"].push_back(tool_json(tool));
+  // for older viewers, which support a single tool
+  json["tool"] = json["tools"].front();
+  json["methods"] = scene.methods;
+  json["laws"] = scene.laws;
+  json["device"] = {{"name", shown(scene.device_name)},
+                    {"simulated", scene.simulated},
+                    {"input", scene.input},
+                    {"peak_force_N", scene.peak_force_N},
+                    {"continuous_force_N", scene.continuous_force_N},
+                    {"max_stiffness_N_per_mm", scene.max_stiffness_N_per_mm}};
+  json["limits"] = {{"max_force_N", state.max_force_N},
+                    {"min_max_force_N", scene.min_max_force_N},
+                    {"max_max_force_N", scene.max_max_force_N},
+                    {"stiffness_N_per_mm", scene.stiffness_N_per_mm},
+                    {"friction", scene.friction}};
+  json["rate_hz"] = scene.rate_hz;
+  json["recording"] = scene.recording ? recording_json(*scene.recording) : Json();
+  json["tasks"] = Json::array();
+  for (const ViewedTask& task : scene.tasks) json["tasks"].push_back(task_json(task));
+  json["distances"] = scene.distance_reach_mm ? Json{{"reach_mm", *scene.distance_reach_mm}} : Json();
+  json["no_go"] = Json::array();
+  for (const ViewedNoGo& region : scene.no_go) json["no_go"].push_back(no_go_json(region));
+  return text_of(json);
+}
+
+std::string state_json(const ViewedState& state, const StateReader& reader) {
+  Json json;
+  json["type"] = "state";
+  json["method"] = state.method;
+  json["law"] = state.law;
+  json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
+  json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();
+  json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
+  json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
+  json["friction"] = state.friction;
+  json["viscosity"] = state.viscosity;
+  json["passivity"] = state.passivity;
+  json["paused"] = state.paused;
+  json["motor"] = state.motor;
+  json["motor_is_on"] = state.motor_is_on;
+  json["emergency_stop"] = state.stop.has_value();
+  json["stop"] = state.stop ? Json(*state.stop) : Json();
+  json["stopped_by"] = state.stop ? Json(who_stopped(state, reader.number)) : Json();
+  json["max_force_N"] = state.max_force_N;
+  json["rotation_wxyz"] = state.rotation_wxyz;
+  json["model_version"] = state.model_version;
+  json["strokes"] = {{"undo", state.strokes_to_undo}, {"redo", state.strokes_to_redo}};
+  json["removed"] = Json::array();
+  for (const auto& [label, mm3] : state.removed_mm3)
+    json["removed"].push_back({{"label", label}, {"mm3", mm3}});
+  json["nearest"] = Json::array();
+  for (const auto& [label, mm] : state.nearest_mm) json["nearest"].push_back({{"label", label}, {"mm", mm}});
+  json["tissues"] = Json::array();
+  for (const ContactProperties& tissue : state.tissues) json["tissues"].push_back(contact_json(tissue));
+  json["armed"] = state.armed;
+  json["recording"] = state.recording;
+  json["playback"] = state.playback ? playback_json(*state.playback) : Json();
+  json["viewers"] = reader.viewers;
+  const bool is_holder = reader.holder != 0 && reader.holder == reader.number;
+  json["pointer"] = is_holder;
+  json["pointer_by"] = reader.holder == 0 ? Json() : Json(is_holder ? "you" : "viewer");
+  json["lesson"] = lesson_json(state.lesson, reader);
+  return text_of(json);
+}
+
+std::string navigation_json(const ViewedNavigation& navigation) {
+  const auto shown_mm = [](double mm) { return std::round(100 * mm) / 100; };
+  Json json = {{"type", "navigation"},
+               {"device", navigation.device},
+               {"seen", navigation.is_seen},
+               {"fre_mm", shown_mm(navigation.fre_mm)}};
+  json["tre_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->rms_mm)) : Json();
+  json["tre_95_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->max_mm)) : Json();
+  json["far"] = navigation.tip && navigation.tip->is_far;
+  return text_of(json);
+}
+
+std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs) {
+  Json json{{"type", "welcome"}};
+  add_who(json, who, has_tasks, keeps_runs);
+  json["protocol"] = kProtocol;
+  return text_of(json);
+}
+
+std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps) {
+  Json json = {{"type", "cut"}, {"first", first}};
+  json["sweeps"] = Json::array();
+  for (const SweepRecord& sweep : sweeps) {
+    Json row = sweep.from_mm;
+    for (const double mm : sweep.to_mm) row.push_back(mm);
+    row.push_back(sweep.radius_mm);
+    if (sweep.axis_mm != std::array<double, 3>{}) {
+      for (const double mm : sweep.axis_mm) row.push_back(mm);
+      row.push_back(sweep.end_radius_mm);
+    }
+    json["sweeps"].push_back(std::move(row));
+  }
+  return text_of(json);
+}
+
+std::string done_json(std::int64_t id) {
+  return text_of({{"type", "done"}, {"id", id}});
+}
+
+std::string asked_json(std::int64_t id) {
+  return text_of({{"type", "asked"}, {"id", id}});
+}
+
+std::string refused_json(std::int64_t id, const Error& error) {
+  Json json = {{"type", "refused"}, {"id", id}};
+  json.update(error_json(error));
+  return text_of(json);
+}
+
+}  // namespace palpate::server

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "palpate/base/result.h"
+#include "palpate/server/viewer_server.h"
+#include "server/rights.h"
+
+/// JSON messages of the server (docs/reference/viewer-http.md, docs/reference/viewer-messages.md).
+namespace palpate::server {
+
+/// Encoding of the scene's voxels, determined once.
+struct VolumeFacts {
+  std::string hash;  ///< Hash in the volumes' URLs
+  double scale = 1, offset = 0;
+  std::array<double, 2> range{0, 0};  ///< Range of the scan's finite voxels
+  bool wide_labels = false;           ///< Whether labels are uint16
+};
+
+/// Sixteen lower-case hexadecimal digits.
+std::string hash_text(std::uint64_t hash);
+
+/// @param keeps_runs  ViewerHost::keeps_runs
+std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
+                       const Who& who, bool keeps_runs);
+
+/// Receiver of a state message, with the values that depend on it.
+struct StateReader {
+  std::uint32_t number = 0;  ///< ViewerIdentity::number; 0: none
+  Who who{Role::kTeacher, {}};
+  std::uint32_t holder = 0;  ///< Number of the viewer that moves the tip; 0: none
+  int viewers = 0;           ///< Number of viewers that have said hello
+  bool names = false;        ///< Whether learners are shown what a quiz hides
+  bool veiled = false;       ///< Whether this receiver is not shown it
+};
+std::string state_json(const ViewedState& state, const StateReader& reader);
+
+/// Rounded to 0.01 mm.
+std::string navigation_json(const ViewedNavigation& navigation);
+/// @param has_tasks   whether the scene has tasks
+/// @param keeps_runs  ViewerHost::keeps_runs
+std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs);
+/// @param first  index of the first of them, from 0
+std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);
+std::string done_json(std::int64_t id);
+std::string asked_json(std::int64_t id);
+std::string refused_json(std::int64_t id, const Error& error);
+
+}  // namespace palpate::server

@@ -1,0 +1,250 @@
+#include "server/site.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "server/page.h"
+
+namespace palpate::server {
+namespace {
+
+constexpr std::string_view kAssets = "/assets/", kVolumes = "/api/volume/", kScene = "/api/scene",
+                           kPictures = "/api/picture/", kCurves = "/api/curves", kSocket = "/ws";
+
+std::string field(std::string_view name, std::string_view value) {
+  std::string line(name);
+  line += ": ";
+  line += value;
+  return line + "\r\n";
+}
+
+std::string in_quotes(std::string_view text) {
+  std::string tag = "\"";
+  tag += text;
+  return tag + "\"";
+}
+
+/// Removes and returns the first member of a comma-separated list, without surrounding blanks.
+std::string_view next_member(std::string_view& list) {
+  std::string_view member = list.substr(0, list.find(','));
+  list.remove_prefix(std::min(list.size(), member.size() + 1));
+  while (member.starts_with(' ') || member.starts_with('\t')) member.remove_prefix(1);
+  while (member.ends_with(' ') || member.ends_with('\t')) member.remove_suffix(1);
+  return member;
+}
+
+bool knows_tag(std::string_view if_none_match, std::string_view tag) {
+  while (!if_none_match.empty()) {
+    std::string_view member = next_member(if_none_match);
+    if (member.starts_with("W/")) member.remove_prefix(2);
+    if (member == "*" || member == tag) return true;
+  }
+  return false;
+}
+
+// accepts "gzip" and "gzip;q=0.5", but not "gzip;q=0"
+bool takes_gzip(std::string_view accept_encoding) {
+  while (!accept_encoding.empty()) {
+    const std::string_view member = next_member(accept_encoding);
+    const std::string_view name = member.substr(0, member.find(';'));
+    if (name != "gzip" && name != "*") continue;
+    const std::size_t weight = member.find("q=");
+    return weight == member.npos || member.substr(weight + 2).find_first_of("123456789") != member.npos;
+  }
+  return false;
+}
+
+HttpAnswer not_modified(std::string fields) {
+  HttpAnswer answer;
+  answer.status = 304;
+  answer.fields = std::move(fields);
+  return answer;
+}
+
+}  // namespace
+
+std::string_view reason_of(int status) {
+  constexpr std::array<std::pair<int, std::string_view>, 17> kReasons{{
+      {101, "Switching Protocols"},
+      {200, "OK"},
+      {304, "Not Modified"},
+      {400, "Bad Request"},
+      {401, "Unauthorized"},
+      {403, "Forbidden"},
+      {404, "Not Found"},
+      {405, "Method Not Allowed"},
+      {408, "Request Timeout"},
+      {413, "Content Too Large"},
+      {421, "Misdirected Request"},
+      {426, "Upgrade Required"},
+      {429, "Too Many Requests"},
+      {431, "Request Header Fields Too Large"},
+      {500, "Internal Server Error"},
+      {503, "Service Unavailable"},
+      {505, "HTTP Version Not Supported"},
+  }};
+  for (const auto& [known, reason] : kReasons)
+    if (known == status) return reason;
+  return "Refused";
+}
+
+HttpAnswer Site::refusal(int status, const std::string& why) {
+  HttpAnswer answer;
+  answer.status = status;
+  answer.fields = field("Content-Type", "text/plain; charset=utf-8") + field("Cache-Control", "no-store");
+  if (status == 401) answer.fields += field("WWW-Authenticate", "Bearer");
+  if (status == 429) answer.fields += field("Retry-After", "1");
+  if (status == 405) answer.fields += field("Allow", "GET, HEAD");
+  if (why.empty())
+    answer.fixed_body = reason_of(status);
+  else
+    answer.body = std::make_shared<std::string>(why);
+  return answer;
+}
+
+Site::Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil)
+    : host_(host), access_(std::move(access)), facts_(std::move(facts)), veil_(veil) {}
+
+SiteAnswer Site::answer(const HttpRequest& request) {
+  // authentication precedes routing
+  if (request.ambiguous) return refusal(400);
+  if (!access_.serves(request.host, request.local_address)) return refusal(421);
+  if (!access_.is_own_origin(request.origin, request.host)) return refusal(403);
+  if (request.method != "GET" && request.method != "HEAD") return refusal(405);
+  if (request.has_body) return refusal(413);
+
+  const std::string_view path = request.target.substr(0, request.target.find('?'));
+  const std::string_view query = request.target.substr(std::min(request.target.size(), path.size() + 1));
+  if (!path.starts_with('/')) return refusal(400);
+  if (path == "/") return file("index.html", request);
+  if (path.starts_with(kAssets)) return file(path.substr(kAssets.size()), request);
+
+  // Sec-Fetch-Site identifies cross-site requests for which a browser sends no Origin
+  if (!request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none")
+    return refusal(403);
+  if (path == kSocket) {
+    if (!request.upgrade) return refusal(426);
+    if (!request.subprotocol || request.method != "GET") return refusal(400);
+    return Upgrade{};
+  }
+  const auto [who, too_many_guesses] =
+      access_.admit(Access::bearer(request.authorization), request.from, request.at);
+  if (!who) return refusal(too_many_guesses ? 429 : 401);
+  if (path == kScene) return scene(*who);
+  if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request, *who);
+  if (path.starts_with(kPictures)) return picture(path.substr(kPictures.size()), query, request, *who);
+  // no parameter names the learner: the token determines it
+  if (path == kCurves && query.empty()) return curves(*who);
+  return refusal(404);
+}
+
+// lookup by name in a fixed list, so path traversal is impossible
+HttpAnswer Site::file(std::string_view name, const HttpRequest& request) const {
+  const EmbeddedFile* found = find_file(viewer_page(), name);
+  if (!found) return refusal(404);
+  const std::string tag = in_quotes(found->sha256);
+  const std::string fields = field("Cache-Control", "no-cache") + field("ETag", tag);
+  if (knows_tag(request.if_none_match, tag)) return not_modified(fields);
+  HttpAnswer answer;
+  answer.fields = field("Content-Type", content_type_of(name)) + fields;
+  answer.fixed_body = found->text;
+  return answer;
+}
+
+HttpAnswer Site::scene(const Who& who) const {
+  HttpAnswer answer;
+  answer.fields = field("Content-Type", "application/json") + field("Cache-Control", "no-store");
+  const Veil* veil = veil_of(who);
+  VolumeFacts facts = facts_;
+  facts.hash = hash_for(who);
+  if (veil != nullptr) facts.wide_labels = veil->has_wide_labels();
+  answer.body = std::make_shared<std::string>(
+      scene_json(veil != nullptr ? veil->scene() : host_.scene(),
+                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, host_.keeps_runs()));
+  return answer;
+}
+
+std::string Site::hash_for(const Who& who) const {
+  const Veil* veil = veil_of(who);
+  return veil != nullptr ? hash_text(veil->scene().content_hash) : facts_.hash;
+}
+
+SiteAnswer Site::curves(const Who& who) const {
+  const bool all = may(who.role, Right::kAllRuns, true);
+  if (!all && !may(who.role, Right::kOwnRuns, true))
+    return refusal(403,
+                   "only a learner, of his or her own, or a teacher may see curves: connect with a token for "
+                   "learner or teacher");
+  if (!host_.keeps_runs()) return refusal(404, "no runs are kept in this session");
+  CurvesWanted wanted;
+  wanted.learner = all ? std::string() : who.learner;
+  wanted.head.fields = field("Content-Type", "text/html; charset=utf-8") + field("Cache-Control", "no-store");
+  return wanted;
+}
+
+SiteAnswer Site::volume(std::string_view path, std::string_view query, const HttpRequest& request,
+                        const Who& who) const {
+  const std::string_view kind = path.substr(0, path.find('/'));
+  const std::string_view hash = path.substr(std::min(path.size(), kind.size() + 1));
+  const bool labels = kind == "labels", scan = kind == "scan" && host_.scene().scan;
+  if (!(labels || scan) || hash != hash_for(who)) return refusal(404);
+  if (!query.empty() && query != "shrink=1" && query != "shrink=2" && query != "shrink=4")
+    return refusal(404);
+
+  VolumeWanted wanted;
+  wanted.key.labels = labels;
+  wanted.key.veiled = labels && veil_of(who) != nullptr;
+  wanted.key.shrink = query.empty() ? 1 : query.back() - '0';
+  wanted.key.gzip = labels && takes_gzip(request.accept_encoding);
+  std::string name = hash_for(who) + (labels ? "-labels-" : "-scan-") + std::to_string(wanted.key.shrink);
+  if (wanted.key.gzip) name += "-gzip";
+  const std::string fields = field("Cache-Control", "private, max-age=31536000, immutable") +
+                             field("ETag", in_quotes(name)) + field("Vary", "Accept-Encoding, Authorization");
+  if (knows_tag(request.if_none_match, in_quotes(name))) return not_modified(fields);
+  wanted.head.fields = field("Content-Type", "application/octet-stream") + fields;
+  if (wanted.key.gzip) wanted.head.fields += field("Content-Encoding", "gzip");
+  return wanted;
+}
+
+SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
+                         const Who& who) const {
+  const ViewedScene& scene = host_.scene();
+  if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMaxVoxels)
+    return refusal(404);
+  const Veil* veil = veil_of(who);
+  auto key = parse_picture_query(query, (veil != nullptr ? veil->scene() : scene).structures.size());
+  if (!key) return refusal(400);
+  key->veil = veil;
+  key->gzip = takes_gzip(request.accept_encoding);
+  PictureWanted wanted;
+  wanted.head.fields = field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");
+  if (key->gzip) wanted.head.fields += field("Content-Encoding", "gzip");
+  wanted.key = std::move(*key);
+  return wanted;
+}
+
+std::string Site::head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const {
+  // older browsers match a WebSocket's scheme in 'self' only if it is listed explicitly
+  std::string socket;
+  if (answer.status == 200 || answer.status == 304) {
+    socket = access_.tls() ? " wss://" : " ws://";
+    socket += request.host;
+  }
+  std::string head = "HTTP/1.1 " + std::to_string(answer.status) + " ";
+  head += reason_of(answer.status);
+  head += "\r\n" + answer.fields;
+  head +=
+      field("Content-Security-Policy",
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+            "connect-src 'self'" +
+                socket + "; worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+  head += field("X-Content-Type-Options", "nosniff");
+  head += field("Referrer-Policy", "no-referrer");
+  head += field("Cross-Origin-Resource-Policy", "same-origin");
+  if (answer.status != 304) head += field("Content-Length", std::to_string(answer.text().size()));
+  head += field("Connection", keep_alive ? "keep-alive" : "close");
+  return head + "\r\n";
+}
+
+}  // namespace palpate::server

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "palpate/server/viewer_server.h"
+#include "server/access.h"
+#include "server/http_request.h"
+#include "server/payload_store.h"
+#include "server/scene_json.h"
+#include "server/veil.h"
+#include "server/volume_pictures.h"
+
+/// HTTP routing and answers, independent of sockets.
+namespace palpate::server {
+
+struct HttpAnswer {
+  int status = 200;
+  std::string fields;  ///< Header lines specific to this answer, each with its line end
+  /// Body of a GET; HEAD sends its length only.
+  std::shared_ptr<const std::string> body;
+  std::string_view fixed_body;  ///< Body that is compiled in; used if `body` is null
+
+  std::string_view text() const { return body ? std::string_view(*body) : fixed_body; }
+};
+
+/// Answer with a volume that may have to be generated first.
+struct VolumeWanted {
+  PayloadKey key;
+  HttpAnswer head;  ///< Its body is still to be set
+};
+
+/// Answer with a picture of the volume that has to be rendered.
+struct PictureWanted {
+  PictureKey key;
+  HttpAnswer head;  ///< Its body is still to be set
+};
+
+/// Answer with a page of learning curves that has to be generated.
+struct CurvesWanted {
+  std::string learner;  ///< Pseudonym; empty: all learners
+  HttpAnswer head;      ///< Its body is still to be set
+};
+
+/// Upgrade to a WebSocket.
+struct Upgrade {};
+
+using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, CurvesWanted, Upgrade>;
+
+class Site {
+ public:
+  /// @param host  outlives the site, as does its scene
+  /// @param veil  applies to learners during a quiz; outlives the site; null: none
+  Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil = nullptr);
+
+  SiteAnswer answer(const HttpRequest& request);
+  Access& access() { return access_; }
+  /// Switches the veil on or off; initially on. On while a quiz is possible and its solution has not been
+  /// shown.
+  void set_veil_active(bool is_laid) { is_veiled_ = is_laid; }
+  /// Veil for learners while it is on; null: none.
+  const Veil* veil() const { return veil_; }
+  /// Veil that applies to a viewer; null: none.
+  const Veil* veil_of(const Who& who) const {
+    return is_veiled_ && !may(who.role, Right::kUnseen, true) ? veil_ : nullptr;
+  }
+
+  /// Status line and header.
+  /// @param host  Host of the request; never echoed unless this server serves it
+  std::string head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const;
+  /// Error answer with one line of text.
+  /// @param why  empty: the status' reason phrase
+  static HttpAnswer refusal(int status, const std::string& why = "");
+
+ private:
+  HttpAnswer file(std::string_view name, const HttpRequest& request) const;
+  HttpAnswer scene(const Who& who) const;
+  SiteAnswer volume(std::string_view path, std::string_view query, const HttpRequest& request,
+                    const Who& who) const;
+  SiteAnswer picture(std::string_view hash, std::string_view query, const HttpRequest& request,
+                     const Who& who) const;
+  SiteAnswer curves(const Who& who) const;
+  /// Hash in the URLs of the data that a viewer receives.
+  std::string hash_for(const Who& who) const;
+
+  ViewerHost& host_;
+  Access access_;
+  const VolumeFacts facts_;
+  const Veil* const veil_;
+  bool is_veiled_ = true;
+};
+
+/// "Not Found" for 404.
+std::string_view reason_of(int status);
+
+}  // namespace palpate::server

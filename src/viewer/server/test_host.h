@@ -1,0 +1,419 @@
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/server/viewer_server.h"
+
+/// In-memory session that carries out and records every request.
+namespace palpate::testing {
+
+inline ViewedTask test_task() {
+  ViewedTask task;
+  task.name = "hold";
+  task.title = "Hold\x1b[31m";
+  task.briefing = "Press.\nGently.";
+  task.quiz = task.ordered = true;
+  task.ends_with_steps = false;
+  task.time_limit_s = 60;
+  task.in_a_row = 3;
+  task.regions = {{"front", {1, 2, 3}, 12.5, {0, -1, 0}}};
+  task.steps = {{"push", "touch", 0, {0.8, std::numeric_limits<double>::infinity()}, 3, 0.5, true}};
+  task.forces = {{{1, 2}, std::array{0.8, 1.2}, {}}};
+  task.protections = {{{2}, 0.2}};
+  task.metrics = {{"peak_force", "N", {1}, false, {}, 8.5, "Tuijthof"}, {"time", "s", {}, false, {}, {}, ""}};
+  task.to_find = {2};
+  task.scope = {30, 8};
+  return task;
+}
+inline ViewedTraining test_training() {
+  ViewedTraining training;
+  training.phase = ViewedTraining::Phase::kRunning;
+  training.run = 3;
+  training.task = "hold";
+  training.time_s = 1.23456;
+  training.done = {false};
+  training.share = {1.0 / 3};
+  training.forces_N = {1.1};
+  training.protected_N = {0};
+  training.touch_N = 1.5;
+  training.unseen = true;
+  training.events = {{"over_limit", 0, 1.0, 2.6}};
+  training.events_before = 4;
+  training.keeps = true;
+  return training;
+}
+inline ViewedDebriefing test_debriefing() {
+  ViewedDebriefing told;
+  told.run = 3;
+  told.task = "hold";
+  told.end = "asked";
+  told.metrics = {{0.1 + 0.2, 0.25, true}, {}};
+  told.done = {true};
+  told.events = {{"step_done", 0, 1.5, 1.0}};
+  told.forces = 1;
+  told.samples = {{0.02, {1, 2, 3.45678}, 1.5, {1.1}}, {0.04, {kNotKnown, kNotKnown, kNotKnown}, 0, {}}};
+  told.patches = {{{0.5, 1.5, 2.5}, true}, {{0.5, 1.5, 3.5}, false}};
+  told.answer_mm = std::array{1.0, 2.0, 3.0};
+  told.runs = 4;
+  told.kept = 17;
+  return told;
+}
+
+class FakeHost : public ViewerHost {
+ public:
+  explicit FakeHost(std::array<int, 3> dims = {5, 4, 3}) {
+    GridGeometry grid;
+    grid.dims = dims;
+    grid.spacing_mm = {0.5, 0.75, 2};
+    grid.origin = Point<Patient>(-60, -64, -31);
+    auto scan = std::make_shared<Volume<float>>(grid);
+    Volume<LabelId> labels(grid);
+    for (std::size_t v = 0; v < grid.voxel_count(); ++v) {
+      scan->voxels()[v] = static_cast<float>(static_cast<int>(v % 4000) - 1000);
+      labels.voxels()[v] = static_cast<LabelId>(v / 7 % 3);
+    }
+    scene_.scan = scan;
+    scene_.labels = label_bricks(labels);
+    scene_.side = "left";
+    scene_.modality = "ct";
+    scene_.content_hash = 0x0f3a000000000001;
+    scene_.window = {12, 480};
+    scene_.world_from_patient = {{{1, 0, 0, 0}, {0, 0, 1, 0}, {0, -1, 0, 0}, {0, 0, 0, 1}}};
+    scene_.structures = {{1, "femur", {240, 220, 190}, 0}, {2, "tibia", {10, 20, 30}, -1, {1}}};
+    scene_.tissues = {{"bone", true, {240, 220, 190}, 1, {}}, {"skin", false, {1, 2, 3}, 0.25, {0}}};
+    scene_.tools = {{"point", 0, false, "cone", {{0, 0, 0}}, {{{0, 0, 0}, {0, 0, 40}, 1.5, 2}}},
+                    {"drill", 2, true, "ball", {{0, 0, 0}}, {}, true}};
+    scene_.methods = {"proxy", "trilinear"};
+    scene_.laws = {"elastic", "neo-hookean"};
+    scene_.device_name = "simulated";
+    state_.method = "proxy";
+    state_.law = "elastic";
+    state_.max_force_N = 1.4;
+    state_.tissues = {{1.5, 0.2, 0.15, 0.001}, {0.3, 0, 0, 0}};
+  }
+
+  const ViewedScene& scene() const override { return scene_; }
+  TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override {
+    ++snapshots;
+    TickRecord tick;
+    tick.tick = static_cast<std::uint64_t>(snapshots);
+    tick.model_version = 3;
+    {
+      const std::lock_guard lock(mutex_);
+      tick.device[0] = near_;
+    }
+    tick.device[0].tip_patient_mm = {1, 2, 3};
+    stiffness_N_per_mm[0] = 0.75;
+    return tick;
+  }
+  ViewedHealth health() const override { return {999, 1, 2, 3, 4, 5, 6, 7}; }
+  ViewedState state() const override {
+    const std::lock_guard lock(mutex_);
+    return state_;
+  }
+  std::vector<SweepRecord> sweeps(std::uint32_t /*version*/, std::uint64_t first,
+                                  std::size_t most) const override {
+    const std::lock_guard lock(mutex_);
+    std::vector<SweepRecord> next;
+    for (std::uint64_t n = first; n < state_.sweeps && next.size() < most; ++n)
+      next.push_back({0, {static_cast<double>(n), 0, 0}, {0, 1, 0}, 2});
+    return next;
+  }
+  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
+    const std::lock_guard lock(mutex_);
+    ++yields_asked;
+    return yields_.at(device);
+  }
+  void yield(std::size_t device, std::shared_ptr<const ViewedYield> yield) {
+    const std::lock_guard lock(mutex_);
+    yields_.at(device) = std::move(yield);
+  }
+  std::optional<ViewedNavigation> navigation() const override {
+    const std::lock_guard lock(mutex_);
+    return navigation_;
+  }
+  void navigate(const ViewedNavigation& navigation) {
+    const std::lock_guard lock(mutex_);
+    navigation_ = navigation;
+  }
+  /// Sets what ticks report of distances and no-go regions.
+  void bring_near(const DeviceTick& near) {
+    const std::lock_guard lock(mutex_);
+    near_ = near;
+  }
+  /// Removes the last `count` sweeps.
+  void uncut(std::uint64_t count) {
+    const std::lock_guard lock(mutex_);
+    state_.sweeps -= count;
+    ++state_.model_version;
+  }
+  /// Removes the last `undone` sweeps and adds `count` others in one step.
+  void cut_anew(std::uint64_t undone, std::uint64_t count) {
+    const std::lock_guard lock(mutex_);
+    state_.sweeps -= undone;
+    state_.undone_to.push_back(state_.sweeps);
+    state_.sweeps += count;
+    ++state_.model_version;
+  }
+  /// Adds `count` sweeps, each of which begins at an x equal to its index.
+  void cut(std::uint64_t count) {
+    const std::lock_guard lock(mutex_);
+    state_.sweeps += count;
+    ++state_.model_version;
+  }
+  Result<Grant> set(const SettingsRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
+    if (asks_) {
+      asked_.push_back({request.by, request.id, {}});
+      return Grant::kAsked;
+    }
+    if (request.max_force_N && *request.max_force_N > 3)
+      return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
+    if (request.max_force_N) state_.max_force_N = *request.max_force_N;
+    if (request.method) state_.method = *request.method;
+    if (request.friction) state_.friction = *request.friction;
+    if (request.paused) state_.paused = *request.paused;
+    if (request.motor) state_.motor = *request.motor;
+    if (request.rotation_wxyz) state_.rotation_wxyz = *request.rotation_wxyz;
+    return Grant::kDone;
+  }
+  Result<Grant> set(const StrokeRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
+    const bool undo = request.action == StrokeAction::kUndo;
+    std::size_t &from = undo ? state_.strokes_to_undo : state_.strokes_to_redo,
+                &to = undo ? state_.strokes_to_redo : state_.strokes_to_undo;
+    if (from == 0) return Error{ErrorKind::kUsage, "there is no such stroke", "", ""};
+    --from;
+    ++to;
+    return Grant::kDone;
+  }
+  Result<Grant> set(const TissueRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
+    if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
+      return Error{ErrorKind::kUsage, "is no tissue", "tissue", ""};
+    ContactProperties& tissue = state_.tissues[request.tissue];
+    tissue = request.changes.applied_to(tissue);
+    ++state_.model_version;
+    return Grant::kDone;
+  }
+  std::vector<LateAnswer> take_answers() override {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(answers_, {});
+  }
+  void forget(const ViewerIdentity& viewer) override {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(asked_, [&](const LateAnswer& asked) { return asked.by.number == viewer.number; });
+  }
+  void emergency_stop(const ViewerIdentity& by) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = by;
+    state_.stop = ++stops_;
+    state_.stopped_by = StoppedBy::kViewer;
+    state_.stopped_by_viewer = by.number;
+  }
+  Result<void> rearm(const RearmRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
+    if (state_.armed) return Error{ErrorKind::kUsage, "arming is local", "", "arm at the device"};
+    if (state_.stop != request.stop) return Error{ErrorKind::kUsage, "is another stop", "stop", "look again"};
+    state_.stop.reset();
+    return {};
+  }
+  Result<void> take_pointer(bool take, const ViewerIdentity& by) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = by;
+    pointer_taken = take;
+    return {};
+  }
+  void move_pointer(const std::array<double, 3>& tip_patient_mm) override {
+    const std::lock_guard lock(mutex_);
+    tip_ = tip_patient_mm;
+  }
+
+  Result<void> play(const PlayRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (!state_.playback) return Error{ErrorKind::kUsage, "a session runs", "", ""};
+    if (request.at_s) played_at_s_ = *request.at_s;
+    if (request.playing) state_.playback->playing = *request.playing;
+    if (request.speed) state_.playback->speed = *request.speed;
+    return {};
+  }
+
+  ViewedTraining training() const override {
+    const std::lock_guard lock(mutex_);
+    return training_;
+  }
+  std::shared_ptr<const ViewedDebriefing> debriefing() const override {
+    const std::lock_guard lock(mutex_);
+    return debriefing_;
+  }
+  Result<void> train(const TaskRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (request.begin && *request.begin != "hold") return Error{ErrorKind::kUsage, "is no task", "begin", ""};
+    const std::string own = request.learner.empty() ? state_.lesson.learner : request.learner;
+    const std::string learner = request.begin ? own : training_.learner;
+    training_ = test_training();
+    training_.learner = learner;
+    training_.phase = request.begin ? ViewedTraining::Phase::kRunning : ViewedTraining::Phase::kOver;
+    ViewedDebriefing over = test_debriefing();
+    over.learner = training_.learner;
+    debriefing_ = request.begin ? nullptr : std::make_shared<const ViewedDebriefing>(over);
+    return {};
+  }
+  Result<void> teach(const LessonRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    state_.lesson.learner = request.learner.value_or(state_.lesson.learner);
+    state_.lesson.task = request.task.value_or(state_.lesson.task);
+    ended_ = ended_ || request.end;
+    return {};
+  }
+  bool keeps_runs() const override { return keeps_runs_; }
+  Result<std::string> curves(const std::string& learner) const override {
+    return "<p>" + (learner.empty() ? "everybody" : learner) + "</p>";
+  }
+  /// Call before the server starts.
+  void keep_runs() { keeps_runs_ = true; }
+  bool ended() const {
+    const std::lock_guard lock(mutex_);
+    return ended_;
+  }
+  /// Advances the run.
+  void train_on(double time_s) {
+    const std::lock_guard lock(mutex_);
+    training_.time_s = time_s;
+  }
+
+  std::shared_ptr<const ViewedPlan> plan() const override {
+    const std::lock_guard lock(mutex_);
+    return plan_;
+  }
+  Result<void> change(const PlanRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (!plan_ || request.version != plan_->version)
+      return Error{ErrorKind::kUsage, "is another plan", "version", "look again"};
+    auto next = std::make_shared<ViewedPlan>(*plan_);
+    ++next->version;
+    if (request.name) next->trajectories.at(request.trajectory.value()).name = *request.name;
+    next->saved = request.save;
+    plan_ = std::move(next);
+    return {};
+  }
+  void rehearse(ViewedPlan plan) {
+    const std::lock_guard lock(mutex_);
+    plan_ = std::make_shared<const ViewedPlan>(std::move(plan));
+  }
+
+  double played_at_s() const {
+    const std::lock_guard lock(mutex_);
+    return played_at_s_;
+  }
+  std::array<double, 3> tip() const {
+    const std::lock_guard lock(mutex_);
+    return tip_;
+  }
+  /// Settings need consent from now on.
+  void ask_first() {
+    const std::lock_guard lock(mutex_);
+    asks_ = true;
+  }
+  /// Number of pending questions.
+  std::size_t asked() const {
+    const std::lock_guard lock(mutex_);
+    return asked_.size();
+  }
+  /// Answers all pending questions with the same outcome.
+  void answer(const Result<void>& outcome) {
+    const std::lock_guard lock(mutex_);
+    for (const LateAnswer& asked : asked_) answers_.push_back({asked.by, asked.id, outcome});
+    asked_.clear();
+  }
+  /// Originator of the last request.
+  ViewerIdentity asked_by() const {
+    const std::lock_guard lock(mutex_);
+    return asked_by_;
+  }
+  /// Changes the state as another user would, for example at the terminal.
+  template <class Change>
+  void change(Change&& change) {
+    const std::lock_guard lock(mutex_);
+    change(state_);
+  }
+  /// Call before the server starts.
+  ViewedScene& edit_scene() { return scene_; }
+
+  mutable std::atomic<int> snapshots{0}, yields_asked{0};
+  std::atomic<bool> pointer_taken{false};
+
+ private:
+  ViewedScene scene_;
+  mutable std::mutex mutex_;
+  ViewedState state_;
+  std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
+  DeviceTick near_;
+  std::optional<ViewedNavigation> navigation_;
+  std::shared_ptr<const ViewedPlan> plan_;
+  ViewedTraining training_;
+  std::shared_ptr<const ViewedDebriefing> debriefing_;
+  std::array<double, 3> tip_{};
+  double played_at_s_ = 0;
+  ViewerIdentity asked_by_;
+  std::uint32_t stops_ = 0;
+  bool asks_ = false, ended_ = false, keeps_runs_ = false;
+  std::vector<LateAnswer> asked_, answers_;
+};
+
+/// Log lines of a server.
+class TestLog {
+ public:
+  std::function<void(const std::string&)> writer() {
+    return [this](const std::string& line) {
+      const std::lock_guard lock(mutex_);
+      text_ += line + "\n";
+    };
+  }
+  std::string text() const {
+    const std::lock_guard lock(mutex_);
+    return text_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::string text_;
+};
+
+/// Server with a FakeHost on a free port.
+struct TestServer {
+  /// @param input  ViewedScene::input
+  explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},
+                      const std::string& input = "script", std::vector<ViewedTask> tasks = {},
+                      std::vector<ViewedNoGo> no_go = {}, bool keeps_runs = false)
+      : host(dims) {
+    if (keeps_runs) host.keep_runs();
+    host.edit_scene().input = input;
+    host.edit_scene().tasks = std::move(tasks);
+    host.edit_scene().no_go = std::move(no_go);
+    options.port = 0;
+    options.log = log.writer();
+    auto started = ViewerServer::start(host, options);
+    PALPATE_CHECK(started.ok());
+    server = *std::move(started);
+  }
+  int port() const { return server->port(); }
+  std::string host_name() const { return "127.0.0.1:" + std::to_string(port()); }
+
+  TestLog log;
+  FakeHost host;
+  std::unique_ptr<ViewerServer> server;
+};
+
+}  // namespace palpate::testing

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+
+namespace palpate::server {
+
+/// Token bucket: rate limit with a bounded burst.
+class TokenBucket {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Initially full.
+  TokenBucket(double each_second, double at_once, Clock::time_point now)
+      : each_second_(each_second), at_once_(at_once), left_(at_once), last_(now) {}
+
+  /// Number of tokens available.
+  double left(Clock::time_point now) const {
+    const double passed_s = std::max(std::chrono::duration<double>(now - last_).count(), 0.0);
+    return std::min(at_once_, left_ + passed_s * each_second_);
+  }
+  /// Whether the bucket is in its initial state.
+  bool is_full(Clock::time_point now) const { return left(now) >= at_once_; }
+  /// Takes a token; false if none is available.
+  bool take(Clock::time_point now) {
+    left_ = left(now);
+    last_ = std::max(last_, now);
+    if (left_ < 1) return false;
+    left_ -= 1;
+    return true;
+  }
+
+ private:
+  double each_second_, at_once_, left_;
+  Clock::time_point last_;
+};
+
+}  // namespace palpate::server

@@ -1,0 +1,331 @@
+#include "server/viewer.h"
+
+#include <utility>
+
+#include "server/hub.h"
+
+namespace palpate::server {
+namespace {
+
+static_assert(WebSocket::kMaxMessage_bytes == kMaxMessage_bytes);
+
+constexpr auto kHelloWithin = std::chrono::seconds(5);
+constexpr auto kReadWithin = std::chrono::seconds(10);
+constexpr auto kLeaveWithin = std::chrono::seconds(2);
+constexpr double kMaxMessages_each_second = 250;
+// maximum number of queued answers; further requests are ignored
+constexpr std::size_t kMaxAnswers = 32;
+// close codes of RFC 6455, and private ones: 4000 and above are reserved for applications
+constexpr std::uint16_t kUnknownData = 1003, kBadPayload = 1007, kPolicyError = 1008, kInternalError = 1011;
+constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408,
+                        kTooManyGuesses = 4429;
+
+// message for tissue at rest
+PublishedYield message_at_rest(std::size_t device) {
+  return {0, true, std::make_shared<const std::string>(YieldMessage(device, nullptr).bytes())};
+}
+
+}  // namespace
+
+Viewer::Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const AddressBlock& from, Hub& hub)
+    : socket_(std::move(socket)),
+      hub_(hub),
+      peer_(std::move(peer)),
+      from_(from),
+      messages_(kMaxMessages_each_second, kMaxMessages_each_second, Clock::now()),
+      hello_by_(Clock::now() + kHelloWithin) {}
+
+void Viewer::begin() {
+  reading_ = true;
+  // control frames count as messages, since each costs an answer; the socket does not keep this viewer alive
+  const auto on_control = [viewer = weak_from_this()] {
+    if (const auto self = viewer.lock()) self->too_many();
+  };
+  socket_->accept(on_control, [self = shared_from_this()](bool ok) {
+    self->reading_ = false;
+    if (!ok) return self->gone();
+    self->open_ = true;
+    self->read();
+  });
+}
+
+// ---- input
+
+void Viewer::read() {
+  if (reading_ || ending_ || gone_) return;
+  socket_->read([self = shared_from_this()](WebSocket::Read outcome, std::string_view text) {
+    self->reading_ = false;
+    self->take_whole(text, outcome);
+    self->read();
+  });
+  // set only after read() succeeded: if it throws (out of memory), the next periodic check retries
+  reading_ = true;
+}
+
+bool Viewer::too_many() {
+  if (messages_.take(Clock::now())) return false;
+  end(kPolicyError, "too many messages");
+  return true;
+}
+
+// an internal error closes the viewer instead of leaving it without a pending read
+void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
+  const auto message = parse_viewer_message(text);
+  // a stop is carried out before anything that might end this viewer
+  const bool stop = welcomed_ && is_stop(message);
+  if (stop) take(std::get<Request>(*message));
+  if (outcome == WebSocket::Read::kBinary) return end(kUnknownData, "a binary message");
+  if (outcome != WebSocket::Read::kText) return read_failed(outcome);
+  if (!too_many() && !stop) take(message);
+} catch (const std::exception&) {
+  end(kInternalError, "an error of the server's own");
+}
+
+void Viewer::read_failed(WebSocket::Read outcome) {
+  if (!ending_ && outcome == WebSocket::Read::kMalformed)
+    hub_.log().say(peer_, "a frame that is malformed or too long");
+  gone();
+}
+
+void Viewer::take(const std::optional<ViewerMessage>& message) {
+  if (!message) return end(kBadPayload, "a message that is malformed");
+  const auto* hello = std::get_if<Hello>(&*message);
+  if ((hello != nullptr) == welcomed_) return end(kPolicyError, "a message out of turn");
+  if (hello) return greet(*hello);
+  if (const auto* tip = std::get_if<TipMessage>(&*message)) return hub_.move_pointer(*this, *tip);
+  take(std::get<Request>(*message));
+}
+
+void Viewer::take(const Request& request) {
+  // without room for its answer a request is not carried out, except for a stop
+  const bool room = answers_.size() < kMaxAnswers;
+  if (!room && !std::holds_alternative<StopRequest>(request.what)) {
+    if (!std::exchange(has_dropped_requests_, true))
+      hub_.log().say(peer_, "takes no answers, its requests are not granted");
+    return;
+  }
+  std::string answer = hub_.answer(*this, request);
+  // the answer precedes the state that it changed
+  if (room) say(std::move(answer));
+  has_dropped_requests_ = has_dropped_requests_ && !room;
+  hub_.publish_state();
+}
+
+void Viewer::greet(const Hello& hello) {
+  if (hello.protocol != kProtocol) return end(kProtocolUnknown, "another version of the protocol");
+  auto admitted = hub_.site().access().admit(hello.token, from_, Clock::now());
+  if (admitted.too_many_guesses) return end(kTooManyGuesses, "a token after too many wrong ones");
+  if (!admitted.who) return end(kTokenRefused, "a wrong token or none");
+  if (!hub_.make_room_for_viewer(admitted.who->role)) return end(kTryAgainLater, "too many viewers");
+  who_ = *std::move(admitted.who);
+  welcomed_ = true;
+  wants_yields_ = hello.yielded;
+  wants_training_ = hello.task;
+  wants_near_ = hello.near;
+  wants_plan_ = hello.plan;
+  wants_navigation_ = hello.navigation;
+  pose_period_ =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
+  say(hub_.welcome_for(who_));
+  hub_.welcome(*this);
+}
+
+// ---- output
+
+void Viewer::say(std::string text) {
+  answers_.push_back(std::move(text));
+  write_next();
+}
+
+void Viewer::show_state() {
+  if (!welcomed_) return;
+  state_due_ = true;
+  write_next();
+}
+
+void Viewer::show_yields() {
+  if (welcomed_ && wants_yields_) write_next();
+}
+
+void Viewer::show_training() {
+  if (!welcomed_ || !wants_training_) return;
+  training_due_ = true;
+  write_next();
+}
+
+void Viewer::show_plan() {
+  if (welcomed_ && wants_plan_) write_next();
+}
+
+void Viewer::show_navigation() {
+  if (welcomed_ && wants_navigation_) write_next();
+}
+
+bool Viewer::is_due(Clock::time_point now) const {
+  // round to the nearest period
+  constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMaxPoses_hz));
+  return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
+}
+
+void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
+  // a viewer behind its rate does not catch up
+  next_pose_ = std::max(next_pose_ + pose_period_, now);
+  pose_ = pose;
+  pose_.set_sequence(++sequence_);
+  pose_due_ = true;
+  if (wants_near_ && near && !(near_ && near->equals_except_tick(*near_))) {
+    near_ = *near;
+    near_due_ = true;
+  }
+  write_next();
+}
+
+void Viewer::write_next() {
+  if (writing_ || ending_ || gone_) return;
+  if (!answers_.empty()) {
+    text_out_ = std::move(answers_.front());
+    answers_.pop_front();
+    write(text_out_, false);
+  } else if (std::exchange(state_due_, false)) {
+    text_out_ = hub_.state_for(*this);
+    write(text_out_, false);
+  } else if (next_plan()) {
+    write(text_out_, false);
+  } else if (!(pose_due_ && pose_is_next_) && next_navigation()) {
+    pose_is_next_ = true;
+    write(text_out_, false);
+  } else if (!(pose_due_ && pose_is_next_) && next_training()) {
+    pose_is_next_ = true;
+    write(text_out_, false);
+  } else if (!(pose_due_ && pose_is_next_) && next_sweeps()) {
+    pose_is_next_ = true;
+    write(text_out_, false);
+  } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
+    pose_is_next_ = true;
+    write(*yield_out_, true);
+  } else if (std::exchange(near_due_, false)) {
+    near_out_ = *near_;
+    write(near_out_.bytes(), true);
+  } else if (std::exchange(pose_due_, false)) {
+    pose_is_next_ = false;
+    pose_out_ = pose_;
+    write(pose_out_.bytes(), true);
+  }
+}
+
+// sweeps and poses are sent alternately
+bool Viewer::next_sweeps() {
+  std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
+  if (text.empty()) return false;
+  text_out_ = std::move(text);
+  return true;
+}
+
+// rarely changes
+bool Viewer::next_plan() {
+  if (!welcomed_ || !wants_plan_) return false;
+  const auto told = hub_.published_plan(*this);
+  if (plan_had_ == told) return false;
+  plan_had_ = told;
+  if (!plan_had_) return false;
+  text_out_ = *plan_had_;
+  return true;
+}
+
+// alternates with poses
+bool Viewer::next_navigation() {
+  if (!welcomed_ || !wants_navigation_ || navigation_had_ == hub_.published_navigation()) return false;
+  navigation_had_ = hub_.published_navigation();
+  text_out_ = *navigation_had_;
+  return true;
+}
+
+// the debriefing precedes the message that the run is over; alternates with poses
+bool Viewer::next_training() {
+  if (!welcomed_ || !wants_training_) return false;
+  if (auto told = hub_.published_debriefing(*this); debriefing_had_ != told) {
+    debriefing_had_ = std::move(told);
+    if (debriefing_had_) {
+      text_out_ = *debriefing_had_;
+      return true;
+    }
+  }
+  if (!std::exchange(training_due_, false) || hub_.published_training(*this).empty()) return false;
+  text_out_ = hub_.published_training(*this);
+  return true;
+}
+
+// latest message of one device; alternates with poses
+bool Viewer::next_yield() {
+  if (!welcomed_ || !wants_yields_ || Clock::now() < no_yield_before_) return false;
+  for (std::size_t n = 0; n < yields_had_.size(); ++n) {
+    const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
+    // the deformation of tissue reveals its structure
+    const bool is_veiled = hub_.veil_of(*this) != nullptr;
+    if (is_veiled && yields_had_[device] == 0) continue;
+    const PublishedYield told = is_veiled ? message_at_rest(device) : hub_.published_yield(device);
+    const std::uint64_t had = std::exchange(yields_had_[device], told.number);
+    // a viewer that has received nothing assumes tissue at rest
+    if (had == told.number || (had == 0 && told.rests)) continue;
+    yield_out_ = told.bytes;
+    yield_is_out_ = true;
+    return true;
+  }
+  return false;
+}
+
+// on a slow connection, poses have priority
+void Viewer::defer_yields() {
+  const Clock::time_point now = Clock::now();
+  no_yield_before_ = now + 2 * (now - write_begun_);
+}
+
+void Viewer::write(std::string_view bytes, bool binary) {
+  writing_ = true;
+  write_begun_ = Clock::now();
+  socket_->write(bytes, binary, [self = shared_from_this()](bool ok) {
+    self->writing_ = false;
+    if (!ok) return self->write_failed();
+    if (std::exchange(self->yield_is_out_, false)) self->defer_yields();
+    self->write_next();
+  });
+}
+
+// a pending read may still receive the viewer's reason for closing: allow it some time
+void Viewer::write_failed() {
+  if (!reading_) return gone();
+  if (std::exchange(ending_, true)) return;
+  end_by_ = Clock::now() + kLeaveWithin;
+}
+
+// ---- the end
+
+void Viewer::end(std::uint16_t code, std::string_view fault) {
+  if (gone_ || std::exchange(ending_, true)) return;
+  if (!fault.empty()) hub_.log().say(peer_, fault);
+  // a WebSocket cannot send a close frame before it is open
+  if (!open_) return gone();
+  end_by_ = Clock::now() + kLeaveWithin;
+  socket_->close(code, [self = shared_from_this()] { self->gone(); });
+}
+
+void Viewer::check(Clock::time_point now) {
+  if (ending_) {
+    if (now >= end_by_) gone();
+  } else if (!welcomed_ && now >= hello_by_) {
+    end(kNoHello, "no hello");
+  } else if (writing_ && now >= write_begun_ + kReadWithin) {
+    hub_.log().say(peer_, "takes nothing");
+    gone();
+  } else if (open_) {
+    read();
+  }
+}
+
+void Viewer::gone() {
+  if (std::exchange(gone_, true)) return;
+  socket_->drop();
+  hub_.remove(shared_from_this());
+}
+
+}  // namespace palpate::server

@@ -1,0 +1,148 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "palpate/device/telemetry.h"
+#include "server/address.h"
+#include "server/near_message.h"
+#include "server/pose_message.h"
+#include "server/request.h"
+#include "server/scene_json.h"
+#include "server/token_bucket.h"
+#include "server/transport.h"
+
+namespace palpate::server {
+
+class Hub;
+
+/// Sweeps that a viewer has received.
+struct SentSweeps {
+  std::uint64_t count = 0;  ///< Number of received sweeps that are still valid
+  std::uint64_t shown =
+      0;  ///< Number of sweeps that the page shows; those beyond `count` were undone and must be dropped
+};
+
+// close codes of RFC 6455
+inline constexpr std::uint16_t kGoingAway = 1001, kTryAgainLater = 1013;
+
+/// WebSocket of one viewer. Its pending output is stored here, never in the hub, and is bounded:
+///
+///    answers_     texts, in order; when the queue is full, only stop requests are carried out
+///    state_due_   the state is serialised when it is sent
+///    pose_        latest pose; replaces one not sent yet
+///    near_        latest distances, the same; sent before the pose of the same tick
+///    training_due_, debriefing_due_  progress of a run, and the last debriefing; the same
+///    plan_had_    text of the plan sent last; the hub has the latest
+///    navigation_had_  text of the tracked tip's error estimate sent last; the same
+///    yields_had_  number of the deformation message sent last, per device; the hub has the latest
+///
+/// One write is pending at a time. A viewer that reads slowly therefore only loses its own updates; the
+/// kernel's send buffer of its connection is small, so that what does arrive is recent.
+class Viewer : public std::enable_shared_from_this<Viewer> {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// @param peer, from  the viewer's address, HttpConnection::peer() and from()
+  Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const AddressBlock& from, Hub& hub);
+
+  void begin();
+  /// Closes the viewer if it exceeds a time limit.
+  void check(Clock::time_point now);
+  /// Whether a pose is due at this viewer's own rate.
+  bool is_due(Clock::time_point now) const;
+  /// @param near  distances of the same tick; null: the scene has none
+  void show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now);
+  void show_state();
+  /// Announces that a new deformation may be available.
+  void show_yields();
+  /// Announces new progress of a run.
+  void show_training();
+  /// Announces a new error estimate of a tracked tip.
+  void show_navigation();
+  /// Announces a changed plan.
+  void show_plan();
+  /// Queues an answer.
+  void say(std::string text);
+  /// Closes the connection with a close code, and logs the reason.
+  void end(std::uint16_t code, std::string_view fault);
+  /// Leaves the hub, with or without a close frame.
+  void gone();
+
+  bool welcomed() const { return welcomed_; }
+  /// Whether the viewer has not said hello, and still may.
+  bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
+  bool is_ending() const { return ending_; }
+  bool wants_yields() const { return wants_yields_ && !ending_; }
+  bool wants_training() const { return wants_training_ && !ending_; }
+  bool wants_navigation() const { return wants_navigation_ && !ending_; }
+  Clock::time_point hello_by() const { return hello_by_; }
+  const Who& who() const { return who_; }
+  /// Invalidates the received sweeps beyond `count`, after an undo.
+  void truncate_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
+  /// Sets the viewer's number, unique within this server.
+  void set_number(std::uint32_t number) { number_ = number; }
+  ViewerIdentity identity() const { return {number_, may(who_.role, Right::kHand, true)}; }
+
+ private:
+  void read();
+  void read_failed(WebSocket::Read outcome);
+  void take_whole(std::string_view text, WebSocket::Read outcome);
+  void take(const std::optional<ViewerMessage>& message);
+  void take(const Request& request);
+  void greet(const Hello& hello);
+  void write_next();
+  bool next_sweeps();
+  bool next_yield();
+  bool next_training();
+  bool next_plan();
+  bool next_navigation();
+  void defer_yields();
+  /// @param bytes  have to stay valid until the write has finished
+  void write(std::string_view bytes, bool binary);
+  void write_failed();
+  bool too_many();
+
+  std::shared_ptr<WebSocket> socket_;
+  Hub& hub_;
+  const std::string peer_;
+  const AddressBlock from_;
+  TokenBucket messages_;
+
+  bool open_ = false, welcomed_ = false, ending_ = false, gone_ = false, reading_ = false, writing_ = false;
+  Who who_;
+  std::uint32_t number_ = 0;
+  Clock::time_point hello_by_, end_by_, write_begun_;
+  Clock::duration pose_period_{};
+  Clock::time_point next_pose_{};
+
+  std::deque<std::string> answers_;
+  bool has_dropped_requests_ = false;  // has ignored requests for want of room for answers
+  bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
+  SentSweeps sweeps_had_;
+  bool wants_yields_ = false, yield_is_out_ = false;
+  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< PublishedYield::number; 0: none shown
+  std::size_t next_yielding_ = 0;                        ///< next device in round-robin order
+  Clock::time_point no_yield_before_{};
+  std::shared_ptr<const std::string> yield_out_;
+  bool wants_plan_ = false;
+  std::shared_ptr<const std::string> plan_had_;
+  bool wants_navigation_ = false;
+  std::shared_ptr<const std::string> navigation_had_;
+  bool wants_training_ = false, training_due_ = false;
+  std::shared_ptr<const std::string> debriefing_had_;
+  std::uint64_t sequence_ = 0;
+  PoseMessage pose_, pose_out_;
+  bool wants_near_ = false, near_due_ = false;
+  std::optional<NearMessage> near_;
+  NearMessage near_out_;
+  std::string text_out_;
+};
+
+}  // namespace palpate::server
