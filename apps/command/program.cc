@@ -84,7 +84,7 @@ Error explain(const Program& program, const CLI::App& app, const CLI::ParseError
       for (const std::string& name : option->get_lnames()) options.push_back("--" + name);
   }
   const auto verbs = names_of_verbs(*chosen.back());
-  const std::string help = command + " --help shows " + (verbs.empty() ? "what it takes" : "what there is");
+  const std::string help = command + " --help shows " + (verbs.empty() ? "its options" : "the verbs");
   const auto unknown = app.remaining(true);
   if (unknown.empty())
     return {ErrorKind::kUsage, verbs.empty() ? refusal.what() : command + " needs a verb", "", help};
@@ -98,8 +98,8 @@ Error explain(const Program& program, const CLI::App& app, const CLI::ParseError
   if (!meant.empty())
     error.remedy = "did you mean " + meant + "? " + help;
   else if (first && exists(word))
-    error = {ErrorKind::kUsage, "is a file, and no verb", word,
-             "palpate info FILE says what is in it; " + help};
+    error = {ErrorKind::kUsage, "is a file, not a verb", word,
+             "palpate info FILE shows its contents; " + help};
   return error;
 }
 
@@ -117,7 +117,7 @@ std::optional<int> help_on(const Program& program, const CLI::App& app, const st
       const std::string meant = suggestion_for(program, words[n], verbs, verb == &app);
       return console.fail(
           {ErrorKind::kUsage, "unknown verb", words[n],
-           (meant.empty() ? "" : "did you mean " + meant + "? ") + above + " --help shows what there is"});
+           (meant.empty() ? "" : "did you mean " + meant + "? ") + above + " --help shows the verbs"});
     }
     verb = verb->get_subcommand(words[n]);
   }
@@ -203,8 +203,8 @@ std::optional<CompanionCall> companion_of(const Program& program, const std::vec
 
 int missing(const CompanionCall& call, Console& console) {
   const std::string name = "palpate-" + call.verb;
-  return console.fail({ErrorKind::kUnavailable, "is a program of its own, which is not there", name,
-                       "build the target " + name + ", or install it beside palpate"});
+  return console.fail({ErrorKind::kUnavailable, "is a separate program, which is not installed", name,
+                       "build the target " + name + ", or install it in the same folder as palpate"});
 }
 
 int run_verb(const Program& program, const std::vector<std::string>& arguments, Console& console) {
@@ -214,36 +214,35 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
   app.require_subcommand(1);
   app.fallthrough();
   app.add_flag("-q,--quiet", console.quiet,
-               "No progress and no notes; results, warnings and errors still appear");
+               "Suppress progress and notes; results, warnings and errors still appear");
   ReadingLimits reading;
   app.add_option_function<std::string>(
          "--memory", [&](const std::string& text) { reading.max_memory_bytes = memory_bytes(text); },
-         "Most memory that files may take of this machine, as 800M or 4G; default: half of what is available")
+         "Maximum memory for reading files, such as 800M or 4G; default: half of the available memory")
       ->check(CLI::Validator(
           [](const std::string& text) {
-            return memory_bytes(text) > 0 ? std::string() : "no amount of memory: write it as 800M or 4G";
+            return memory_bytes(text) > 0 ? std::string() : "not an amount of memory: write it as 800M or 4G";
           },
           "AMOUNT"));
   app.add_flag(
       "--follow-links", reading.follow_links,
-      "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
+      "Allow headers and scenes to refer to data files outside their folder, by path or by symbolic link");
 
   std::string mesh_space, mesh_unit;
   app.add_option("--mesh-space", mesh_space,
-                 "What the axes of surfaces (STL, OBJ, PLY, VTK) are, where their files do not say it")
+                 "Axes of surfaces (STL, OBJ, PLY, VTK) whose files do not specify them")
       ->check(CLI::IsMember({"lps", "ras"}));
-  app.add_option("--mesh-unit", mesh_unit, "What the numbers of surfaces are in")
+  app.add_option("--mesh-unit", mesh_unit, "Unit of the coordinates of surfaces")
       ->check(CLI::IsMember({"mm", "cm", "m"}));
   Placing placing;
   app.add_option_function<std::string>(
          "--spacing", [&](const std::string& text) { placing.image_spacing_mm = spacing_of(text); },
-         "Of a stack of pictures (PNG, TIFF, JPEG): mm between its columns, rows and slices")
+         "Voxel spacing of an image stack (PNG, TIFF, JPEG): mm between columns, rows and slices")
       ->check(CLI::Validator(
           [](const std::string& text) {
-            return spacing_of(text)
-                       ? std::string()
-                       : "no spacing: three numbers from 0.0001 to 100 mm, as 0.05,0.05,0.1, or one "
-                         "for all";
+            return spacing_of(text) ? std::string()
+                                    : "not a spacing: give three numbers from 0.0001 to 100 mm, such as "
+                                      "0.05,0.05,0.1, or one for all axes";
           },
           "X,Y,Z"));
   app.add_option_function<std::string>(
@@ -251,15 +250,15 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
          [&](const std::string& text) {
            placing.nifti_form = text == "q" ? NiftiForm::kQform : NiftiForm::kSform;
          },
-         "Which placement of a NIfTI counts that has a qform and an sform; default: the sform")
+         "Transform to use for a NIfTI file that has both a qform and an sform; default: the sform")
       ->check(CLI::IsMember({"q", "s"}));
-  app.add_flag("--cropped-scan", placing.scan_is_cropped,
-               "The scan shows a part of what is labelled: more than half of the labels may lie outside it");
+  app.add_flag(
+      "--cropped-scan", placing.scan_is_cropped,
+      "The scan covers only part of the labelled region: more than half of the labels may lie outside it");
 
   bool no_cache = false;
-  app.add_flag(
-      "--no-cache", no_cache,
-      "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
+  app.add_flag("--no-cache", no_cache,
+               "Neither read nor write the cache of prepared scenes (palpate cache --help)");
 
   check_global_options(app);
   Run verb;
@@ -313,8 +312,8 @@ int run_caught(const Program& program, const std::vector<std::string>& arguments
       return kExitBadInput;
     }
     std::fprintf(stderr,
-                 "palpate: error: no thread is to be had\n"
-                 "  close other programs, or raise the limit of processes (ulimit -u)\n");
+                 "palpate: error: cannot start a thread\n"
+                 "  close other programs, or raise the process limit (ulimit -u)\n");
     return kExitUnavailable;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "palpate: bug: %s\n", error.what());

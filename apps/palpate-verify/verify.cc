@@ -13,17 +13,16 @@ namespace {
 
 constexpr const char* kVerifyExamples =
     "Examples:\n"
-    "  palpate verify --list                            the suites there are\n"
+    "  palpate verify --list                            list the suites\n"
     "  palpate verify contact                           terraces, seams, layers, thin sheets\n"
-    "  palpate verify accuracy                          a table of figures and limits\n"
-    "  palpate verify accuracy --json accuracy.json     the same for programs\n"
-    "  palpate verify latency                           the servo's timing, about a minute\n"
-    "  palpate verify latency --rate 4000 --spin 80     one rate, waiting awake before every tick\n"
-    "  palpate verify stability                         how stiff before the hand swings, and buzz\n"
-    "  palpate verify removal                           what a burr takes out of bone\n"
-    "  palpate verify tissue                            soft tissue against analytic cases\n"
-    "\n"
-    "Exit code 3 when a figure is beyond its limit. See docs/reference/verify.md.";
+    "  palpate verify accuracy                          table of figures and limits\n"
+    "  palpate verify accuracy --json accuracy.json     also as JSON\n"
+    "  palpate verify latency                           timing of the servo loop, about a minute\n"
+    "  palpate verify latency --rate 4000 --spin 80     one rate, busy-waiting before every tick\n"
+    "  palpate verify stability                         stability limits and buzz\n"
+    "  palpate verify removal                           volume that a burr removes from bone\n"
+    "  palpate verify tissue                            soft tissue against analytic cases\n\n"
+    "Exit code 3: a figure exceeds its limit. See docs/reference/verify.md.";
 
 struct VerifyOptions {
   std::string suite, json;
@@ -42,7 +41,7 @@ int verify(const VerifyOptions& options, Console& console) {
     return kExitOk;
   }
   if (options.suite.empty()) {
-    return console.fail({ErrorKind::kUsage, "which suite?", "", "palpate verify --list names them"});
+    return console.fail({ErrorKind::kUsage, "no suite given", "", "palpate verify --list shows the suites"});
   }
   std::optional<OutputClaim> claimed;
   if (!options.json.empty()) {
@@ -67,19 +66,17 @@ int verify(const VerifyOptions& options, Console& console) {
 
 void add_verify(CLI::App& app, Run& run) {
   auto options = std::make_shared<VerifyOptions>();
-  CLI::App* verb =
-      app.add_subcommand("verify", "Measure what this build does on this machine, against limits");
-  verb->add_option("suite", options->suite, "What to measure")->type_name("SUITE");
-  verb->add_option("-o,--json", options->json, "Also write the figures as JSON, whole or not at all")
-      ->type_name("FILE");
+  CLI::App* verb = app.add_subcommand(
+      "verify", "Measure this build on this machine and compare the figures with their limits");
+  verb->add_option("suite", options->suite, "Suite to run")->type_name("SUITE");
+  verb->add_option("-o,--json", options->json, "Also write the figures as JSON")->type_name("FILE");
   verb->add_flag("-l,--list", options->list, "List the suites");
   SuiteOptions& of_suite = options->suite_options;
-  verb->add_option("--seconds", of_suite.seconds, "latency: time for each loop at each rate; default 3")
+  verb->add_option("--seconds", of_suite.seconds, "latency: duration of each loop at each rate; default: 3")
       ->check(number_between(0.05, 3600));
-  verb->add_option("--spin", of_suite.spin_us,
-                   "latency: wait awake for the last microseconds before every tick; default 0")
+  verb->add_option("--spin", of_suite.spin_us, "latency: busy-wait this long before every tick; default: 0")
       ->check(number_between(0, 1000));
-  verb->add_option("--rate", of_suite.rate_hz, "latency: ticks a second; default: 1, 2, 4, 8 and 10 kHz")
+  verb->add_option("--rate", of_suite.rate_hz, "latency: servo rate in Hz; default: 1, 2, 4, 8 and 10 kHz")
       ->check(number_between(250, 10000));
   verb->add_option("--scene", of_suite.scene,
                    "latency: a data set (palpate data list) or a scene file; default knee-phantom");

@@ -10,7 +10,7 @@ Result<std::optional<DicomAttachment>> attachment_of(const LoadedScene& loaded, 
   if (!keep_identifiers) return Attachment();
   const Scene& scene = loaded.scene;
   if (!scene.scan || !is_dicom(scene.resolve(*scene.scan)))
-    return Error{ErrorKind::kUsage, "the scan is no DICOM, so there is no study to attach anything to",
+    return Error{ErrorKind::kUsage, "the scan is not DICOM, so there is no study to attach the result to",
                  "--keep-identifiers", "leave it out"};
   return Attachment(DicomAttachment{scene.resolve(*scene.scan), scene.scan_volume});
 }

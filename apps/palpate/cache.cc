@@ -17,7 +17,7 @@ std::string entries_text(const CacheContents& contents) {
 int show() {
   const std::string folder = cache_settings().folder.string();
   if (folder.empty()) {
-    std::printf("nothing is kept: there is no folder for it\n");
+    std::printf("the cache is off: it has no folder\n");
     return kExitOk;
   }
   const CacheContents contents = cache_contents();
@@ -37,27 +37,24 @@ int empty(Console& console) {
 }  // namespace
 
 void add_cache(CLI::App& app, Run& run) {
-  CLI::App* cache =
-      app.add_subcommand("cache", "Show or empty what was prepared before, by which scenes start fast");
+  CLI::App* cache = app.add_subcommand("cache", "Show or empty the cache of prepared scenes");
   cache->require_subcommand(1);
   cache->footer(
-      "What takes seconds to read and prepare is kept, so that the same scene starts at once the next time.\n"
-      "It is found by the contents of the files and holds voxels, and no name: of a file, a person or a\n"
-      "structure. It stands in $PALPATE_CACHE, else in $XDG_CACHE_HOME/palpate, else in ~/.cache/palpate, "
-      "for\n"
-      "you alone to read. PALPATE_CACHE= (empty) and --no-cache keep nothing. It takes at most 4 GB, or "
-      "what\n"
-      "PALPATE_CACHE_LIMIT says (800M), and a tenth of what is free on the disk; what was used longest ago\n"
-      "goes first. It may be emptied at any time.\n"
-      "\n"
+      "Results that take seconds to read and prepare are cached, so that the same scene starts at once the\n"
+      "next time. Entries are keyed by the contents of the files. They hold voxels, but no names of files,\n"
+      "persons or structures. The cache is in $PALPATE_CACHE, else in $XDG_CACHE_HOME/palpate, else in\n"
+      "~/.cache/palpate; only you can read it. PALPATE_CACHE= (empty) and --no-cache turn it off. Its size "
+      "is\n"
+      "limited to 4 GB or PALPATE_CACHE_LIMIT (such as 800M), and to a tenth of the free disk space; the\n"
+      "least recently used entries are removed first. It may be emptied at any time.\n\n"
       "Examples:\n"
       "  palpate cache show\n"
       "  palpate cache empty\n"
       "  PALPATE_CACHE_LIMIT=1G palpate explore knee-phantom");
-  cache->add_subcommand("show", "Say where it is and what it takes")->callback([&run] {
+  cache->add_subcommand("show", "Show the folder, size and limit of the cache")->callback([&run] {
     run = [](Console&) { return show(); };
   });
-  cache->add_subcommand("empty", "Remove all of it")->callback([&run] {
+  cache->add_subcommand("empty", "Remove all entries")->callback([&run] {
     run = [](Console& console) { return empty(console); };
   });
 }

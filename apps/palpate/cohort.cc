@@ -71,8 +71,8 @@ Result<std::vector<std::string>> command_of(const CohortOptions& options) {
   std::error_code failed;
   const fs::path self = fs::read_symlink("/proc/self/exe", failed);
   if (failed)
-    return Error{ErrorKind::kUnavailable, "the program does not find itself: " + failed.message(),
-                 "/proc/self/exe", ""};
+    return Error{ErrorKind::kUnavailable,
+                 "the path of this program cannot be determined: " + failed.message(), "/proc/self/exe", ""};
   std::vector<std::string> command{self.string(), "--quiet"};
   command.insert(command.end(), options.passed.begin(), options.passed.end());
   command.insert(command.end(), {"cohort", fs::absolute(options.table).string(), "-o",
@@ -103,7 +103,7 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
       break;
     }
   said = printable(said.substr(0, said.find('\n')));
-  if (ended.exit_code == kExitOk) return "its process left no result that is seen here";
+  if (ended.exit_code == kExitOk) return "its process left no result";
   const std::string code = "its process ended with exit code " + std::to_string(ended.exit_code);
   return said.empty() ? code : code + ": " + without_names(said, one, options.folder);
 }
@@ -113,7 +113,7 @@ int run_number(const CohortOptions& options, Console& console) {
   const auto cases = cases_of(options);
   if (!cases) return console.fail(cases.error());
   if (options.number > static_cast<int>(cases->size()))
-    return console.fail({ErrorKind::kUsage, "there is no such case", "--case", ""});
+    return console.fail({ErrorKind::kUsage, "no such case", "--case", ""});
   const CohortCase& one = (*cases)[static_cast<std::size_t>(options.number - 1)];
   const Progress progress = console.progress();
   if (options.inside) {
@@ -156,7 +156,7 @@ Result<std::vector<std::string>> keys_of(const std::vector<CohortCase>& cases, c
     auto key = case_key(cases[n], program_key(options), progress);
     if (!key && key.error().kind == ErrorKind::kInterrupted) return key.error();
     keys.push_back(key ? *std::move(key) : "");
-    progress.report("looking at the cases' files",
+    progress.report("examining the cases' files",
                     static_cast<double>(n + 1) / static_cast<double>(cases.size()));
   }
   return keys;
@@ -186,7 +186,7 @@ Result<void> check_folder(const CohortOptions& options, const std::vector<Cohort
                           std::vector<fs::path>& inputs) {
   const auto refuse = [&](const CohortCase& one, const std::string& why) {
     return Error{ErrorKind::kUsage, why + " (case " + one.name + ", line " + std::to_string(one.line) + ")",
-                 options.folder.string(), "name a folder of its own for the results (-o)"};
+                 options.folder.string(), "choose a separate folder for the results (-o)"};
   };
   std::error_code failed;
   std::set<fs::path> folders;
@@ -194,10 +194,10 @@ Result<void> check_folder(const CohortOptions& options, const std::vector<Cohort
     std::vector<fs::path> named;
     if (!find_entry(one.target).ok()) named.emplace_back(one.target);
     if (one.segmentation) named.push_back(*one.segmentation);
-    constexpr const char* kBeside = "is where data lie, and tables beside labels are read as names of them";
+    constexpr const char* kBeside = "holds data; tables next to labels are read as their names";
     for (const fs::path& study : named) {
       if (!fs::is_directory(study, failed)) continue;
-      if (lies_in(options.folder, study)) return refuse(one, "lies within a folder that is read as a study");
+      if (lies_in(options.folder, study)) return refuse(one, "is inside a folder that is read as a study");
       if (same_file(fs::absolute(study, failed).lexically_normal().parent_path(), options.folder))
         return refuse(one, kBeside);
     }
@@ -233,7 +233,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
   fs::create_directories(options.folder, failed);
   if (failed)
     return console.fail({ErrorKind::kOutput, "the folder cannot be made: " + failed.message(),
-                         options.folder.string(), "name one where files can be written"});
+                         options.folder.string(), "choose one that you may write to"});
   std::vector<OutputClaim> claims;
   for (const char* name : kOutputs) {
     auto claimed = claim_output(options.folder / name, inputs);
@@ -263,7 +263,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
   const std::vector<int> numbers = left();
   if (numbers.size() < count)
     console.note(std::to_string(count - numbers.size()) + " of " + std::to_string(count) +
-                 " cases are done already");
+                 " cases are already done");
   // faults of earlier runs are removed, so that only those of this run are reported
   for (const int number : numbers) {
     fs::remove(case_folder(options.folder, number) / "result.json", failed);
@@ -314,7 +314,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
   const auto written = write_results(cohort, options.folder);
   if (!ran) {
     if (ran.error().kind == ErrorKind::kInterrupted)
-      console.note("what is done stays: the same command goes on from there");
+      console.note("completed cases are kept: run the same command again to resume");
     return console.fail(ran.error());
   }
   if (!written) return console.fail(written.error());
@@ -330,7 +330,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
     std::printf("case %s (line %d) %s\n", cohort.cases[n].name.c_str(), cohort.cases[n].line,
                 result ? ("failed: " + printable_name(result->fault)).c_str()
                 : options.engine == "slurm"
-                    ? "has no result: Slurm ended its task, or what it wrote is not seen from here"
+                    ? "has no result: Slurm ended its task, or its output is not visible on this machine"
                     : "has no result yet");
   }
   std::printf("%zu of %zu cases done: %s\n", done, count, (options.folder / "index.html").string().c_str());
@@ -342,22 +342,21 @@ int run_cohort(const CohortOptions& options, Console& console) {
 void add_cohort(CLI::App& app, Run& run) {
   auto options = std::make_shared<CohortOptions>();
   CLI::App* verb = app.add_subcommand("cohort", "Palpate many studies and compare them");
-  verb->add_option("table", options->table, "Table of the cases: TSV or CSV with a line of column names")
-      ->required();
-  verb->add_option("-o,--output", options->folder, "Folder for tables, page and the cases' results")
+  verb->add_option("table", options->table, "Table of cases: TSV or CSV with a header line")->required();
+  verb->add_option("-o,--output", options->folder,
+                   "Folder for the tables, the page and the results of each case")
       ->required();
   verb->add_option("-s,--script", options->script,
-                   "Palpation script of the cases that name none; default: one that suits each");
-  verb->add_option("--engine", options->engine,
-                   "Where the cases are worked on: this machine's cores, or Slurm")
+                   "Palpation script for cases that do not name one; default: one planned for each case");
+  verb->add_option("--engine", options->engine, "Where the cases run: on this machine's cores, or on Slurm")
       ->check(CLI::IsMember({"local", "slurm"}))
       ->capture_default_str();
   verb->add_option("-j,--jobs", options->jobs,
-                   "Cases at a time; default: one for each processor, or as many as Slurm gives")
+                   "Cases run in parallel; default: one per processor, or as many as Slurm grants")
       ->check(whole_between(1, 10'000));
   verb->add_option("--sbatch", options->sbatch,
-                   "An option for sbatch, as --sbatch=--partition=long; may be given again");
-  verb->add_flag("--recordings", options->recordings, "Keep each case's recording, run.h5");
+                   "Option passed to sbatch, such as --sbatch=--partition=long; may be repeated");
+  verb->add_flag("--recordings", options->recordings, "Keep the recording of each case, run.h5");
   add_content_options(*verb);
   verb->add_option("--case", options->number)->check(whole_between(1, kMaxCases))->group("");
   verb->add_flag("--inside", options->inside)->group("");
@@ -367,14 +366,12 @@ void add_cohort(CLI::App& app, Run& run) {
       "  palpate cohort cases.tsv -o results --script press.toml --jobs 4\n"
       "  palpate cohort cases.tsv -o results --engine slurm --sbatch=--mem=8G\n\n"
       "Columns: study, segmentation, names, script, case, volume, method, max_force, rate, seed. Writes\n"
-      "cohort.tsv, a row a case; times.tsv; index.html, which sorts and compares; and below cases/ what each "
-      "case is made "
-      "of.\n"
-      "A case that fails does not stop the others: it is named, and the exit code is 3. The same command "
-      "again\n"
-      "goes on where it was ended: a case that is done is not done anew unless its files, its row or the "
-      "program\n"
-      "have changed. docs/guide/cohort.md.");
+      "cohort.tsv, one row per case; times.tsv; index.html, to sort and compare the cases; and cases/ with "
+      "the\n"
+      "results of each case. A case that fails does not stop the others: it is reported, and the exit code "
+      "is 3.\n"
+      "Run the same command again to resume: a completed case is skipped unless its files, its row or the\n"
+      "program have changed. docs/guide/cohort.md.");
   verb->callback([&app, verb, options, &run] {
     const auto pass_on = [&](const CLI::Option& option, const char* name, bool has_value,
                              bool changes_results, std::vector<std::string>& passed) {

@@ -48,7 +48,7 @@ std::string state(const CatalogEntry& entry, const Result<LocalData>& data) {
   if (data) return "here, in " + data->labels.parent_path().string();
   if (data.error().kind != ErrorKind::kUnavailable) return "unusable: " + data.error().message();
   if (entry.source == DataSource::kGenerated)
-    return "made in memory when it is asked for; parameters: palpate data keys";
+    return "generated in memory on demand; parameters: palpate data keys";
   return "not here: " + data.error().remedy;
 }
 
@@ -145,7 +145,7 @@ int fetch_set(const DataOptions& options, Console& console) {
   if (same && !warned) console.note("already here; nothing to fetch");
   if (!data->scan && !warned)
     console.note("without its image; `palpate data fetch " + (*entry)->name +
-                 " -o FOLDER` tries to bring one");
+                 " -o FOLDER` tries to fetch it");
   print_files(*data);
   return kExitOk;
 }
@@ -153,7 +153,7 @@ int fetch_set(const DataOptions& options, Console& console) {
 void add_list(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
   CLI::App* verb = data.add_subcommand("list", "List the data sets, their licences and where they are");
   CLI::Option* json = verb->add_flag("-j,--json", options->json, "Print JSON instead of text");
-  verb->add_option("--page", options->page, "Write a page with a picture of each instead (HTML)")
+  verb->add_option("--page", options->page, "Write an HTML page with a picture of each data set instead")
       ->type_name("FILE")
       ->excludes(json);
   verb->footer("Examples:\n  palpate data list\n  palpate data list --page data.html");
@@ -161,33 +161,33 @@ void add_list(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& 
 }
 
 void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
-  CLI::App* verb = data.add_subcommand("fetch", "Fetch or generate a data set; a broken download is resumed");
-  verb->add_option("NAME", options->name, "The data set, as `palpate data list` names it")->required();
+  CLI::App* verb =
+      data.add_subcommand("fetch", "Fetch or generate a data set; an interrupted download is resumed");
+  verb->add_option("NAME", options->name, "Name of the data set (palpate data list)")->required();
   verb->add_option("-o,--output", options->fetch.into,
                    "Folder for its files; default: the user's data folder")
       ->type_name("FOLDER");
   verb->add_option("-m,--mirror", options->fetch.mirror,
-                   "Fetch from here (http or https) instead of its home")
+                   "Fetch from this address (http or https) instead of the original one")
       ->type_name("URL");
-  verb->add_option(
-          "--voxel", options->fetch.voxel_mm,
-          "Voxels of a phantom without parameters, mm; default: 0.6, of a skull and of what is palpated 1")
+  verb->add_option("--voxel", options->fetch.voxel_mm,
+                   "Voxel size in mm of a phantom without parameters; default: 0.6, or 1 for the skull and "
+                   "the palpation phantoms")
       ->type_name("MM")
       ->check(number_between(0.2, 3));
   verb->footer(
       "Examples:\n"
       "  palpate data fetch knee-atlas                  into the user's data folder\n"
-      "  palpate data fetch knee-atlas -o knee          a copy of its own\n"
+      "  palpate data fetch knee-atlas -o knee          a separate copy\n"
       "  palpate data fetch knee-phantom --voxel 0.4 -o phantom\n"
       "  palpate data fetch knee-phantom:side=right,lesion=6 -o phantom");
   verb->callback([options, &run] { run = [options](Console& c) { return fetch_set(*options, c); }; });
 }
 
 void add_data_keys(CLI::App& data, Run& run) {
-  CLI::App* verb = data.add_subcommand("keys", "Print what a phantom's name may be told, as Markdown tables");
+  CLI::App* verb = data.add_subcommand("keys", "Print the parameters of the phantoms as Markdown tables");
   verb->footer(
-      "A phantom's parameters follow its name, wherever the name of a data set stands.\n"
-      "\n"
+      "Parameters follow the name of a phantom wherever a data set is named.\n\n"
       "Examples:\n"
       "  palpate simulate knee-phantom:side=right,seed=3,lesion=6 --report run.html\n"
       "  palpate section skull-phantom:temporal=2,brain=no -o skull.png");
@@ -200,8 +200,9 @@ void add_data_keys(CLI::App& data, Run& run) {
 }
 
 void add_where(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
-  CLI::App* verb = data.add_subcommand("where", "Print the files of a data set: what it is, a tab, its path");
-  verb->add_option("NAME", options->name, "The data set, as `palpate data list` names it")->required();
+  CLI::App* verb =
+      data.add_subcommand("where", "Print the files of a data set, one per line: kind, tab, path");
+  verb->add_option("NAME", options->name, "Name of the data set (palpate data list)")->required();
   verb->footer(
       "Examples:\n"
       "  palpate data where knee-atlas\n"
@@ -212,17 +213,17 @@ void add_where(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run&
 }  // namespace
 
 void add_data(CLI::App& app, Run& run) {
-  CLI::App* data = app.add_subcommand("data", "List, fetch and find data sets that anybody can have");
+  CLI::App* data = app.add_subcommand("data", "List, fetch and locate public data sets");
   data->require_subcommand(1);
   data->footer(
-      "Data sets are looked for in the folders of PALPATE_DATA (separated by colons), in the user's data\n"
-      "folder ($XDG_DATA_HOME/palpate or ~/.local/share/palpate), and where packages put them.\n"
-      "\n"
+      "Data sets are searched for in the folders of PALPATE_DATA (separated by colons), in the user's data\n"
+      "folder ($XDG_DATA_HOME/palpate or ~/.local/share/palpate), and in the folders of installed "
+      "packages.\n\n"
       "Examples:\n"
       "  palpate data list\n"
       "  palpate data fetch knee-atlas\n"
       "  palpate data where knee-atlas\n"
-      "  palpate data keys                              what phantoms may be told: knee-phantom:side=right");
+      "  palpate data keys                              parameters of phantoms: knee-phantom:side=right");
   const auto options = std::make_shared<DataOptions>();
   add_list(*data, options, run);
   add_fetch(*data, options, run);

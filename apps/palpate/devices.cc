@@ -14,7 +14,7 @@ namespace {
 // state of a driver; empty if its checks pass and a device is connected
 const char* state_of(const DeviceReport& report) {
   for (const DeviceCheck& check : report.checks)
-    if (!check.fine) return "not ready: palpate doctor says what is missing";
+    if (!check.fine) return "not ready: palpate doctor shows what is missing";
   return report.connected.empty() ? "nothing is connected" : "";
 }
 
@@ -26,8 +26,8 @@ struct OwnDevice {
   const char *name, *what;
 };
 constexpr OwnDevice kOwn[] = {
-    {kSimulatedHand, "a simulated hand and device, which follow a script; always there"},
-    {kPointer, "a viewer's mouse, pen or finger, through the page; always there"}};
+    {kSimulatedHand, "a simulated hand and device that follow a script; always available"},
+    {kPointer, "a viewer's mouse, pen or finger, through the page; always available"}};
 
 int print_json(const DeviceRegistry& known) {
   auto rows = Json::array();
@@ -58,7 +58,9 @@ int print_text(const DeviceRegistry& known) {
     if (const char* state = state_of(report); *state != '\0') row("", state);
     for (const ConnectedDevice& device : report.connected) row("", device.id + ": " + device.state);
   }
-  std::printf("\npalpate explore SCENE --device NAME feels with one of them\n");
+  std::printf(
+      "\n"
+      "to use one: palpate explore SCENE --device NAME\n");
   return kExitOk;
 }
 
@@ -67,15 +69,14 @@ int print_text(const DeviceRegistry& known) {
 void add_devices(CLI::App& app, Run& run) {
   auto json = std::make_shared<bool>(false);
   auto about = std::make_shared<DeviceOptions>();
-  CLI::App* verb =
-      app.add_subcommand("devices", "List the devices that explore knows, and what is connected");
-  verb->add_flag("--json", *json, "As JSON");
+  CLI::App* verb = app.add_subcommand("devices", "List the supported devices and whether each is connected");
+  verb->add_flag("--json", *json, "Print JSON instead of text");
   add_device_options(*verb, *about);
   verb->footer(
       "Example:\n"
       "  palpate devices\n\n"
-      "Nothing is moved and nothing pushes. What a device lacks on this machine, and what to do about it,\n"
-      "is told by palpate doctor; what each device needs, by docs/reference/devices.md.");
+      "No device moves or gives force. palpate doctor shows what a device lacks on this machine and how to\n"
+      "provide it; docs/reference/devices.md lists the requirements of each device.");
   verb->callback([json, about, &run] {
     run = [json, about](Console& console) {
       const auto known = known_devices(*about);

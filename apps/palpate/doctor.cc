@@ -71,50 +71,50 @@ void print_report(const DoctorReport& report) {
   }
   std::printf("\n");
   if (missing > 0)
-    std::printf("%zu missing: a device that pushes is not ready here. Without one, everything else works.\n",
-                missing);
+    std::printf(
+        "%zu missing: force-feedback devices are not ready on this computer. Everything else works.\n",
+        missing);
   else
-    std::printf("Nothing is missing%s.\n", advice > 0 ? "; what is marked as advice may be better" : "");
+    std::printf("Nothing is missing%s.\n", advice > 0 ? "; lines marked as advice could be improved" : "");
 }
 
 }  // namespace
 
 void add_doctor(CLI::App& app, Run& run) {
   auto options = std::make_shared<DoctorArguments>();
-  CLI::App* verb =
-      app.add_subcommand("doctor", "Say what this computer lacks for a device that pushes, and what to do");
-  verb->add_flag("--json", options->json, "As JSON, to send in with a question");
-  verb->add_option("--seconds", options->settings.timer_s, "How long the clock is listened to; default: 5")
+  CLI::App* verb = app.add_subcommand("doctor", "Check this computer for use with a force-feedback device");
+  verb->add_flag("--json", options->json, "Print JSON, to attach to a question");
+  verb->add_option("--seconds", options->settings.timer_s,
+                   "Duration of the clock measurement in seconds; default: 5")
       ->check(number_between(0.1, 600));
   verb->add_option("--device", options->settings.devices,
-                   "A device that is to be there (palpate devices); as often as there are devices; default: "
-                   "whichever are")
+                   "Required device (palpate devices); may be repeated; default: any")
       ->allow_extra_args(false);
   add_device_options(*verb, options->about_devices);
   verb->add_option("--hold", options->hold,
-                   "Measure what a hand holds with a device, or simulated: it pushes, with 1 N at most");
-  verb->add_option("--rate", options->hold_rate_hz, "Of --hold: ticks a second; default: 1000")
+                   "Measure the stiffness that a hand holds stably with a device or simulated; the device "
+                   "gives up to 1 N");
+  verb->add_option("--rate", options->hold_rate_hz, "Servo rate of --hold in Hz; default: 1000")
       ->check(number_between(250, 10000));
   verb->footer(
       "Examples:\n"
       "  palpate doctor\n"
       "  palpate doctor --device haply --json\n"
       "  palpate doctor --hold touch\n\n"
-      "Nothing is moved, nothing pushes and nothing is changed, but by --hold, which asks first: it "
-      "measures\n"
-      "the delay and the stiffness that a hand really holds, and explore goes by that. Every line that is "
-      "not fine says what to "
-      "do.\n"
-      "The exit code is 1 where something is missing: rights of the account, a clock that is punctual, what "
-      "a\n"
-      "device needs. Where no --device says which one is to be there, any one is enough.\n"
-      "docs/reference/doctor.md says more; docs/reference/devices.md what each device needs.");
+      "Only --hold gives force, and it asks first; otherwise nothing moves and nothing is changed. --hold\n"
+      "measures the delay and the stiffness that a hand holds stably, and explore uses the result. Every "
+      "line\n"
+      "that reports a problem says how to solve it. The exit code is 1 if a requirement is missing: "
+      "permissions\n"
+      "of the account, an accurate clock, or what a device needs. Without --device, any one device is "
+      "enough.\n"
+      "More in docs/reference/doctor.md; requirements of each device in docs/reference/devices.md.");
   verb->callback([options, &run] {
     run = [options](Console& console) -> int {
       // the weight that the device compensates would add to the force of the trial
       if (!options->hold.empty() && !options->about_devices.held_masses.empty())
-        return console.fail({ErrorKind::kUsage, "carries a weight, and --hold is 1 N at most", "--held-mass",
-                             "leave it out: hold the device as it comes"});
+        return console.fail({ErrorKind::kUsage, "carries a weight, and --hold gives at most 1 N",
+                             "--held-mass", "leave it out: hold the device without a tool"});
       const auto known = known_devices(options->about_devices);
       if (!known) return console.fail(known.error());
       if (!options->hold.empty())

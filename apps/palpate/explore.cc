@@ -54,29 +54,31 @@ struct ExploreArguments {
 Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (std::ranges::find(options.devices, kPointer) != options.devices.end() && options.no_viewer)
-    return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
-                 "--device", "leave out --no-viewer"};
+    return Error{ErrorKind::kUsage,
+                 "the pointer is moved in the viewer, and --no-viewer turns the viewer off", "--device",
+                 "leave out --no-viewer"};
   if (options.navigation && std::ranges::find(options.devices, kTracker) == options.devices.end())
-    return Error{ErrorKind::kUsage, "nothing is felt with the tracked tool", "--registration",
+    return Error{ErrorKind::kUsage, "the options of a tracked tool need a tracker", "--registration",
                  "give --device tracker"};
   if (options.devices.front() != kSimulatedHand && (options.script || options.repeat))
-    return Error{ErrorKind::kUsage, "a person follows no script", options.script ? "--script" : "--repeat",
-                 "leave it out, or let the simulated hand feel first: --device simulated"};
+    return Error{ErrorKind::kUsage, "a script moves the simulated hand only",
+                 options.script ? "--script" : "--repeat",
+                 "leave it out, or make the simulated hand the first device: --device simulated"};
   const long cpus = ::sysconf(_SC_NPROCESSORS_CONF);
   if (options.cpu >= cpus)
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
                  "choose one from 0 to " + std::to_string(cpus - 1)};
   if (options.plan && options.no_viewer)
-    return Error{ErrorKind::kUsage, "a plan is shown in the page, and --no-viewer serves none", "--plan",
-                 "leave out one of the two; palpate plan compare looks at a recording beside it"};
+    return Error{ErrorKind::kUsage, "a plan is shown in the page, and --no-viewer serves no page", "--plan",
+                 "leave out one of the two; palpate plan compare compares a recording with a plan"};
   if (!options.no_viewer)
     if (const auto servable = ViewerServer::check(options.serving.viewers); !servable)
       return servable.error();
   if (options.supervisor_log && options.no_supervisor)
-    return Error{ErrorKind::kUsage, "where nobody watches there is nothing to write down", "--supervisor-log",
+    return Error{ErrorKind::kUsage, "without a supervisor there is no log to write", "--supervisor-log",
                  "leave out --no-supervisor"};
   if (options.recording && options.supervisor_log && same_file(*options.recording, *options.supervisor_log))
-    return Error{ErrorKind::kUsage, "is the recording, too", "--supervisor-log", "choose another file"};
+    return Error{ErrorKind::kUsage, "is also the recording", "--supervisor-log", "choose another file"};
   std::vector<OutputClaim> claims;
   if (!options.recording && !options.supervisor_log) return claims;
   auto inputs = input_files(options.source);
@@ -222,7 +224,7 @@ std::string tip_error_text(const ViewedNavigation& navigation) {
     std::snprintf(text, sizeof text, " TRE %.1f (95%%: %.1f) FRE %.1f mm%s", navigation.tip->rms_mm,
                   navigation.tip->max_mm, navigation.fre_mm, navigation.tip->is_far ? " FAR" : "");
   else
-    std::snprintf(text, sizeof text, " TRE not known, FRE %.1f mm", navigation.fre_mm);
+    std::snprintf(text, sizeof text, " TRE unknown, FRE %.1f mm", navigation.fre_mm);
   return text;
 }
 
@@ -290,16 +292,16 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
     if (s.recording_failure && !told) {
-      console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
+      console.warn()(s.recording_failure->message() + "\n  the session continues without it");
       told = true;
     }
     if (s.supervisor_failure && !unwatched)
-      console.warn()("the supervisor died, and the force stays off, for no other can be started:\n  " +
+      console.warn()("the supervisor died, and the force stays off because no other can be started:\n  " +
                      s.supervisor_failure->message());
     else if (!s.supervisor_failure && unwatched)
-      console.warn()("a supervisor watches again");
+      console.warn()("a supervisor is running again");
     else if (!s.supervisor_failure && s.supervisor_deaths > deaths)
-      console.warn()("the supervisor died, and the force is off; another one watches now");
+      console.warn()("the supervisor died, and the force is off; a new one is running");
     deaths = s.supervisor_deaths;
     unwatched = s.supervisor_failure.has_value();
     for (const FinishedRun& finished : s.finished) {
@@ -386,12 +388,12 @@ void print(const ExploreResult& result, bool pointer) {
 // prints the error estimate at the last position of the tip
 void print_tip_error(const ViewedNavigation& navigation) {
   if (navigation.tip)
-    std::printf("tracked tip wrong by %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
+    std::printf("error of the tracked tip %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
                 navigation.tip->rms_mm, navigation.tip->max_mm,
                 navigation.tip->is_far ? "; far outside the points that were touched" : "");
   else
-    std::printf("tracked tip wrong by what is not known (TRE)\n");
-  std::printf("left over at the points %.3f mm (FRE)\n", navigation.fre_mm);
+    std::printf("error of the tracked tip (TRE) unknown\n");
+  std::printf("residual at the points %.3f mm (FRE)\n", navigation.fre_mm);
 }
 
 // limits the number of warnings, because a repeating script causes the same trouble in each repetition
@@ -417,7 +419,7 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
     const std::string& data_set = task->file.data_set;
     if (!data_set.empty() && kind_of(data_set) != kind_of(loaded.data_set))
       console.warn()("the task is made for " + printable_name(data_set) +
-                     ", and measures another scene here");
+                     ", and the scene here is a different one");
     training.tasks.push_back(*std::move(task));
     training.have_to_fit = true;
     // a person starts the task when ready, from the page or by a key
@@ -459,7 +461,7 @@ Result<void> check_learners(ExploreArguments& options, Console& console) {
   }
   options.keeps_runs = !learners.empty() || has_teacher;
   if (!options.records.empty() && !options.keeps_runs)
-    return Error{ErrorKind::kUsage, "there is nobody whose runs would be kept", "--records",
+    return Error{ErrorKind::kUsage, "there is no learner to store runs for", "--records",
                  "name a --learner, or a --token-file with learners or a teacher"};
   return options.keeps_runs ? check_records(options.records, learners, console) : Result<void>();
 }
@@ -493,7 +495,7 @@ int explore_target(ExploreArguments options, Console& console) {
   // a scene without touchable tissue can still be viewed in the page
   const auto felt = require_touchable_tissue(*loaded);
   if (!felt && (options.script || options.no_viewer)) return console.fail(felt.error());
-  if (!felt) console.note("nothing in it is felt yet: the page shows it, and no hand touches it");
+  if (!felt) console.note("nothing in the scene can be felt yet: it is only shown in the page");
   if (!felt) options.devices = {kPointer};
   const bool pointer = options.devices.front() == kPointer;
   const auto script = script_of(options.script);
@@ -535,15 +537,15 @@ int explore_target(ExploreArguments options, Console& console) {
   if (result->stopped_by_user) console.note("stopped");
   if (plan && !plan->viewed()->saved)
     console.warn()(options.plan->string() +
-                   ": what was changed of the plan in the page was not saved, and is gone");
+                   ": changes to the plan made in the page were not saved and are lost");
   warn_of_trouble(result->trouble, said, console);
   print(*result, pointer);
   if (tracked) print_tip_error(*tracked);
   print_runs(result->runs, *training);
   if (result->recording_failure) return console.fail(*result->recording_failure);
   if (result->device_lost)
-    return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
-                         "look at its connection and power; what was felt until then is kept"});
+    return console.fail({ErrorKind::kUnavailable, "the driver of the device has failed", "",
+                         "check its connection and power; the recording up to then is kept"});
   if (options.recording) console.note("recording: " + options.recording->string());
   // a session that the user ends is a success, because the user has seen its outcome
   const bool in_band =
@@ -554,57 +556,58 @@ int explore_target(ExploreArguments options, Console& console) {
 void add_options(CLI::App* verb, ExploreArguments& options) {
   add_source_options(*verb, options.source)->required();
   verb->add_option("-s,--script", options.script,
-                   "Palpation script (TOML); default: one that suits the scene");
-  verb->add_option(
-          "--device", options.devices,
-          "What is felt with: simulated (a hand that follows the script), pointer (a viewer's, through "
-          "the page), or a device by its name (palpate devices); as often as there are devices, 4 at "
-          "most; default: simulated")
+                   "Palpation script (TOML); default: one planned for the scene");
+  verb->add_option("--device", options.devices,
+                   "Device to feel with: simulated (a hand that follows the script), pointer (moved by a "
+                   "viewer in the page), or the name of a device (palpate devices); may be repeated, up to 4 "
+                   "devices; default: simulated")
       ->allow_extra_args(false);
   add_device_options(*verb, options.about_devices);
   add_stream_options(*verb, options.about_devices.stream);
   add_tip_option(*verb, options.about_devices.stream);
   verb->add_option("--registration", options.about_devices.registration,
-                   "Of a tracked tool: where the patient lies, as palpate register -o has written it");
-  verb->add_flag("--may-move", options.may_move,
-                 "An arm may move by itself when it is initialised: nobody is within its reach");
+                   "Registration of the patient for a tracked tool, as written by palpate register -o");
+  verb->add_flag(
+      "--may-move", options.may_move,
+      "Allow an arm to move by itself during initialisation: confirm that nobody is within its reach");
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
   verb->add_option("-t,--task", options.task,
-                   "Task that is done in it, measured as it is done: a file, or one of palpate task list; "
-                   "default: the page offers those that are made for the scene");
-  verb->add_option("--learner", options.learner, "Keep runs of tasks as this learner's, a pseudonym")
+                   "Task to train, scored while it is done: a file or the name of a task (palpate task "
+                   "list); default: the page offers the tasks made for the scene");
+  verb->add_option("--learner", options.learner, "Pseudonym of the learner whose runs are recorded")
       ->check(CLI::Validator(
           [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));
-  verb->add_option("--records", options.records, "The file of the records (palpate records --help)");
+  verb->add_option("--records", options.records, "File of training records (palpate records --help)");
   verb->add_option("--plan", options.plan,
-                   "Plan that is rehearsed (palpate plan --help): the page shows it, and saves what is made "
-                   "of it there; a file that is not there yet begins empty");
+                   "Plan to rehearse (palpate plan --help), shown and edited in the page; a file that does "
+                   "not exist starts as an empty plan");
   verb->add_option("--max-force", options.max_force_N,
-                   "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
+                   "Force limit in N, in addition to the device's own; default: the lesser of its continuous "
                    "rating and 3 N")
       ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));
-  verb->add_option("--rate", options.rate_hz, "Ticks a second; default: the script's")
+  verb->add_option("--rate", options.rate_hz, "Servo rate in Hz; default: the script's")
       ->check(number_between(kMinRate_hz, kMaxRate_hz));
   verb->add_option(
           "--spin", options.spin_us,
-          "Busy-wait so many microseconds before every tick, 0.8 of a period at most; default: 0, sleep")
+          "Busy-wait this many microseconds before every tick, up to 0.8 of a period; default: 0 (sleep)")
       ->check(number_between(0, 1000));
-  verb->add_option("--seconds", options.seconds, "End after so long; default: when the script ends")
+  verb->add_option("--seconds", options.seconds,
+                   "Duration of the session in seconds; default: until the script ends")
       ->check(number_between(0.1, 86400));
-  verb->add_flag("--repeat", options.repeat, "Begin the script again when it has ended, until stopped");
+  verb->add_flag("--repeat", options.repeat, "Repeat the script until the session is stopped");
   verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
-  add_method_option(*verb, "Force method at first; default: the scene's", kForceMethods, options.method);
-  verb->add_flag("--no-viewer", options.no_viewer, "Serve no page: nothing listens");
+  add_method_option(*verb, "Initial force method; default: the scene's", kForceMethods, options.method);
+  verb->add_flag("--no-viewer", options.no_viewer, "Do not serve the viewer's page");
   add_serving_options(*verb, options.serving);
-  verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
+  verb->add_option("--cpu", options.cpu, "CPU to pin the servo thread to; default: any")
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,
-                 "Ask for neither real-time scheduling nor locked memory");
+                 "Do not request real-time scheduling or locked memory");
   verb->add_flag("--no-supervisor", options.no_supervisor,
-                 "Start no process that watches this one from outside");
+                 "Do not start the supervisor process that monitors this one");
   verb->add_option("--supervisor-log", options.supervisor_log,
-                   "File that what that process has seen and done is added to, a line of JSON each");
+                   "File to append the supervisor's events to, one JSON object per line");
 }
 
 }  // namespace
@@ -612,7 +615,7 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
 void add_explore(CLI::App& app, Run& run) {
   auto options = std::make_shared<ExploreArguments>();
   CLI::App* verb = app.add_subcommand(
-      "explore", "Palpate a scene in real time, by a simulated hand, a pointer or a device");
+      "explore", "Palpate a scene in real time with a simulated hand, a pointer or a device");
   add_options(verb, *options);
   verb->footer(
       "Examples:\n"
@@ -625,23 +628,23 @@ void add_explore(CLI::App& app, Run& run) {
       "  palpate explore scene.toml --device simulated --device pointer\n"
       "  palpate explore scene.toml --device tracker --tracker localhost:18944 --transform StylusToTracker\n"
       "    --reference ReferenceToTracker --tip tip.json --registration registration.json\n\n"
-      "A page shows it in any browser, at the address that is told when the loop runs\n"
+      "The session can be viewed in any browser, at the address printed when the loop starts\n"
       "(docs/guide/viewer.md).\n"
-      "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
-      "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
-      "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
-      "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
-      "method (docs/concepts/methods.md). Of a burr b switches the motor, u puts back what was cut last and\n"
-      "d does it again (docs/guide/burr.md). t begins a run of a task and ends it\n"
-      "(docs/tutorials/training.md); by a simulated hand it begins with the session. While a device that "
-      "pushes is stopped, six digits are shown by which it can\n"
-      "be armed from the page, once. While a device may push, a viewer's wish to change something is shown\n"
-      "instead of the line: y agrees, n declines.\n"
+      "On a terminal, a status line is updated ten times a second: time, servo rate, lateness in the last\n"
+      "second (median/99th percentile/maximum), force and its limit, and the structure touched.\n"
+      "Keys: space is the emergency stop and never anything else; r rearms the force while the tip touches\n"
+      "nothing (for a pointer: Rearm in the page); p pauses and resumes; m selects the next force method\n"
+      "(docs/concepts/methods.md). With a burr, b switches the motor, u undoes the last stroke and d redoes\n"
+      "it (docs/guide/burr.md). t starts and ends a run of a task (docs/tutorials/training.md); with a\n"
+      "simulated hand the run starts with the session. While a force-feedback device is stopped, a\n"
+      "six-digit code is shown with which it can be rearmed once from the page. While a device may give\n"
+      "force, a viewer's request for a change is shown instead of the status line: y accepts, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
-      "program at once. Ctrl-Z does nothing: a device would hold its last force meanwhile.\n"
-      "A disk that fills ends the recording, not the session; the exit code is then 4.\n"
-      "docs/guide/explore.md: real-time privileges, and how to read the figures.\n\n" +
+      "program at once. Ctrl-Z is ignored, because a device would keep its last force.\n"
+      "A full disk ends the recording, not the session; the exit code is then 4.\n"
+      "docs/guide/explore.md: real-time privileges, and how to read the figures.\n"
+      "\n" +
       held_defined() + " The exit code is\nthen 3, unless the user ended the session.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return explore_target(*options, console); }; });

@@ -45,7 +45,7 @@ Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const 
   const auto study = find_study(scan, options.source, options.made_with.volume, console.progress());
   if (!study) return study.error();
   if (options.keep_identifiers && !study->is_stated)
-    return Error{ErrorKind::kBadInput, "does not say that it was made on images of " + scan.string(),
+    return Error{ErrorKind::kBadInput, "does not state that it was made on images of " + scan.string(),
                  options.source.string(),
                  "name the study that it was made on, or leave --keep-identifiers out"};
   for (const std::string& note : study->notes) console.note(note);
@@ -69,12 +69,12 @@ int export_label_map(const ExportOptions& options, Console& console) {
   std::optional<std::filesystem::path> scan;
   if (!options.made_with.target.empty()) scan = options.made_with.target;
   if (options.made_with.volume && !scan)
-    return console.fail({ErrorKind::kUsage, "of which study it is a volume is not said", "--volume",
+    return console.fail({ErrorKind::kUsage, "the volume does not state which study it belongs to", "--volume",
                          "name the study after the labels: palpate export LABELS STUDY"});
   std::optional<DicomAttachment> attached;
   if (options.keep_identifiers) {
     if (!scan)
-      return console.fail({ErrorKind::kUsage, "which study it is to be attached to is not said",
+      return console.fail({ErrorKind::kUsage, "no study is given to attach the result to",
                            "--keep-identifiers",
                            "name the study after the labels: palpate export LABELS STUDY"});
     attached = DicomAttachment{*scan, options.made_with.volume};
@@ -124,7 +124,7 @@ int export_labels(const ExportOptions& options, const RecordingSource& recording
   if (auto written = write_exported(options, left->labels, *attached, progress); !written)
     return console.fail(written.error());
   print_removed(left->removed);
-  if (left->removed.empty()) console.note("nothing was taken away in this recording");
+  if (left->removed.empty()) console.note("nothing was removed in this recording");
   console.note("labels: " + options.output.string());
   return kExitOk;
 }
@@ -141,9 +141,9 @@ void print_path_row(std::FILE* out, const TickRecord& tick, int device) {
 int export_paths(const ExportOptions& options, const RecordingSource& recording, Console& console) {
   if (options.keep_identifiers)
     return console.fail(
-        {ErrorKind::kUsage, "a path carries no identifier", "--keep-identifiers", "leave it out"});
+        {ErrorKind::kUsage, "a path has no identifiers", "--keep-identifiers", "leave it out"});
   if (!options.made_with.target.empty())
-    console.note(options.made_with.target + " is not needed for a path, and not read");
+    console.note(options.made_with.target + " is not needed to export a path, and is ignored");
   auto pending = PendingFile::create(options.output);
   if (!pending) return console.fail(pending.error());
   const auto failed = [&](int number) { return console.fail(output_error(options.output, number)); };
@@ -183,7 +183,7 @@ Result<void> order_labels_and_scan(ExportOptions& options) {
 
 int run_export(ExportOptions options, Console& console) {
   if (options.keep_identifiers && !ends_in(options.output, ".dcm"))
-    return console.fail({ErrorKind::kUsage, "identifiers are kept in DICOM alone", "--keep-identifiers",
+    return console.fail({ErrorKind::kUsage, "only DICOM can keep identifiers", "--keep-identifiers",
                          "write a file that ends in .dcm, or leave it out"});
   // if neither file is a recording, a missing file is reported as a missing volume
   std::error_code unknown;
@@ -218,35 +218,30 @@ void add_export(CLI::App& app, Run& run) {
   auto options = std::make_shared<ExportOptions>();
   CLI::App* verb = app.add_subcommand(
       "export",
-      "Write labels for other programs, after cutting too: DICOM SEG, .seg.nrrd; a recording's path as CSV");
+      "Export labels, also as cut in a recording (DICOM SEG, .seg.nrrd), or the path of a recording (CSV)");
   verb->add_option("source", options->source,
-                   "Recording made by palpate simulate or explore; or labels of any kind that is read")
+                   "Recording made by palpate simulate or explore; or labels in any supported format")
       ->required();
-  add_source_options(
-      *verb, options->made_with,
-      "Scene file or volume that the recording was made with, not needed for data sets; or the "
-      "scan that the labels were made on, the two in either order");
+  add_source_options(*verb, options->made_with,
+                     "Scene file or volume of the recording, not needed for data sets; or the scan that the "
+                     "labels were made on, in either order");
   verb->add_option("-o,--output", options->output,
                    "Labels to write: .dcm (DICOM SEG), .seg.nrrd, .nrrd, .nii or .nii.gz; or a path: .csv")
       ->required();
-  verb->add_flag(
-      "--keep-identifiers", options->keep_identifiers,
-      "Attach a DICOM SEG to the study of the scan: its patient, study and frame of reference; without, "
-      "all are new and the patient has no name");
+  verb->add_flag("--keep-identifiers", options->keep_identifiers,
+                 "Attach a DICOM SEG to the patient, study and frame of reference of the scan; default: new "
+                 "ones, and a patient without a name");
   verb->footer(
       "Examples:\n"
       "  palpate export run.h5 scene.toml -o left.seg.nrrd\n"
       "  palpate export run.h5 scene.toml -o left.dcm                       without a patient\n"
-      "  palpate export run.h5 scene.toml -o left.dcm --keep-identifiers    for the study that it was made "
-      "on\n"
+      "  palpate export run.h5 scene.toml -o left.dcm --keep-identifiers    for the study of the scan\n"
       "  palpate export run.h5 -o path.csv                                  tip and proxy, LPS mm, tick by "
       "tick\n"
       "  palpate export labels.nii.gz STUDY -o labels.dcm\n"
       "  palpate export structures.dcm STUDY --keep-identifiers -o seg.dcm  RTSTRUCT as SEG\n\n"
-      "A voxel of a felt structure is gone where its centre was swept. Prints how much of each structure "
-      "that\n"
-      "is, to 1/64 of a voxel. docs/guide/burr.md says what a burr does, docs/guide/export.md what is "
-      "written.");
+      "A voxel is removed if the tool has swept its centre. Prints the removed volume of each structure, to\n"
+      "1/64 of a voxel. docs/guide/burr.md describes burrs, docs/guide/export.md the files written.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_export(*options, console); }; });
 }

@@ -36,7 +36,7 @@ Result<Point<Patient>> section_centre(const Model& model) {
       return found->point;
   }
   return Error{ErrorKind::kBadInput, "no structure of the scene has a surface that can be touched", "",
-               "say where to look with --at"};
+               "give a point with --at"};
 }
 
 // names the option from which a refused position or spacing came
@@ -50,8 +50,8 @@ int draw_forces(const ForcesOptions& options, Console& console) {
   const auto claimed = claim_output(options.output, input_files(options.source));
   if (!claimed) return console.fail(claimed.error());
   if (const auto extension = options.output.extension(); !extension.empty() && extension != ".svg")
-    return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
-                         options.output.string(), "give it a name that ends with .svg"});
+    return console.fail({ErrorKind::kUsage, "the output is an SVG picture", options.output.string(),
+                         "give it a name that ends in .svg"});
   const Progress progress = console.progress();
   const auto loaded = load_felt_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
@@ -86,16 +86,15 @@ void add_forces(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
   add_source_options(*verb, options->source)->required();
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
-  add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
+  add_method_option(*verb, "Force method; default: the scene's, or trilinear if that is the proxy",
                     kDirectMethods, options->method);
   add_preparation_option(*verb, options->preparation);
   verb->add_option("--plane", options->plane, "Section through the point")
       ->check(CLI::IsMember({"axial", "coronal", "sagittal"}))
       ->capture_default_str();
-  verb->add_option(
-          "--at", options->at,
-          "Middle of the picture: patient coordinates in mm, LPS; default: where a hand would touch the "
-          "first structure that is felt")
+  verb->add_option("--at", options->at,
+                   "Centre of the picture: patient coordinates in mm, LPS; default: the place where a hand "
+                   "would touch the first structure that can be felt")
       ->delimiter(',')
       ->expected(3)
       ->check(number_between(-1e6, 1e6))
@@ -104,13 +103,13 @@ void add_forces(CLI::App& app, Run& run) {
       ->check(number_between(0.1, 1000))
       ->capture_default_str();
   verb->add_option("--arrows", options->spacing_mm,
-                   "Distance between arrows in mm; default: 24 of them side by side")
+                   "Distance between arrows in mm; default: 24 arrows across the section")
       ->check(number_between(0.001, 1000));
   verb->footer(
       "Examples:\n"
       "  palpate forces knee-phantom -o forces.svg\n"
       "  palpate forces knee-phantom --method gaussian-sphere --plane sagittal --at 20,-2,0 -o gap.svg\n\n"
-      "docs/concepts/methods.md shows one picture a method.");
+      "docs/concepts/methods.md shows one picture per method.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return draw_forces(*options, console); }; });
 }

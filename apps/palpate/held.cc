@@ -31,8 +31,8 @@ std::unique_ptr<DeviceDriver> simulated() {
 }
 
 Error not_armed(const std::string& name) {
-  return {ErrorKind::kUsage, "nobody has armed the device", name,
-          "run it at a terminal, hold the tip and press a"};
+  return {ErrorKind::kUsage, "the device was not armed", name,
+          "run the command in a terminal, hold the tip and press a"};
 }
 
 /// Asks for confirmation that somebody holds the device. Errors: kUsage without a terminal, or for any other
@@ -43,9 +43,9 @@ Result<void> arm(const std::string& name, Console& console) {
   if (!keys.active() || !::isatty(console.streams().err)) return not_armed(name);
   std::fprintf(
       stderr,
-      "Hold the tip lightly, in free air, at one place, and keep holding it. It pushes with up to 1 N for\n"
-      "up to 15 s, and may buzz at the end. Letting go ends nothing: Ctrl-C does.\n"
-      "a arms it, any other key does not.\n");
+      "Hold the tip lightly, in free air, at one place, and keep holding it. It gives up to 1 N for\n"
+      "up to 15 s, and may buzz at the end. Releasing the tip does not stop it: press Ctrl-C to stop.\n"
+      "Press a to arm the device; any other key cancels.\n");
   // discards keys typed before the prompt
   ::tcflush(console.streams().in, TCIFLUSH);
   const Progress progress = console.progress();
@@ -63,8 +63,8 @@ Result<void> keep(const HeldHandFigures& figures) {
   const std::string text = held_hands_text(*hands);
   // a stored entry that cannot be parsed would make every session fail
   if (const auto again = parse_held_hands(text, held_hands_file().string()); !again)
-    return Error{ErrorKind::kUnavailable, "what was measured is nothing that a device has", figures.device,
-                 "try again; nothing was kept"};
+    return Error{ErrorKind::kUnavailable, "the measured values are implausible for a device", figures.device,
+                 "try again; nothing was stored"};
   std::error_code failed;
   std::filesystem::create_directories(held_hands_file().parent_path(), failed);
   return write_file(held_hands_file(), text);
@@ -81,12 +81,12 @@ void print_json(const HeldHandFigures& figures) {
 void print_text(const HeldHandFigures& figures) {
   std::printf("%s, %.0f updates a second\n", figures.device.c_str(), figures.rate_hz);
   std::printf("from a command to its force   %.2f ms\n", 1e3 * figures.delay_s);
-  std::printf("held at                       %.3g N/mm\n", figures.held_N_per_mm);
+  std::printf("stable at                     %.3g N/mm\n", figures.held_N_per_mm);
   if (figures.swings_N_per_mm)
-    std::printf("swings at                     %.3g N/mm\n", *figures.swings_N_per_mm);
+    std::printf("oscillates at                 %.3g N/mm\n", *figures.swings_N_per_mm);
   else
-    std::printf("swings at                     none that was tried\n");
-  std::printf("explore makes it no stiffer than %.3g N/mm; what its maker vouches for holds, too\n",
+    std::printf("oscillates at                 no stiffness tried\n");
+  std::printf("explore limits its stiffness to %.3g N/mm, and to the vendor's limit\n",
               figures.advised_N_per_mm);
 }
 
@@ -127,7 +127,8 @@ int hold_by_hand(const DeviceRegistry& known, const std::string& name, double ra
   std::unique_ptr<DeviceDriver> driver = is_simulated ? simulated() : maker->make();
   if (auto opened = driver->open(false); !opened) return console.fail(opened.error());
   if (driver->devices()[0].degrees_of_freedom_out == 0)
-    return console.fail({ErrorKind::kUsage, "it gives no force", name, "there is nothing to hold against"});
+    return console.fail(
+        {ErrorKind::kUsage, "the device gives no force", name, "choose a force-feedback device"});
   if (!is_simulated)
     if (const auto armed = arm(name, console); !armed) return console.fail(armed.error());
 
@@ -143,7 +144,7 @@ int hold_by_hand(const DeviceRegistry& known, const std::string& name, double ra
   if (!figures) return console.fail(figures.error());
   if (auto written = keep(*figures); !written) return console.fail(written.error());
   json ? print_json(*figures) : print_text(*figures);
-  console.note("kept in " + held_hands_file().string());
+  console.note("stored in " + held_hands_file().string());
   return kExitOk;
 }
 

@@ -33,11 +33,12 @@ struct HoldOptions {
 Result<std::optional<OutputClaim>> check_hold(const HoldOptions& options) {
   using Claim = std::optional<OutputClaim>;
   if (options.at.empty() == options.voxel.empty())
-    return Error{ErrorKind::kUsage, "where is the tip to be held?", "", "say it with --at or with --voxel"};
+    return Error{ErrorKind::kUsage, "no place is given to hold the tip at", "",
+                 "give it with --at or --voxel"};
   if (!options.output) return Claim();
   if (const auto extension = options.output->extension(); !extension.empty() && extension != ".svg")
-    return Error{ErrorKind::kUsage, "the picture is an SVG, whatever its name", options.output->string(),
-                 "give it a name that ends with .svg"};
+    return Error{ErrorKind::kUsage, "the output is an SVG picture", options.output->string(),
+                 "give it a name that ends in .svg"};
   auto claimed = claim_output(*options.output, input_files(options.source));
   if (!claimed) return claimed.error();
   return Claim(*std::move(claimed));
@@ -54,7 +55,7 @@ Result<Point<Patient>> place_of(const HoldOptions& options, const GridGeometry& 
     return Error{ErrorKind::kBadInput,
                  "the volume has " + std::to_string(grid.dims[0]) + " x " + std::to_string(grid.dims[1]) +
                      " x " + std::to_string(grid.dims[2]) + " voxels",
-                 "--voxel", "count from 0, along i, j and k"};
+                 "--voxel", "give indices from 0, along i, j and k"};
   return grid.X_PatientVoxel() * Point<Voxel>(v[0], v[1], v[2]);
 }
 
@@ -182,16 +183,17 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
 
 void add_options(CLI::App& verb, HoldOptions& options) {
   add_source_options(verb, options.source)->required();
-  add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
-  verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
+  add_place(verb, "--at", options.at, "Target of the hand: patient coordinates in mm, LPS");
+  verb.add_option("--voxel", options.voxel, "Target of the hand as voxel indices, from 0")
       ->delimiter(',')
       ->expected(3)
       ->check(whole_between(0, 1000000))
       ->type_name("I,J,K");
-  add_place(verb, "--from", options.from, "Where the hand comes from, in a second; default: it begins there");
+  add_place(verb, "--from", options.from,
+            "Start of the hand, one second before it reaches the target; default: the target");
   std::vector<std::string> names;
   for (const ForceMethodInfo& info : kForceMethods) names.emplace_back(info.name);
-  verb.add_option("--method", options.methods, "Force method; give it more than once; default: the scene's")
+  verb.add_option("--method", options.methods, "Force method; may be repeated; default: the scene's")
       ->check(CLI::IsMember(names));
   add_preparation_option(verb, options.preparation);
   verb.add_option("--device", options.device, "Simulated device")
@@ -200,15 +202,15 @@ void add_options(CLI::App& verb, HoldOptions& options) {
   verb.add_option("--hand", options.hand, "Simulated hand")
       ->check(CLI::IsMember(names_of(known_plant_hands())))
       ->capture_default_str();
-  verb.add_option("--rate", options.rate_hz, "Ticks a second")
+  verb.add_option("--rate", options.rate_hz, "Servo rate in Hz")
       ->check(number_between(kLowestHold_hz, kHighestHold_hz))
       ->capture_default_str();
-  verb.add_option("--delay", options.delay_ms, "From a command to its force, ms")
+  verb.add_option("--delay", options.delay_ms, "Delay from a command to its force, in ms")
       ->check(number_between(0, 1e3 * SimulatedDevice::kMaxDelay_s))
       ->capture_default_str();
   verb.add_option("--stiffness", options.stiffness,
-                  "How stiff the stiffest tissue is felt, as a part of what is recommended for device, rate "
-                  "and delay; default: as stiff as the scene says")
+                  "Stiffness of the stiffest tissue as a fraction of the recommended one for this device, "
+                  "rate and delay; default: the scene's stiffness")
       ->check(number_between(0.01, 10));
   verb.add_flag("-j,--json", options.json, "Print JSON instead of a table");
   verb.add_option("-o,--output", options.output, "Picture of the tip's motion to write (SVG)");
@@ -218,16 +220,17 @@ void add_options(CLI::App& verb, HoldOptions& options) {
 
 void add_hold(CLI::App& app, Run& run) {
   auto options = std::make_shared<HoldOptions>();
-  CLI::App* verb = app.add_subcommand("hold", "Hold a tip still with a simulated hand: how much it buzzes");
+  CLI::App* verb =
+      app.add_subcommand("hold", "Measure how much a tip buzzes that a simulated hand holds still");
   add_options(*verb, *options);
   verb->footer(
       "Examples:\n"
       "  palpate hold knee-phantom --at=20,-4,0.2 --preparation union-gaussian --method trilinear --method "
-      "proxy \\\n"
-      "      -o hold.svg\n"
+      "proxy \\\n      -o hold.svg\n"
       "  palpate hold scene.toml --voxel 238,272,43 --device touch --hand firm-grip --delay 3\n\n"
-      "The hand goes to the place within a second and rests for two; the figures are of the last one.\n"
-      "Neither the scene's [workspace] nor the limit of stiffness of a palpation is applied.\n"
+      "The hand moves to the target within one second and rests there for two; the figures are from the "
+      "last\n"
+      "second. Neither the scene's [workspace] nor the stiffness limit of a palpation is applied.\n"
       "docs/results/between-bones.md shows the gap between two bones.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return hold_target(*options, console); }; });

@@ -148,7 +148,8 @@ std::vector<std::string> oddities(const Info& info) {
   std::vector<std::string> odd;
   if (!info.header.has_geometry)
     odd.push_back(
-        "the file does not say how it lies in the patient: axes are taken as LPS, sides are unknown");
+        "the file does not state its orientation in the patient: its axes are taken as LPS, sides are "
+        "unknown");
   if (!info.header.geometry.right_handed())
     odd.push_back("left-handed axes: software that ignores directions shows the mirror image");
   if (!info.labels) return odd;
@@ -169,7 +170,7 @@ std::vector<std::string> oddities(const Info& info) {
                        std::to_string(stray_voxels(s)) + ")");
 
   if (unnamed.size() > 1 && unnamed.size() == info.statistics.size())
-    odd.push_back("no label has a name: a table can name them (--names)");
+    odd.push_back("no label has a name: give names in a table (--names)");
   else if (!unnamed.empty())
     odd.push_back("without a name, with their voxels: " + joined(unnamed));
   for (const Segment& s : info.labels->labels.segments)
@@ -182,7 +183,8 @@ std::vector<std::string> oddities(const Info& info) {
                   std::to_string(info.header.geometry.dims[2]) +
                   " slices hold no label: " + ranges(info.empty_slices));
   if (!strays.empty())
-    odd.push_back("in several parts, with how many besides the largest and their voxels: " + joined(strays));
+    odd.push_back("in several parts, with the number and voxels of the parts other than the largest: " +
+                  joined(strays));
   if (!info.leaks.empty())
     odd.push_back(leaky_text(info.leaks, [&](LabelId id) { return name_of(info, id); }));
   return odd;
@@ -338,7 +340,7 @@ Json memory_json(const SceneMemory& memory) {
 }
 
 void print_memory(std::ostream& out, const SceneMemory& memory) {
-  out << "memory      up to " << memory_text(memory.peak()) << " to feel it, of which "
+  out << "memory      up to " << memory_text(memory.peak()) << " to feel the scene, of which "
       << memory_text(memory.stays()) << " stays: labels " << memory_text(memory.model.labels) << ", field "
       << memory_text(memory.model.field) << ", surfaces " << memory_text(memory.model.surfaces) << ", scan "
       << memory_text(memory.scan) << '\n';
@@ -426,7 +428,7 @@ void print_identifiers(std::ostream& out, const IdentifierReport& report) {
     return std::to_string(count) + (count == 1 ? " file" : " files");
   };
   out << "in " << files(report.files) << " of DICOM";
-  if (report.rows.empty()) out << ": nothing that says who the patient is";
+  if (report.rows.empty()) out << ": no patient identifiers";
   out << '\n';
   std::optional<IdentifierKind> kind;
   for (const IdentifierRow& row : report.rows) {
@@ -439,12 +441,11 @@ void print_identifiers(std::ostream& out, const IdentifierReport& report) {
     out << '\n';
   }
   if (report.burnt_in_unsaid > 0)
-    print_wrapped(
-        out,
-        files(report.burnt_in_unsaid) +
-            " do not say whether something is burnt into the pixels (BurnedInAnnotation (0028,0301)): "
-            "look at them",
-        "\n", "");
+    print_wrapped(out,
+                  files(report.burnt_in_unsaid) +
+                      " do not state whether text is burnt into the pixels (BurnedInAnnotation (0028,0301)): "
+                      "inspect them",
+                  "\n", "");
   for (const std::string& note : report.notes) print_wrapped(out, note, "  - ", "    ");
 }
 
@@ -460,7 +461,7 @@ int run_identifiers(const InfoOptions& options, Console& console) {
 
 int run_info(const InfoOptions& options, Console& console) {
   if (options.keep_identifiers && !options.identifiers)
-    return console.fail({ErrorKind::kUsage, "shows values of identifiers, which were not asked for",
+    return console.fail({ErrorKind::kUsage, "shows the values of identifiers and needs --identifiers",
                          "--keep-identifiers", "add --identifiers"});
   if (options.identifiers) return run_identifiers(options, console);
   if (find_entry(options.file).ok() || std::filesystem::path(options.file).extension() == ".toml")
@@ -477,7 +478,7 @@ int run_info(const InfoOptions& options, Console& console) {
 
 void add_info(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand(
-      "info", "Show what a volume holds and what is odd about it, or how much memory a scene takes");
+      "info", "Show the contents and the peculiarities of a volume, or the memory that a scene needs");
   const auto options = std::make_shared<InfoOptions>();
   verb->add_option(
           "FILE", options->file,
@@ -487,21 +488,21 @@ void add_info(CLI::App& app, Run& run) {
   add_volume_option(*verb, options->volume);
   add_names_option(*verb, options->names);
   verb->add_flag("-j,--json", options->json, "print JSON instead of text");
-  CLI::Option* labels =
-      verb->add_flag("-l,--labels", options->labels, "take it as labels whatever it looks like");
-  verb->add_flag("-s,--scan", options->scan, "take it as a scan whatever it looks like")->excludes(labels);
+  CLI::Option* labels = verb->add_flag("-l,--labels", options->labels, "read the file as labels");
+  verb->add_flag("-s,--scan", options->scan, "read the file as a scan")->excludes(labels);
   verb->add_flag("--identifiers", options->identifiers,
-                 "of DICOM: what it carries that says who the patient is, by tag, without values");
-  verb->add_flag("--keep-identifiers", options->keep_identifiers, "with --identifiers: show a value of each");
+                 "list the elements of DICOM files that identify the patient, by tag, without values");
+  verb->add_flag("--keep-identifiers", options->keep_identifiers,
+                 "with --identifiers: also show a value of each");
   verb->footer(
       "Examples:\n"
       "  palpate info knee.seg.nrrd\n"
-      "  palpate info FOLDER --identifiers                    what to take out before it is given away\n"
+      "  palpate info FOLDER --identifiers                    what to remove before sharing\n"
       "  palpate info labels.nii.gz --names dseg.tsv\n"
-      "  palpate info FOLDER --volume 2                       of DICOM; without a number its volumes are "
-      "listed\n"
+      "  palpate info FOLDER --volume 2                       second volume of DICOM files; without --volume "
+      "they are listed\n"
       "  palpate info ct.nrrd --json | jq .spacing_mm\n"
-      "  palpate info scene.toml                              what it takes to feel it");
+      "  palpate info scene.toml                              memory needed to feel it");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_info(*options, console); }; });
 }

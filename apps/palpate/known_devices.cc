@@ -32,7 +32,8 @@ class Named {
       if (equals == std::string::npos || equals + 1 == each.size())
         return Error{ErrorKind::kUsage, "'" + each + "' is not NAME=VALUE", option, "NAME is one of: " + all};
       if (std::find(names.begin(), names.end(), name) == names.end())
-        return Error{ErrorKind::kUsage, "there is none for '" + name + "'", option, "there is for: " + all};
+        return Error{ErrorKind::kUsage, "there is no such setting for '" + name + "'", option,
+                     "it exists for: " + all};
       named.all_.push_back(each.substr(equals + 1));
       if (repeats) continue;
       if (!named.values_.emplace(name, each.substr(equals + 1)).second)
@@ -53,8 +54,8 @@ class Named {
     char* end = nullptr;
     const double value = std::strtod(said.c_str(), &end);
     if (*end != '\0' || !(value >= 0 && value <= most))
-      return Error{ErrorKind::kUsage, "'" + said + "' is no number from 0 to " + std::to_string(most), option,
-                   "kilograms of what is held at the arm's end"};
+      return Error{ErrorKind::kUsage, "'" + said + "' is not a number from 0 to " + std::to_string(most),
+                   option, "give the mass of the tool at the end of the arm in kilograms"};
     return std::optional<double>(value);
   }
 
@@ -71,22 +72,23 @@ Result<TrackerAddress> tracker_of(const DeviceOptions& options) {
   if (options.tracker.empty()) return TrackerAddress{};
   const auto address = parse_tracker_address(options.tracker);
   if (address) return *address;
-  return Error{ErrorKind::kUsage, "'" + printable_name(options.tracker) + "' is no address", "--tracker",
-               "HOST:PORT, as 192.168.0.7:18944"};
+  return Error{ErrorKind::kUsage, "'" + printable_name(options.tracker) + "' is not an address", "--tracker",
+               "write HOST:PORT, such as 192.168.0.7:18944"};
 }
 
 }  // namespace
 
 void add_stream_options(CLI::App& verb, StreamOptions& options) {
   verb.add_option("--transform", options.transform,
-                  "The transform of the tool's markers, of a tracker's stream or a recorded sequence: e.g. "
-                  "StylusToTracker");
+                  "Name of the transform of the tool's markers in a tracker's stream or a recorded sequence, "
+                  "e.g. StylusToTracker");
   verb.add_option("--reference", options.reference,
-                  "Of a stream: that of markers on the patient, who may move then, e.g. ReferenceToTracker");
+                  "Name of the transform of the patient's markers in a tracker's stream, e.g. "
+                  "ReferenceToTracker; the patient may then move");
 }
 
 void add_tip_option(CLI::App& verb, StreamOptions& options) {
-  verb.add_option("--tip", options.tip, "The tool's tip, as palpate pivot -o has written it");
+  verb.add_option("--tip", options.tip, "Position of the tool's tip, as written by palpate pivot -o");
 }
 
 Result<ToolTip> read_tip(const std::filesystem::path& file) {
@@ -97,19 +99,19 @@ Result<ToolTip> read_tip(const std::filesystem::path& file) {
 
 void add_device_options(CLI::App& verb, DeviceOptions& options) {
   verb.add_option("--library", options.libraries,
-                  "NAME=FILE: the file of a device's maker's library; default: looked for in the system's "
-                  "folders (docs/reference/devices.md)")
+                  "NAME=FILE: library of the device's vendor; default: searched for in the system's folders "
+                  "(docs/reference/devices.md)")
       ->allow_extra_args(false);
-  verb.add_option("--held-mass", options.held_masses,
-                  "NAME=KG: what is held at a device's end where that is not the maker's own, carried by the "
-                  "device")
+  verb.add_option(
+          "--held-mass", options.held_masses,
+          "NAME=KG: mass of a custom tool at the end of the device, whose weight the device compensates")
       ->allow_extra_args(false);
   verb.add_option("--device-config", options.configs,
-                  "touch=NAME: the name by which the maker's setup knows the device; as often as there are; "
-                  "default: the default one")
+                  "touch=NAME: name of the device in the vendor's configuration; may be repeated; default: "
+                  "the default device")
       ->allow_extra_args(false);
   verb.add_option("--tracker", options.tracker,
-                  "HOST:PORT of a tracker's server (OpenIGTLink; of PLUS: port 18944)");
+                  "HOST:PORT of a tracking server (OpenIGTLink; port 18944 for PLUS)");
 }
 
 Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& options) {
@@ -123,7 +125,7 @@ Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& opt
                                                  {"--registration", !options.registration.empty()}};
   for (const auto& [option, is_given] : needed)
     if (!is_given)
-      return Error{ErrorKind::kUsage, "is missing, without which there is no tracked tool", option,
+      return Error{ErrorKind::kUsage, "is missing: a tracked tool needs it", option,
                    "give --tracker, --transform, --tip and --registration (docs/guide/navigation.md)"};
   auto tip = read_tip(stream.tip);
   if (!tip) return tip.error();
@@ -133,10 +135,10 @@ Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& opt
   if (!patient) return patient.error();
   if (!patient->reference.empty() && patient->reference != stream.reference)
     return Error{ErrorKind::kBadInput,
-                 "was made in the coordinates of " + printable_name(patient->reference) + ", and not of " +
+                 "was made in the coordinates of " + printable_name(patient->reference) + ", not of " +
                      (stream.reference.empty() ? "the tracker" : printable_name(stream.reference)),
                  options.registration.string(),
-                 "give --reference " + printable_name(patient->reference) + ", or register anew"};
+                 "give --reference " + printable_name(patient->reference) + ", or register again"};
   return std::shared_ptr<const Navigation>(
       std::make_shared<Navigation>(Navigation{*std::move(tip), *std::move(patient)}));
 }

@@ -10,8 +10,8 @@ std::string leaky_text(std::vector<Leaks> leaks, const std::function<std::string
   std::stable_sort(leaks.begin(), leaks.end(),
                    [](const Leaks& a, const Leaks& b) { return a.joints > b.joints; });
   std::string text =
-      "leaky: a point tool may slip through where voxels hold together by edges or corners alone, with the "
-      "number of such places: ";
+      "leaky: a point tool may slip through where voxels are connected only by edges or corners; number of "
+      "such places: ";
   for (std::size_t n = 0; n < std::min(leaks.size(), kNamed); ++n) {
     char place[80];
     std::snprintf(place, sizeof place, " (one at %.1f, %.1f, %.1f mm)", leaks[n].place.x(),

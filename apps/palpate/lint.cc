@@ -70,7 +70,7 @@ Result<std::vector<OutputClaim>> claim_outputs(const LintVerbOptions& options) {
       if (same_file(outputs[n].file, outputs[m].file))
         return Error{ErrorKind::kUsage,
                      std::string("is written by ") + outputs[m].option + " and by " + outputs[n].option,
-                     outputs[n].file.string(), "give each output a file of its own"};
+                     outputs[n].file.string(), "give each output a different file"};
     auto claimed = claim_output(outputs[n].file, inputs);
     if (!claimed) return claimed.error();
     claims.push_back(*std::move(claimed));
@@ -96,7 +96,7 @@ void print_report(std::ostream& out, const LintReport& report) {
   constexpr std::size_t kLinesOfAKind = 6, kMaxStructures = 60;
   out << "grade " << report.grade << ": " << count_of(report.count(LintSeverity::kFault), "fault") << ", "
       << count_of(report.count(LintSeverity::kWarning), "warning") << ", "
-      << report.count(LintSeverity::kCannotTell) << " that cannot be told, in "
+      << report.count(LintSeverity::kCannotTell) << " that cannot be decided, in "
       << count_of(report.structures.size(), "structure") << '\n';
   std::size_t clean = 0, shown = 0;
   for (const StructureGrade& structure : report.structures) {
@@ -116,7 +116,7 @@ void print_report(std::ostream& out, const LintReport& report) {
     const LintKindInfo& kind = lint_kind(first.kind);
     out << '\n' << in_words(first.severity) << ": " << kind.title << '\n';
     if (first.severity != LintSeverity::kCannotTell)
-      print_wrapped(out, std::string(kind.effect) + "; to mend it: " + std::string(kind.remedy), "  ", "  ");
+      print_wrapped(out, std::string(kind.effect) + "; remedy: " + std::string(kind.remedy), "  ", "  ");
     std::size_t lines = 0, end = n;
     for (; end < report.findings.size() && report.findings[end].kind == first.kind &&
            report.findings[end].severity == first.severity;
@@ -318,7 +318,7 @@ Result<LintPage> page_of(const LintReport& report, const LintVerbOptions& option
 
 void print_mends(std::ostream& out, const LintReport& report, const MendedLabels& mended) {
   out << '\n';
-  if (mended.mends.empty()) out << "mended: nothing, the new file holds the same labels\n";
+  if (mended.mends.empty()) out << "nothing to mend: the new file holds the same labels\n";
   for (const LintMend& mend : mended.mends) {
     const std::string name = printable_name(mended.labels.find(mend.structure)->name);
     if (mend.parts > 0)
@@ -326,7 +326,7 @@ void print_mends(std::ostream& out, const LintReport& report, const MendedLabels
           << count_of(mend.parts, mend.kind == LintKind::kIslands ? "island" : "hole") << " of " << name
           << ", " << count_of(mend.voxels, "voxel") << '\n';
     else
-      out << "mended: label " << mend.structure << " is called " << name << '\n';
+      out << "mended: label " << mend.structure << " is renamed to " << name << '\n';
   }
   std::array<std::size_t, 32> left{};
   for (const LintFinding& finding : report.findings)
@@ -334,7 +334,7 @@ void print_mends(std::ostream& out, const LintReport& report, const MendedLabels
       ++left.at(static_cast<std::size_t>(finding.kind));
   for (const LintKindInfo& kind : lint_kinds())
     if (const std::size_t count = left.at(static_cast<std::size_t>(kind.kind)); count > 0)
-      out << "not mended, as it takes a decision: " << kind.title << ", " << count_of(count, "finding")
+      out << "not mended, because it needs a decision: " << kind.title << ", " << count_of(count, "finding")
           << '\n';
 }
 
@@ -394,7 +394,7 @@ int run_lint(const LintVerbOptions& options, Console& console) {
     mends = mended->mends;
     if (words) print_mends(std::cout, *report, *mended);
     if (!keeps_names(*options.fix))
-      console.warn()("only a name that ends in .seg.nrrd keeps the structures' names and colours");
+      console.warn()("only the format .seg.nrrd keeps the names and colours of the structures");
     console.note("labels: " + options.fix->string());
   }
   if (options.json) {
@@ -411,23 +411,22 @@ int run_lint(const LintVerbOptions& options, Console& console) {
 
 void add_lint(CLI::App& app, Run& run) {
   const auto options = std::make_shared<LintVerbOptions>();
-  CLI::App* verb =
-      app.add_subcommand("lint", "Say how fit a segmentation is for touch, and mend what is plain");
+  CLI::App* verb = app.add_subcommand(
+      "lint", "Check whether a segmentation is fit for touch, and mend unambiguous faults");
   add_source_options(*verb, options->source,
                      "Label map, a folder of DICOM with a segmentation, a scene file or a data set")
       ->required();
   verb->add_option("-r,--tool-radius", options->tool_radius_mm,
-                   "Radius of the tool's ball in mm, for which gaps and access are measured")
+                   "Radius of the tool's ball in mm, used for gaps and access")
       ->check(number_between(kMinLintToolRadius_mm, kMaxLintToolRadius_mm))
       ->capture_default_str();
   verb->add_option("-j,--json", options->json,
-                   "Write the findings as JSON; -: to standard output, without words")
+                   "Write the findings as JSON; -: to standard output, in place of the text")
       ->type_name("FILE");
   verb->add_option("-p,--page", options->page, "Write a page with a picture of each finding (HTML)")
       ->type_name("FILE");
   verb->add_option("--fix", options->fix,
-                   "Write the labels without islands and holes, and with names that are unique; .seg.nrrd "
-                   "keeps names")
+                   "Write the labels without islands and holes, and with unique names; .seg.nrrd keeps names")
       ->type_name("NEW");
   verb->footer(
       "Examples:\n"
@@ -435,9 +434,8 @@ void add_lint(CLI::App& app, Run& run) {
       "  palpate lint labels.nii.gz ct.nii.gz --names dseg.tsv --page lint.html\n"
       "  palpate lint scene.toml --tool-radius 2.5\n"
       "  palpate lint knee.seg.nrrd --json - | jq .grade\n"
-      "  palpate lint knee.seg.nrrd --fix mended.seg.nrrd\n"
-      "\n"
-      "Exit code 3 where there are faults; warnings and what cannot be told leave it 0. docs/guide/lint.md.");
+      "  palpate lint knee.seg.nrrd --fix mended.seg.nrrd\n\n"
+      "Exit code 3: there are faults. Warnings and undecided findings leave it 0. docs/guide/lint.md.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_lint(*options, console); }; });
 }

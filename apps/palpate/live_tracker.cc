@@ -43,7 +43,7 @@ class LivePoses {
   std::deque<MarkersPose> next() {
     const auto trouble = stream_.trouble();
     const std::string wrong = trouble ? trouble->message() : "";
-    if (wrong != told_) console_.warn()(wrong.empty() ? "the tool is seen again" : wrong);
+    if (wrong != told_) console_.warn()(wrong.empty() ? "the tool is visible again" : wrong);
     told_ = wrong;
     const std::lock_guard lock(mutex_);
     return std::exchange(waiting_, {});
@@ -78,17 +78,18 @@ std::optional<TrackerAddress> stream_named(const std::string& file_or_address) {
 
 Result<TrackerSettings> stream_settings(const TrackerAddress& address, const StreamOptions& options) {
   if (!options.transform.empty()) return TrackerSettings{address, options.transform, options.reference};
-  return Error{ErrorKind::kUsage, "a tracker's stream has many transforms", "--transform",
-               "say which is the tool's, e.g. --transform StylusToTracker; palpate devices --tracker " +
-                   printable_name(address.text()) + " lists them"};
+  return Error{
+      ErrorKind::kUsage, "the tracker's stream has several transforms", "--transform",
+      "name the transform of the tool, e.g. --transform StylusToTracker; palpate devices --tracker " +
+          printable_name(address.text()) + " lists them"};
 }
 
 Result<std::vector<ToolMarkers>> collect_pivot(const TrackerSettings& settings, Console& console) {
   LivePoses live(settings, console);
   if (auto opened = live.open(); !opened) return opened.error();
   console.note(
-      "keep the tip in a dimple and turn the tool by 30 degrees and more to all sides; it ends by "
-      "itself, or with Ctrl-C");
+      "keep the tip in a dimple and tilt the tool by 30 degrees or more in all directions; collection ends "
+      "by itself, or with Ctrl-C");
   const Progress progress = console.progress();
   std::vector<ToolMarkers> poses;
   while (!progress.stopped()) {
@@ -96,8 +97,9 @@ Result<std::vector<ToolMarkers>> collect_pivot(const TrackerSettings& settings, 
       if (poses.empty() || turn_between(poses.back(), pose.tracker_from_tool) >= kAnotherPose_rad)
         poses.push_back(pose.tracker_from_tool);
     const double turn_deg = turned_deg(poses);
-    char text[100];
-    std::snprintf(text, sizeof text, "%zu of %zu poses, turned by %.1f of %.0f degrees where it turned least",
+    char text[128];
+    std::snprintf(text, sizeof text,
+                  "%zu of %zu poses, turned by %.1f of %.0f degrees about the axis of least rotation",
                   poses.size(), kEnoughPoses, turn_deg, kEnoughTurn_deg);
     console.live(text);
     if (poses.size() >= kEnoughPoses && turn_deg >= kEnoughTurn_deg) break;
@@ -123,10 +125,10 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
     if (n < names.size())
       console.note("touch " + printable_name(names[n]) + " (" + std::to_string(n + 1) + " of " +
                    std::to_string(names.size()) + ") and hold the tip still for a second" +
-                   (keys.active() ? "; u takes the last one back" : ""));
+                   (keys.active() ? "; u undoes the last one" : ""));
     else if (n < asked)
       console.note("hold the tip still on " + printable_name(structure) +
-                   " for a second, then lead it over all of it that can be reached, without lifting it");
+                   " for a second, then trace all of the surface that can be reached, without lifting it");
   };
   ask();
   double near_since_s = -1;
@@ -150,22 +152,22 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
       const TouchDetector::State state = touches.see(at, time_s);
       if (state != TouchDetector::State::kTooNear) near_since_s = time_s;
       if (time_s - near_since_s > kTooNearTold_s) {
-        console.warn()("the tip is less than 5 mm from where it touched before: touch another place");
+        console.warn()("the tip is less than 5 mm from a point touched before: touch another place");
         near_since_s = INFINITY;
       }
       if (state != TouchDetector::State::kTaken) continue;
       const TouchedPoint& place = touches.taken().back();
       if (touches.taken().size() > names.size()) {
         out.traced.push_back(place.at);
-        console.note("lead the tip over " + printable_name(structure));
+        console.note("trace the surface of " + printable_name(structure));
         continue;
       }
       char text[60];
-      std::snprintf(text, sizeof text, ": taken, held within %.2f mm", place.held_mm);
+      std::snprintf(text, sizeof text, ": recorded, held within %.2f mm", place.held_mm);
       console.note(printable_name(names[touches.taken().size() - 1]) + text);
       ask();
     }
-    char text[100];
+    char text[128];
     std::snprintf(text, sizeof text, "%zu of %zu points, %zu of %zu places",
                   std::min(touches.taken().size(), names.size()), names.size(), out.traced.size(),
                   asked > names.size() ? kTracePlaces : 0);

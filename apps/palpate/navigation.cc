@@ -72,14 +72,13 @@ int pivot(const PivotVerb& options, Console& console) {
   const int left_out = static_cast<int>(poses->size()) - found->used;
   std::printf("tip in the tool's frame     %.3f, %.3f, %.3f mm\n", found->tip.x(), found->tip.y(),
               found->tip.z());
-  std::printf("where it stood              %.3f, %.3f, %.3f mm, of the tracker\n", found->pivot.x(),
-              found->pivot.y(), found->pivot.z());
-  std::printf("left over                   %.3f mm (root mean square of %d poses)\n", found->rms_mm,
+  std::printf("tip in the tracker's frame  %.3f, %.3f, %.3f mm\n", found->pivot.x(), found->pivot.y(),
+              found->pivot.z());
+  std::printf("residual                    %.3f mm (root mean square of %d poses)\n", found->rms_mm,
               found->used);
-  std::printf("error of the tip            %.3f mm (root of its expected square)\n", found->tip_error_mm);
-  std::printf("turned by                   %.1f degrees where it turned least\n", found->turn_deg);
-  std::printf("left out                    %d of %zu poses, which do not agree with the others\n", left_out,
-              poses->size());
+  std::printf("error of the tip            %.3f mm (root mean square, expected)\n", found->tip_error_mm);
+  std::printf("rotation                    %.1f degrees about the axis of least rotation\n", found->turn_deg);
+  std::printf("outliers                    %d of %zu poses, left out\n", left_out, poses->size());
   if (!options.output.empty()) {
     if (const auto written = write_file(options.output, tip_text(*found)); !written)
       return console.fail(written.error());
@@ -129,12 +128,13 @@ Result<std::vector<PointPair>> pair_up(const std::vector<NamedPoint>& scan,
     return pairs;
   }
   if (scan.size() != tracked.size())
-    return Error{ErrorKind::kBadInput,
-                 "has " + std::to_string(tracked.size()) + " points, and the scan " +
-                     std::to_string(scan.size()) + ", with other names",
-                 printable_name(options.tracked_points),
-                 "name the points alike in both files, or list as many in the same order"};
-  console.note("the points have other names in the two files: paired in their order");
+    return Error{
+        ErrorKind::kBadInput,
+        "has " + std::to_string(tracked.size()) + " points, but the scan has " + std::to_string(scan.size()) +
+            ", with other names",
+        printable_name(options.tracked_points),
+        "give the points the same names in both files, or the same number of points in the same order"};
+  console.note("the names of the points differ between the two files: points are paired by their order");
   for (std::size_t n = 0; n < scan.size(); ++n) add(scan[n], tracked[n]);
   return pairs;
 }
@@ -170,8 +170,8 @@ Result<TouchedPlaces> touched_places(const RegisterVerb& options, const std::vec
   const auto settings = stream_settings(*address, options.stream);
   if (!settings) return settings.error();
   if (options.stream.tip.empty())
-    return Error{ErrorKind::kUsage, "of a tracked tool its tip has to be known", "--tip",
-                 "give what palpate pivot -o has written"};
+    return Error{ErrorKind::kUsage, "the position of the tool's tip is needed", "--tip",
+                 "give the file written by palpate pivot -o"};
   const auto tip = read_tip(options.stream.tip);
   if (!tip) return tip.error();
   std::vector<std::string> names;
@@ -205,7 +205,7 @@ Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
     return Error{ErrorKind::kUsage, "no structure is called \"" + printable_name(options.structure) + "\"",
                  "--structure",
                  meant.empty() ? "there are: " + known
-                               : "perhaps \"" + printable_name(meant) + "\" is meant; there are: " + known};
+                               : "did you mean \"" + printable_name(meant) + "\"? There are: " + known};
   }
   auto prepared = prepare_surfaces(*model.labels, {segment->id}, {}, console.progress());
   if (!prepared) return prepared.error();
@@ -214,21 +214,22 @@ Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
 
 void print_points(const RegistrationOutcome& outcome, bool targets_given) {
   const PointRegistration& points = outcome.by_points;
-  std::printf("%s %s\n", fitted("point", 16).c_str(), "left over, mm");
+  std::printf("%s %s\n", fitted("point", 16).c_str(), "residual, mm");
   for (std::size_t n = 0; n < outcome.names.size(); ++n)
     std::printf("%s %.3f\n", shown_name(outcome.names[n]).c_str(), points.residuals_mm[n]);
-  std::printf("all              %.3f (FRE, root mean square), which tells nothing of the error elsewhere\n",
+  std::printf("all              %.3f (FRE, root mean square); it does not predict the error elsewhere\n",
               points.fre_mm);
   if (!outcome.is_fle_known && outcome.fle_scale)
-    std::printf("error of a point %.2f mm (FLE, from what is left over; %.2f to %.2f in 95 of 100 cases)\n",
-                points.fle_scale, points.min_fle_scale, points.max_fle_scale);
+    std::printf(
+        "error of a point %.2f mm (FLE, estimated from the residuals; %.2f to %.2f in 95 of 100 cases)\n",
+        points.fle_scale, points.min_fle_scale, points.max_fle_scale);
   if (!outcome.fle_scale) return;
-  std::printf("\nby these points, a target is wrong by (TRE):\n");
+  std::printf("\nexpected target error with these points (TRE):\n");
   for (const Point<Patient>& place : outcome.targets) {
     const ErrorSpread wrong = error_at(rigid_error(points, *outcome.fle_scale), place);
     std::printf("  at %.1f, %.1f, %.1f%s   %.2f mm (root mean square); below %.2f in 95 of 100 cases\n",
-                place.x(), place.y(), place.z(), targets_given ? "" : " (the points' middle)", wrong.rms_mm,
-                wrong.max_mm);
+                place.x(), place.y(), place.z(), targets_given ? "" : " (centroid of the points)",
+                wrong.rms_mm, wrong.max_mm);
   }
 }
 
@@ -248,8 +249,9 @@ int register_verb(const RegisterVerb& options, Console& console) {
   const bool is_touched = is_live ? !options.touched.empty() && options.surface.empty()
                                   : options.surface.empty() != options.touched.empty();
   if (is_touched || options.surface.empty() != options.structure.empty())
-    return console.fail({ErrorKind::kUsage, "a surface needs --surface, --structure and --touched", "",
-                         "give all three, or none; live it is traced, and needs no --touched"});
+    return console.fail(
+        {ErrorKind::kUsage, "a surface needs --surface, --structure and --touched", "",
+         "give all three, or none; with a live tracker the surface is traced, and --touched is not needed"});
 
   const auto scan = points_of(options.scan_points);
   if (!scan) return console.fail(scan.error());
@@ -272,9 +274,10 @@ int register_verb(const RegisterVerb& options, Console& console) {
                                     [](const auto& point) { return point.fle_mm.has_value(); });
   if (!options.fle_mm && stated > 0 && stated < std::ssize(tracked))
     return console.fail({ErrorKind::kBadInput,
-                         "says of " + std::to_string(stated) + " of " + std::to_string(tracked.size()) +
-                             " points how wrong they are",
-                         printable_name(options.tracked_points), "say it of all, or of none, or give --fle"});
+                         "gives the error of only " + std::to_string(stated) + " of " +
+                             std::to_string(tracked.size()) + " points",
+                         printable_name(options.tracked_points),
+                         "give the error of all points, or of none, or give --fle"});
   if (options.fle_mm)
     for (PointPair& pair : *pairs) pair.fle_mm = *options.fle_mm;
   auto by_points = register_points(*pairs);
@@ -298,8 +301,8 @@ int register_verb(const RegisterVerb& options, Console& console) {
     outcome.fle_scale = outcome.by_points.fle_scale;
   else
     console.warn()(
-        "the points fit without any error: they were computed from one another, and nothing is known of how "
-        "wrong this is");
+        "the points fit without any error, so they were computed from each other: the error of the "
+        "registration is unknown");
   print_points(outcome, !options.targets.empty());
 
   if (!options.surface.empty()) {
@@ -317,10 +320,10 @@ int register_verb(const RegisterVerb& options, Console& console) {
     outcome.surface = {options.structure, *std::move(found)};
     const SurfaceRegistration& onto = outcome.surface->found;
     const auto trimmed = std::count(onto.is_trimmed.begin(), onto.is_trimmed.end(), true);
-    std::printf("\nthen onto the surface of %s by %zu points, %ld of which, the worst, do not count:\n",
+    std::printf("\nrefined on the surface of %s with %zu points, without the %ld worst:\n",
                 printable_name(options.structure).c_str(), touched->traced.size(),
                 static_cast<long>(trimmed));
-    std::printf("  left over %.3f mm (root mean square); moved by %.2f mm and %.2f degrees\n", onto.rms_mm,
+    std::printf("  residual %.3f mm (root mean square); moved by %.2f mm and %.2f degrees\n", onto.rms_mm,
                 onto.moved_mm, onto.turned_deg);
   }
   if (!options.output.empty()) {
@@ -335,23 +338,20 @@ int register_verb(const RegisterVerb& options, Console& console) {
 
 void add_pivot(CLI::App& app, Run& run) {
   auto options = std::make_shared<PivotVerb>();
-  CLI::App* verb =
-      app.add_subcommand("pivot", "Find a tracked tool's tip from poses in which it turned about its tip");
+  CLI::App* verb = app.add_subcommand("pivot", "Pivot calibration: find the tip of a tracked tool");
   verb->add_option("poses", options->poses,
-                   "Poses of the tool's markers, tracker from tool: a line for each (16 or 12 numbers of a "
-                   "matrix, or x y z and a quaternion), or a sequence of PLUS (.mha); or HOST:PORT of a "
-                   "tracker's server (OpenIGTLink; of PLUS: port 18944), live")
+                   "Poses of the tool's markers (tracker from tool): a file with one pose per line (matrix "
+                   "of 16 or 12 numbers, or x y z and a quaternion), a PLUS sequence (.mha), or a live "
+                   "tracking server as HOST:PORT (OpenIGTLink; port 18944 for PLUS)")
       ->required();
   add_stream_options(*verb, options->stream);
-  verb->add_option("--quaternion", options->quaternion, "Order of a quaternion's numbers")
+  verb->add_option("--quaternion", options->quaternion, "Order of the components of quaternions")
       ->check(CLI::IsMember({"xyzw", "wxyz"}))
       ->capture_default_str();
-  verb->add_option("-o,--output", options->output, "Writes tip and errors (JSON)");
+  verb->add_option("-o,--output", options->output, "File to write the tip and its error to (JSON)");
   verb->footer(
-      "Keep the tip in a dimple and turn the tool by 30 degrees and more to all sides, for some hundred "
-      "poses.\n"
-      "Poses that do not agree with the others are left out and told; a tool that hardly turned is "
-      "refused.\n\n"
+      "Keep the tip in a dimple and tilt the tool by 30 degrees or more in all directions, for some hundred\n"
+      "poses. Outliers are left out and counted; poses with too little rotation are refused.\n\n"
       "Example:\n"
       "  palpate pivot poses.csv -o tip.json\n"
       "  palpate pivot localhost:18944 --transform StylusToTracker -o tip.json");
@@ -360,46 +360,49 @@ void add_pivot(CLI::App& app, Run& run) {
 
 void add_register(CLI::App& app, Run& run) {
   auto options = std::make_shared<RegisterVerb>();
-  CLI::App* verb = app.add_subcommand(
-      "register", "Find where a tracked patient lies in the scan, and how wrong that may be");
+  CLI::App* verb =
+      app.add_subcommand("register", "Register a tracked patient to the scan, with an error estimate");
   verb->add_option(
           "scan", options->scan_points,
           "Points in the scan, mm, LPS: Slicer's markups (.mrk.json, .fcsv), or lines of name, x, y, z")
       ->required();
-  verb->add_option("tracked", options->tracked_points,
-                   "The same points as the tracker saw them, mm; a fifth number is the point's error. Or "
-                   "HOST:PORT of a tracker's server (OpenIGTLink): they are touched now, in their order")
+  verb->add_option(
+          "tracked", options->tracked_points,
+          "The same points measured by the tracker, mm; an optional fifth value is the error of the point. "
+          "Or HOST:PORT of a live tracking server (OpenIGTLink): touch the points in their order")
       ->required();
   add_stream_options(*verb, options->stream);
   add_tip_option(*verb, options->stream);
-  verb->add_option("--fle", options->fle_mm,
-                   "How wrong a tracked point is, mm (root mean square); default: from what is left over")
+  verb->add_option(
+          "--fle", options->fle_mm,
+          "Error of a tracked point (FLE), mm (root mean square); default: estimated from the residuals")
       ->check(number_between(1e-6, 1000));
   verb->add_option("--target", options->targets,
-                   "Where the error is wanted: patient coordinates in mm, LPS; may be given several times")
+                   "Target whose error is to be estimated: patient coordinates in mm, LPS; may be repeated")
       ->delimiter(',')
       ->expected(3)
       ->check(number_between(-1e6, 1e6))
       ->type_name("X,Y,Z");
   verb->add_option("--surface", options->surface,
-                   "Then onto a structure's surface: a data set, a scene file, or a label map");
-  verb->add_option("--structure", options->structure, "Which structure");
+                   "Refine the registration on a surface of this data set, scene file or label map");
+  verb->add_option("--structure", options->structure, "Structure whose surface is used");
   verb->add_option(
       "--touched", options->touched,
-      "Where that structure was touched, as the tracker saw it (12 points and more); live: it is "
-      "traced now");
-  verb->add_option("--tip-radius", options->tip_radius_mm, "Of the ball it was touched with, mm")
+      "Points on that surface measured by the tracker (12 or more); with a live server it is traced instead");
+  verb->add_option("--tip-radius", options->tip_radius_mm,
+                   "Radius of the ball at the tip that touched the surface, mm")
       ->check(number_between(0, 20))
       ->capture_default_str();
-  verb->add_option("-o,--output", options->output, "Writes the registration (JSON)");
+  verb->add_option("-o,--output", options->output, "File to write the registration to (JSON)");
   verb->footer(
       "Examples:\n"
       "  palpate register scan.mrk.json tracked.csv --target 12,-40,8\n"
       "  palpate register scan.fcsv tracked.csv --surface scene.toml --structure femur --touched traced.csv "
       "-o registration.json\n"
       "  palpate register scan.mrk.json localhost:18944 --transform StylusToTracker --reference "
-      "ReferenceToTracker\n    --tip tip.json -o registration.json\n\n"
-      "docs/guide/navigation.md says what the figures mean. Not for clinical use.");
+      "ReferenceToTracker\n"
+      "    --tip tip.json -o registration.json\n\n"
+      "docs/guide/navigation.md explains the figures. Not for clinical use.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return register_verb(*options, console); }; });
 }

@@ -47,17 +47,15 @@ void add_method_option(CLI::App& verb, const std::string& help, std::span<const 
 void add_volume_option(CLI::App& verb, std::optional<int>& volume) {
   verb.add_option(
           "--volume", volume,
-          "Which volume, where a DICOM file or a folder of them holds several (palpate info lists them)")
+          "Number of the volume in a DICOM file or folder with several volumes (palpate info lists them)")
       ->check(whole_between(1, 100'000));
 }
 
 void add_content_options(CLI::App& verb) {
   CLI::Option* labels = verb.add_flag_callback(
-      "--labels", [] { set_read_as(ReadAs::kLabels); },
-      "Take a volume, the second of two, as labels whatever it looks like");
+      "--labels", [] { set_read_as(ReadAs::kLabels); }, "Read the volume, the second of two, as labels");
   verb.add_flag_callback(
-          "--scan", [] { set_read_as(ReadAs::kScan); },
-          "Take a volume, the first of two, as a scan whatever it looks like")
+          "--scan", [] { set_read_as(ReadAs::kScan); }, "Read the volume, the first of two, as a scan")
       ->excludes(labels);
 }
 
@@ -70,8 +68,7 @@ CLI::Option* add_source_options(CLI::App& verb, SceneSource& source, const std::
   CLI::Option* target = verb.add_option("target", source.target, help);
   verb.add_option(
       "segmentation", source.segmentation,
-      "The segmentation of a scan, the two in either order; without it the only segmentation in a "
-      "folder of DICOM");
+      "Segmentation of the scan, in either order; default: the only segmentation in a DICOM folder");
   add_names_option(verb, source.names);
   add_volume_option(verb, source.volume);
   add_content_options(verb);
@@ -85,7 +82,7 @@ void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& pr
             preparation =
                 name == "inward-ramp" ? PreparationMethod::kInwardRamp : PreparationMethod::kUnionGaussian;
           },
-          "How labels become the field; default: the scene's")
+          "Method of preparation; default: the scene's")
       ->check(CLI::IsMember({"inward-ramp", "union-gaussian"}));
 }
 
@@ -114,9 +111,9 @@ void print_protected(const std::vector<ProtectedFigure>& spared, const std::stri
   for (const ProtectedFigure& figure : spared) {
     const char* name = figure.structure.c_str();
     if (figure.removed_mm3 > 0)
-      std::printf("ALARM: %.1f mm3 of %s are gone, which is protected\n", figure.removed_mm3, name);
+      std::printf("ALARM: %.1f mm3 removed from %s, which is protected\n", figure.removed_mm3, name);
     else if (figure.nearest_mm)
-      std::printf("nearest to %s: %.2f mm; nothing of it is gone\n", name, *figure.nearest_mm);
+      std::printf("nearest distance to %s: %.2f mm; nothing was removed from it\n", name, *figure.nearest_mm);
     else
       std::printf("the %s did not come near %s\n", cutter.c_str(), name);
   }

@@ -13,10 +13,10 @@
 namespace palpate::app {
 
 inline constexpr const char* kTargetHelp =
-    "A data set (palpate data list), a scene file, or a scan or label map by itself, a folder of DICOM too";
+    "A data set (palpate data list), a scene file, or a scan or label map, also as a DICOM folder";
 
 inline constexpr const char* kMadeWithHelp =
-    "Scene file, volume or data set that the recording was made with; not needed for data sets";
+    "Scene file or volume of the recording; not needed for data sets";
 
 /// Loads a source by load_scene_or_data_set(). Prints notes about the origin of a proposed scene, the
 /// placement of the labels in the scan, and the source of their names.

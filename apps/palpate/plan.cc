@@ -42,7 +42,7 @@ int from_markups(const PlanOptions& options, Console& console) {
   const auto made = plan_from_markups(*text, options.title, options.markups.string());
   if (!made) return console.fail(made.error());
   for (const std::string& name : made->left_out)
-    console.warn()(printable_name(name) + " says nothing of a trajectory: left out");
+    console.warn()(printable_name(name) + " does not define a trajectory: left out");
   // a plan that cannot be parsed again, e.g. with a title without a letter, is not written
   const std::string plan = plan_text(made->plan);
   if (const auto again = parse_plan(plan, options.output.string()); !again)
@@ -55,7 +55,7 @@ int from_markups(const PlanOptions& options, Console& console) {
 // ---- show
 
 std::string allowed_text(const std::optional<double>& allowed, const char* unit) {
-  if (!allowed) return "not asked";
+  if (!allowed) return "no limit";
   char text[64];
   std::snprintf(text, sizeof text, "at most %g %s", *allowed, unit);
   return text;
@@ -99,7 +99,7 @@ void print_structures_on_way(const PlannedScene& scene, std::size_t n) {
     text += (text.empty() ? "" : ", ") +
             (label == 0 ? std::string("nothing") : printable_name(scene.model->name_of(label))) + length;
   }
-  std::printf("  goes through    %s\n", text.c_str());
+  std::printf("  passes through  %s\n", text.c_str());
 }
 
 void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
@@ -118,12 +118,12 @@ void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
       min_mm =
           std::min(min_mm, distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
                                                                        (static_cast<double>(step) / steps)));
-    std::printf("  from %s %.2f mm at the least; %g mm are asked of the tool's outside\n",
+    std::printf("  distance to %s %.2f mm at least; %g mm required for the outside of the tool\n",
                 planned_name(scene.model->name_of(distance.label())).c_str(), min_mm, asked->second);
   }
   if (std::isfinite(entry_mm))
-    std::printf("  its entry lies  %.2f mm %s the surface that it enters\n", std::abs(entry_mm),
-                entry_mm > 0 ? "outside of" : "below");
+    std::printf("  entry           %.2f mm %s the surface that it enters\n", std::abs(entry_mm),
+                entry_mm > 0 ? "outside" : "below");
 }
 
 double all_mm3(const VolumesByLabel& volumes) {
@@ -156,7 +156,7 @@ int show_plan(const PlanOptions& options, Console& console) {
   }
   for (std::size_t n = 0; n < plan->regions.size(); ++n) {
     const PlanRegion& region = plan->regions[n];
-    std::printf("take off        %s", printable_name(region.name).c_str());
+    std::printf("remove          %s", printable_name(region.name).c_str());
     if (volumes) std::printf("  %.1f mm3", all_mm3(volumes->of_regions[n]));
     std::printf("\n");
   }
@@ -225,7 +225,7 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
   for (std::size_t n = 0; n < made.trajectories.size(); ++n)
     print_made(plan.trajectories[n], made.trajectories[n]);
   if (!made.regions.empty()) {
-    std::printf("%s%s%s%s\n", fitted("taken off, mm3", 27).c_str(), fitted("planned", 12).c_str(),
+    std::printf("%s%s%s%s\n", fitted("removed, mm3", 27).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
       std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(),
@@ -253,16 +253,16 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
   }
   for (const ClearanceViolation& breach : made.breaches)
-    std::printf("  %.2f mm from %s (%g asked): ticks %llu to %llu, nearest %s\n", breach.nearest_mm,
+    std::printf("  %.2f mm from %s (%g required): ticks %llu to %llu, nearest %s\n", breach.nearest_mm,
                 printable_name(scene.model->name_of(breach.label)).c_str(), breach.asked_mm,
                 static_cast<unsigned long long>(breach.begin.tick),
                 static_cast<unsigned long long>(breach.last_tick), at_tick(breach.nearest).c_str());
   if (made.more_breaches > 0)
     std::printf("  and %llu more\n", static_cast<unsigned long long>(made.more_breaches));
-  if (made.cut_short) std::printf("the recording was cut short: what came after it nobody knows\n");
-  if (made.missing_s > 0) std::printf("%.3f s are missing, for ticks were dropped\n", made.missing_s);
+  if (made.cut_short) std::printf("the recording was cut short: what followed is unknown\n");
+  if (made.missing_s > 0) std::printf("%.3f s are missing because ticks were dropped\n", made.missing_s);
   std::printf("%s\n",
-              made.kept() ? "KEPT: all that the plan asks" : "NOT KEPT: something that the plan asks");
+              made.kept() ? "KEPT: all requirements of the plan" : "NOT KEPT: a requirement of the plan");
 }
 
 int compare(const PlanOptions& options, Console& console) {
@@ -301,7 +301,7 @@ int compare(const PlanOptions& options, Console& console) {
 
 void add_plan(CLI::App& app, Run& run) {
   auto options = std::make_shared<PlanOptions>();
-  CLI::App* verb = app.add_subcommand("plan", "Rehearsal: a plan, and what was done beside it");
+  CLI::App* verb = app.add_subcommand("plan", "Rehearsal: show a plan, and compare a recording with it");
   verb->require_subcommand(1);
   const auto when = [&run, options](CLI::App* sub, int (*what)(const PlanOptions&, Console&)) {
     sub->callback([options, &run, what] {
@@ -309,21 +309,23 @@ void add_plan(CLI::App& app, Run& run) {
     });
   };
 
-  CLI::App* markups = verb->add_subcommand("from-markups", "Make a plan of Slicer's markups");
+  CLI::App* markups = verb->add_subcommand("from-markups", "Create a plan from 3D Slicer markups");
   markups
-      ->add_option("markups", options->markups,
-                   "Slicer's lines, each first its entry and then its target, or points called Entry and "
-                   "Target (.mrk.json)")
+      ->add_option(
+          "markups", options->markups,
+          "Markups of 3D Slicer (.mrk.json): lines from entry to target, or points called Entry and Target")
       ->required();
   markups->add_option("-o,--output", options->output, "Plan to write (TOML)")->required();
   markups->add_option("--title", options->title, "Title of the plan; default: Plan")->default_val("Plan");
   markups->footer(
       "Example: palpate plan from-markups tunnel.mrk.json -o plan.toml\n\n"
-      "Curves, regions of interest and planes are refused. What is allowed, what is to be taken off and what "
-      "to keep\naway from is then written into the plan by hand: docs/reference/plan-keys.md has every key.");
+      "Curves, regions of interest and planes are refused. Add tolerances, regions to remove and structures "
+      "to\n"
+      "keep away from to the plan by hand: docs/reference/plan-keys.md lists every key.");
   when(markups, from_markups);
 
-  CLI::App* show = verb->add_subcommand("show", "What a plan asks, and what it is in a scene");
+  CLI::App* show =
+      verb->add_subcommand("show", "Show the requirements of a plan, and check it against a scene");
   show->add_option("plan", options->plan, "Plan file")->required();
   show->add_option("--scene", options->source.target, kTargetHelp);
   add_volume_option(*show, options->source.volume);
@@ -332,28 +334,32 @@ void add_plan(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate plan show plan.toml\n"
       "  palpate plan show plan.toml --scene knee-phantom\n\n"
-      "In a scene it says what each trajectory goes through, how near it comes to what is to be kept away "
-      "from, and\nhow much is to be taken off.");
+      "With a scene it shows the structures along each trajectory, the distance to structures to keep away "
+      "from,\n"
+      "and the volume to remove.");
   when(show, show_plan);
 
-  CLI::App* comparison = verb->add_subcommand("compare", "What was done in a recording, beside a plan");
-  comparison->add_option("recording", options->recording, "Recording of palpate simulate or explore")
+  CLI::App* comparison = verb->add_subcommand("compare", "Compare a recording with a plan");
+  comparison->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
   comparison->add_option("-p,--plan", options->plan, "Plan file")->required();
   comparison->add_option("--scene", options->source.target,
-                         "Scene file or volume that the recording was made with; not needed for data sets");
+                         "Scene file or volume of the recording; not needed for data sets");
   add_volume_option(*comparison, options->source.volume);
   add_content_options(*comparison);
-  comparison->add_option("--device", options->device, "Whose tool it is, of several devices; default 1")
+  comparison
+      ->add_option("--device", options->device, "Number of the device whose tool is compared; default: 1")
       ->check(whole_between(1, kMaxDevices));
-  comparison->add_option("--json", options->json, "Writes every figure, distances over time too (JSON)");
+  comparison->add_option("--json", options->json,
+                         "File to write every figure to, including distances over time (JSON)");
   comparison->footer(
       "Examples:\n"
       "  palpate plan compare run.h5 --plan plan.toml\n"
       "  palpate plan compare run.h5 --plan plan.toml --scene scene.toml --json done.json\n"
       "  palpate report run.h5 --plan plan.toml                 the same figures in the page\n\n"
-      "Exit code 3: something that the plan asks was not kept, the recording was cut short, or ticks are "
-      "missing.\ndocs/guide/rehearsal.md says what each figure is.");
+      "Exit code 3: a requirement of the plan was violated, the recording was cut short, or ticks are "
+      "missing.\n"
+      "docs/guide/rehearsal.md defines each figure.");
   when(comparison, compare);
 }
 

@@ -24,14 +24,14 @@ constexpr const char* kPrepareExamples =
     "  palpate prepare knee.seg.nrrd -o field.nrrd --sigma 1.5\n"
     "  palpate prepare ct.nii.gz --threshold 150 400 -o bone.nrrd --bits 8\n"
     "  palpate prepare labels.nrrd -o field.nrrd --engine fourier --compare\n"
-    "  palpate prepare scene.toml -o field.nrrd             the field of the scene's direct methods\n"
-    "  palpate prepare STUDY seg.dcm -o field.nrrd          that of the scene that is proposed for both\n"
-    "\n"
+    "  palpate prepare scene.toml -o field.nrrd             field of the scene's direct methods\n"
+    "  palpate prepare STUDY seg.dcm -o field.nrrd          field of the scene proposed for both\n\n"
     "A label map is smoothed with every label at full weight. A scene file, a data set and a scan with its\n"
-    "segmentation bring their own tissues, sigma, engine and bits. The field is written in the file's own "
-    "geometry: 0 is free space,\n"
-    "255 or 65535 the inside of the stiffest tissue. The proxy, the default method, reads no field, but\n"
-    "surfaces of the labels themselves.";
+    "segmentation define their own tissues, sigma, engine and bits. The field is written in the geometry of "
+    "the file: 0 is\n"
+    "free space, 255 or 65535 the inside of the stiffest tissue. The proxy, the default method, uses "
+    "surfaces\n"
+    "of the labels instead of a field.";
 
 struct PrepareOptions {
   SceneSource source;
@@ -84,7 +84,7 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
   }
   if (read_as() == ReadAs::kScan)
-    return Error{ErrorKind::kUsage, "a scan becomes a field by a threshold, which is not given", "--scan",
+    return Error{ErrorKind::kUsage, "a scan needs a threshold to become a field", "--scan",
                  "add --threshold LOW HIGH"};
   const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
   const auto file =
@@ -156,7 +156,7 @@ int compare_engines(const Volume<std::uint8_t>& weights, const PrepareOptions& o
               difference->max_abs, difference->mean_abs);
   const auto& sigma = difference->sigma_voxels;
   if (*std::min_element(sigma.begin(), sigma.end()) < 1.5) {
-    std::printf("          (sigma is less than 1.5 voxels on an axis: there the two need not agree)\n");
+    std::printf("          (sigma is less than 1.5 voxels on an axis: the engines need not agree there)\n");
   }
   return kExitOk;
 }
@@ -176,7 +176,7 @@ int prepare_file(const PrepareOptions& options, Console& console) {
 
 int prepare_scene(const PrepareOptions& options, Console& console) {
   if (!options.settings.empty()) {
-    return console.fail({ErrorKind::kUsage, "for one volume only: a scene decides its own preparation",
+    return console.fail({ErrorKind::kUsage, "is for one volume only: a scene defines its own preparation",
                          options.settings,
                          "leave it out, or give a volume; a scene file has sigma, engine and bits under "
                          "[preparation]"});
@@ -213,8 +213,9 @@ bool is_segmentation_name(std::string name) {
 
 int run_prepare(const PrepareOptions& options, Console& console) {
   if (is_segmentation_name(options.output)) {
-    return console.fail({ErrorKind::kUsage, "is the name of a segmentation, and a field is none",
-                         options.output, "name it .nrrd without .seg, .nii.gz or .mha"});
+    return console.fail({ErrorKind::kUsage,
+                         "is the name of a segmentation, but a field is not a segmentation", options.output,
+                         "name it .nrrd without .seg, .nii.gz or .mha"});
   }
   const auto claimed = claim_output(options.output, input_files(options.source));
   if (!claimed) return console.fail(claimed.error());
@@ -222,8 +223,8 @@ int run_prepare(const PrepareOptions& options, Console& console) {
   if (!is_scene) return console.fail(is_scene.error());
   if (*is_scene) return prepare_scene(options, console);
   if (!options.threshold.empty() && !(options.threshold[0] < options.threshold[1])) {
-    return console.fail({ErrorKind::kUsage, "the first threshold is not below the second", "--threshold",
-                         "give the value where tissue begins, then the one where it is full"});
+    return console.fail({ErrorKind::kUsage, "the first threshold must be below the second", "--threshold",
+                         "give the value at which tissue begins, then the value of full tissue"});
   }
   return prepare_file(options, console);
 }
@@ -233,13 +234,13 @@ int run_prepare(const PrepareOptions& options, Console& console) {
 void add_prepare(CLI::App& app, Run& run) {
   auto options = std::make_shared<PrepareOptions>();
   CLI::App* verb =
-      app.add_subcommand("prepare", "Turn labels or a scan into the field that the direct methods read");
+      app.add_subcommand("prepare", "Prepare the field that the direct methods read from labels or a scan");
   verb->footer(kPrepareExamples);
   add_source_options(*verb, options->source)->required();
   verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
 
   constexpr const char* kForVolumes =
-      "For one volume; a scene, a data set or a scan with its segmentation brings its own";
+      "For one volume; a scene, a data set or a scan with its segmentation defines its own";
   verb->add_option("-s,--sigma", options->sigma_mm, "width of the Gaussian in mm")
       ->group(kForVolumes)
       ->check(number_between(0, 10))
@@ -248,7 +249,7 @@ void add_prepare(CLI::App& app, Run& run) {
       ->group(kForVolumes)
       ->check(CLI::IsMember({"direct", "fourier"}))
       ->capture_default_str();
-  verb->add_option("-b,--bits", options->bits, "bits a voxel: 8 as published, 16 for finer directions")
+  verb->add_option("-b,--bits", options->bits, "bits per voxel: 8 as published, 16 for finer directions")
       ->group(kForVolumes)
       ->check(CLI::IsMember({8, 16}))
       ->capture_default_str();
@@ -257,11 +258,11 @@ void add_prepare(CLI::App& app, Run& run) {
       ->expected(2)
       ->check(number_between(-1e9, 1e9))
       ->type_name("LOW HIGH");
-  verb->add_option("-j,--threads", options->threads, "0: as many as the machine has")
+  verb->add_option("-j,--threads", options->threads, "number of threads; 0: all processors")
       ->group(kForVolumes)
       ->check(whole_between(0, 1024))
       ->capture_default_str();
-  verb->add_flag("-c,--compare", options->compare, "also tell how far the two engines differ")
+  verb->add_flag("-c,--compare", options->compare, "also report the difference between the two engines")
       ->group(kForVolumes);
   verb->callback([options, verb, &run] {
     for (const CLI::Option* setting : verb->get_options())

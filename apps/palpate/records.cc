@@ -34,8 +34,8 @@ struct RecordsOptions {
 Result<std::filesystem::path> records_file(const std::filesystem::path& asked) {
   const auto file = asked.empty() ? default_records_file() : asked;
   if (file.empty())
-    return Error{ErrorKind::kUsage, "there is no place for records: neither HOME nor XDG_DATA_HOME is set",
-                 "", "name a file with --records"};
+    return Error{ErrorKind::kUsage, "there is no folder for records: neither HOME nor XDG_DATA_HOME is set",
+                 "", "give a file with --records"};
   return file;
 }
 
@@ -237,8 +237,8 @@ int erase(const RecordsOptions& options, Console& console) {
   if (!file) return console.fail(file.error());
   if (!options.yes)
     return console.fail({ErrorKind::kUsage,
-                         "all runs of " + printable_name(options.learner) + " would be gone for good",
-                         file->string(), "say --yes; palpate records export keeps a copy"});
+                         "all runs of " + printable_name(options.learner) + " would be deleted permanently",
+                         file->string(), "add --yes to confirm; palpate records export makes a copy"});
   // the file must exist: opening it for writing would create it
   if (auto there = Records::open_to_read(*file); !there) return console.fail(there.error());
   auto records = Records::open(*file);
@@ -247,8 +247,8 @@ int erase(const RecordsOptions& options, Console& console) {
   if (!erased) return console.fail(erased.error());
   if (!erased->was_known)
     return console.fail({ErrorKind::kBadInput, "there is no learner " + printable_name(options.learner),
-                         file->string(), "palpate records list shows those that there are"});
-  std::printf("erased %lld runs of one learner; copies of the file are not palpate's to erase\n",
+                         file->string(), "palpate records list shows the learners"});
+  std::printf("erased %lld runs of one learner; copies of the file are not erased\n",
               static_cast<long long>(erased->runs));
   return kExitOk;
 }
@@ -378,50 +378,48 @@ Result<RunHistory> add_run_with_history(const std::filesystem::path& asked, cons
 
 void add_records(CLI::App& app, Run& run) {
   auto options = std::make_shared<RecordsOptions>();
-  CLI::App* verb = app.add_subcommand("records", "What learners did: list, show, page, export, erase");
+  CLI::App* verb = app.add_subcommand("records", "Training records: list, show, page, export, erase");
   verb->require_subcommand(1);
   verb->footer(
       "palpate task score RUN --task TASK --record LEARNER and palpate explore --task TASK --learner "
       "LEARNER\n"
-      "write what stands here. A learner is a "
-      "pseudonym; who it is,\n"
-      "keep elsewhere. The file is PALPATE_RECORDS, or palpate/records.db in XDG_DATA_HOME or "
-      "~/.local/share.");
+      "write these records. A learner is a pseudonym; keep the identity elsewhere.\n"
+      "The file is PALPATE_RECORDS, or palpate/records.db in XDG_DATA_HOME or ~/.local/share.");
   const auto add = [&](const char* name, const char* help, int (*what)(const RecordsOptions&, Console&)) {
     CLI::App* sub = verb->add_subcommand(name, help);
-    sub->add_option("--records", options->file, "The file of the records");
+    sub->add_option("--records", options->file, "File of training records");
     sub->callback([options, &run, what] {
       run = [options, what](Console& console) { return what(*options, console); };
     });
     return sub;
   };
   const auto add_filter = [&](CLI::App* sub) {
-    sub->add_option("--learner", options->filter.learner, "Of one learner");
-    sub->add_option("--task", options->filter.task, "Of one task, by its title");
-    sub->add_option("--newest", options->filter.newest, "So many at most, the newest")
+    sub->add_option("--learner", options->filter.learner, "Only runs of this learner");
+    sub->add_option("--task", options->filter.task, "Only runs of this task, by its title");
+    sub->add_option("--newest", options->filter.newest, "Maximum number of runs to list, the newest")
         ->check(whole_between(1, 1000000000));
   };
-  CLI::App* listing = add("list", "A line for each run", list);
+  CLI::App* listing = add("list", "List the runs, one per line", list);
   add_filter(listing);
-  listing->add_flag("--json", options->json, "A JSON object a line");
-  CLI::App* showing = add("show", "A run with its metrics", show);
-  showing->add_option("run", options->id, "Its number in the list")
+  listing->add_flag("--json", options->json, "Print one JSON object per line");
+  CLI::App* showing = add("show", "Show a run with its metrics", show);
+  showing->add_option("run", options->id, "Number of the run in the list")
       ->required()
       ->check(whole_between(1, 1ull << 62));
-  showing->add_flag("--json", options->json, "As JSON");
-  CLI::App* drawing = add("page", "A page for teachers: learning curves, and who passed", write_page);
+  showing->add_flag("--json", options->json, "Print JSON instead of text");
+  CLI::App* drawing = add("page", "Write a page for teachers: learning curves, and who passed", write_page);
   add_filter(drawing);
   drawing->add_option("-o,--output", options->output, "HTML file to write")->required();
-  CLI::App* exporting = add("export", "Runs as CSV, or as xAPI statements", export_runs);
+  CLI::App* exporting = add("export", "Export runs as CSV or as xAPI statements", export_runs);
   add_filter(exporting);
-  exporting->add_option("--format", options->format, "csv: a line for each metric; xapi: a statement a line")
+  exporting->add_option("--format", options->format, "csv: one line per metric; xapi: one statement per line")
       ->check(CLI::IsMember({"csv", "xapi"}));
   exporting->add_option("--home-page", options->home_page,
-                        "Of xAPI's actors: the system that gives out the pseudonyms");
+                        "Home page of xAPI actors: the system that assigns the pseudonyms");
   exporting->add_option("-o,--output", options->output, "File to write")->required();
-  CLI::App* erasing = add("erase", "A learner with all runs, out of every byte of the file", erase);
+  CLI::App* erasing = add("erase", "Erase a learner and all runs securely from the file", erase);
   erasing->add_option("learner", options->learner, "Pseudonym")->required();
-  erasing->add_flag("--yes", options->yes, "It is meant");
+  erasing->add_flag("--yes", options->yes, "Confirm");
 }
 
 }  // namespace palpate::app

@@ -71,8 +71,8 @@ Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
     auto claimed = claim_output(options.output, inputs);
     if (!claimed) return claimed.error();
     if (options.output.has_extension() && !is_named_png(options.output))
-      return usage("the picture is a PNG, whatever its name", options.output.string(),
-                   "give it a name that ends with .png");
+      return usage("the output is a PNG picture", options.output.string(),
+                   "give it a name that ends in .png");
     return std::optional<OutputClaim>(std::move(*claimed));
   }
   std::error_code failed;
@@ -80,7 +80,7 @@ Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
   const bool is_empty = exists && std::filesystem::is_directory(options.output, failed) &&
                         std::filesystem::is_empty(options.output, failed);
   if (failed || (exists && !is_empty))
-    return Error{ErrorKind::kOutput, "the frames of an orbit go to a folder of their own",
+    return Error{ErrorKind::kOutput, "the frames of an orbit need a new or empty folder",
                  options.output.string(), "name a folder that does not exist or is empty"};
   return std::optional<OutputClaim>();
 }
@@ -93,7 +93,7 @@ Result<std::vector<LabelId>> labels_named(const Model& model, const std::vector<
     const Segment* segment = model.find(name);
     if (segment == nullptr)
       return Error{ErrorKind::kUsage, "no structure is called \"" + name + "\"", option,
-                   "palpate info says what the structures are called"};
+                   "palpate info lists the structures"};
     labels.push_back(segment->id);
   }
   return labels;
@@ -116,18 +116,19 @@ Result<std::vector<StructureLook>> looks_of(const RenderOptions& options, const 
 Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
   if (!options.scan_opacity && options.window.empty()) return ScanLook{};
   if (!options.scan_opacity)
-    return usage("a window is of the scan, which is not drawn", "--window", "draw it with --scan-opacity");
+    return usage("a window applies to the scan, which is not drawn", "--window",
+                 "draw it with --scan-opacity");
   if (model.scan == nullptr)
     return usage("there is no scan", "--scan", "name one in the scene, or leave the option out");
   const std::size_t voxels = model.scan->geometry().voxel_count();
   if (voxels > kMaxScanVoxels)
-    return usage("a scan is drawn of at most " + std::to_string(kMaxScanVoxels) + " voxels, this one has " +
-                     std::to_string(voxels),
+    return usage("a scan to be drawn may have at most " + std::to_string(kMaxScanVoxels) +
+                     " voxels, this one has " + std::to_string(voxels),
                  "--scan", "crop or resample it, or leave the option out");
   ScanLook look{model.scan, scan_window(*model.scan), *options.scan_opacity};
   if (!options.window.empty()) look.window = {options.window[0], options.window[1]};
   if (!(look.window[0] < look.window[1]))
-    return usage("the window's lower end is not below its upper end", "--window", "give LOW,HIGH");
+    return usage("the lower end of the window must be below the upper end", "--window", "give LOW,HIGH");
   return look;
 }
 
@@ -151,8 +152,8 @@ Result<void> write_frames(const std::filesystem::path& folder,
   std::error_code failed;
   std::filesystem::create_directory(folder, failed);
   if (failed)
-    return Error{ErrorKind::kOutput, "the folder cannot be made: " + failed.message(), folder.string(),
-                 "name one in a folder that exists"};
+    return Error{ErrorKind::kOutput, "the folder cannot be created: " + failed.message(), folder.string(),
+                 "choose one in a folder that exists"};
   for (std::size_t n = 0; n < pngs.size(); ++n) {
     char name[40];
     std::snprintf(name, sizeof name, "frame-%03zu.png", n);
@@ -194,8 +195,8 @@ Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {
 
 int render(const RenderOptions& options, Console& console) {
   if (!options.made_with.empty() && !options.time_s)
-    return console.fail(usage("only a recording is made with something", "--made-with",
-                              "say which moment of it is to be drawn with --time S"));
+    return console.fail(usage("only a recording takes a second scene", "--made-with",
+                              "choose the moment of the recording to draw with --time S"));
   const auto claimed = check_output(options);
   if (!claimed) return console.fail(claimed.error());
   const auto drawn_model = load_drawn(options, console);
@@ -245,58 +246,57 @@ int render(const RenderOptions& options, Console& console) {
 
 void add_render_options(CLI::App& verb, RenderOptions& options) {
   add_source_options(verb, options.source)->required();
-  verb.add_option(
-          "--time", options.time_s,
-          "The target is a recording: the moment that is drawn, seconds of its own clock, with tools, tips, "
-          "proxies, forces and the ways of the two seconds before")
+  verb.add_option("--time", options.time_s,
+                  "For a recording: the moment to draw in seconds of its clock, with tools, tips, proxies, "
+                  "forces and the paths of the two seconds before")
       ->check(number_between(-1e9, 1e9))
       ->type_name("S");
   verb.add_option("--made-with", options.made_with,
                   "Scene file, volume or data set that the recording was made with; not needed for data sets")
       ->type_name("TARGET");
   verb.add_option("-o,--output", options.output,
-                  "Picture to write (PNG); of an orbit an animated PNG, or the folder for its frames")
+                  "Picture to write (PNG); with --orbit an animated PNG, or a folder for the frames")
       ->required();
-  verb.add_option("--from", options.request.from, "Where the viewer stands; default: anterior")
+  verb.add_option("--from", options.request.from,
+                  "Direction from which the picture is seen; default: anterior")
       ->transform(CLI::CheckedTransformer(kViews))
       ->type_name("SIDE");
-  verb.add_option("--turn", options.request.turn_deg,
-                  "Degrees that the viewer goes around the body, from anterior over left to posterior")
+  verb.add_option(
+          "--turn", options.request.turn_deg,
+          "Rotation of the viewpoint around the body in degrees, from anterior over left to posterior")
       ->check(number_between(-360, 360))
       ->type_name("DEG");
-  verb.add_option("--tilt", options.request.tilt_deg, "Degrees that the viewer then goes up")
+  verb.add_option("--tilt", options.request.tilt_deg, "Elevation of the viewpoint in degrees")
       ->check(number_between(-90, 90))
       ->type_name("DEG");
   verb.add_flag("--perspective", options.request.perspective,
-                "What is near is larger, and there is no scale bar; default: parallel rays");
+                "Perspective projection, without a scale bar; default: parallel projection");
   add_numbers(
       verb, "--at", options.at, 3, 1e6,
-      "The point in the picture's middle: patient coordinates in mm, LPS; default: the volume's centre")
+      "Point in the centre of the picture: patient coordinates in mm, LPS; default: the centre of the volume")
       ->type_name("X,Y,Z");
-  verb.add_option("--cut", options.request.cut, "Takes away what lies on this side of the middle")
+  verb.add_option("--cut", options.request.cut, "Cut away everything on this side of the centre")
       ->transform(CLI::CheckedTransformer(kViews))
       ->type_name("SIDE");
   verb.add_option("--size", options.request.size_mm,
-                  "Width and height in mm; default: all of the volume is seen")
+                  "Width and height of the view in mm; default: the whole volume")
       ->check(number_between(1, 3000))
       ->type_name("MM");
-  verb.add_option("--pixels", options.request.pixels, "Width and height of the picture")
+  verb.add_option("--pixels", options.request.pixels, "Width and height of the picture in pixels")
       ->check(whole_between(kMinSectionPixels, kMaxSectionPixels))
       ->capture_default_str();
-  verb.add_option("--only", options.only, "Draws this structure alone; may be given again")
-      ->type_name("NAME");
-  verb.add_option("--hide", options.hide, "Leaves out this structure; may be given again")->type_name("NAME");
+  verb.add_option("--only", options.only, "Draw only this structure; may be repeated")->type_name("NAME");
+  verb.add_option("--hide", options.hide, "Leave out this structure; may be repeated")->type_name("NAME");
   verb.add_option("--scan-opacity", options.scan_opacity,
-                  "Draws the scan, too, as a haze around the structures: 1, or less where it hides too much")
+                  "Also draw the scan as a haze around the structures, with this opacity (up to 1)")
       ->check(number_between(0.05, 1))
       ->type_name("OPACITY");
   add_numbers(verb, "--window", options.window, 2, 1e9,
-              "Of the scan: the values that are black and white; default: its 1st and 99th percentile")
+              "Scan values shown black and white; default: the 1st and 99th percentile")
       ->type_name("LOW,HIGH");
   verb.add_option("--orbit", options.frames,
-                  "So many pictures all the way around the body: an animated PNG where the output ends with "
-                  ".png, else a "
-                  "folder of frames")
+                  "Number of pictures in a full turn around the body: an animated PNG if the output ends in "
+                  ".png, otherwise a folder of frames")
       ->check(whole_between(2, kMaxFrames))
       ->type_name("N");
 }

@@ -79,7 +79,7 @@ int replay_recording(const ReplayOptions& options, Console& console) {
     return console.fail(error);
   }
   if (!result->identical) {
-    std::printf("differs first at tick %llu: %s\n",
+    std::printf("first difference at tick %llu: %s\n",
                 static_cast<unsigned long long>(*result->first_difference), result->difference.c_str());
     return kExitLimit;
   }
@@ -94,23 +94,22 @@ int replay_recording(const ReplayOptions& options, Console& console) {
 
 void add_replay(CLI::App& app, Run& run) {
   auto options = std::make_shared<ReplayOptions>();
-  CLI::App* verb =
-      app.add_subcommand("replay", "Run a recording's inputs again and compare every tick, or show it");
+  CLI::App* verb = app.add_subcommand(
+      "replay", "Replay the inputs of a recording and compare every tick, or show the recording");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
   add_source_options(*verb, options->source, kMadeWithHelp);
   CLI::Option* view = verb->add_flag(
       "--view", options->view,
-      "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");
+      "Show the recording in the viewer's page, at any time and speed, until Ctrl-C; nothing is replayed");
   CLI::Option* task = verb->add_option("-t,--task", options->task,
-                                       "Task file, or one of palpate task list: the page shows how far it "
-                                       "was, and what came of it; default: the "
-                                       "one that the recording says");
+                                       "Task file, or the name of a task (palpate task list): the page shows "
+                                       "its progress and score; default: the task named in the recording");
   task->needs(view);
   add_tick_options(*verb, options->ticks);
   for (const char* each : {"--from-tick", "--to-tick"}) verb->get_option(each)->needs(view);
   const std::size_t others = verb->get_options().size();
-  verb->add_option("--plan", options->plan, "Plan that is shown beside it (palpate plan --help)");
+  verb->add_option("--plan", options->plan, "Plan to show with the recording (palpate plan --help)");
   add_serving_options(*verb, options->serving);
   const auto all = verb->get_options();
   for (std::size_t i = others; i < all.size(); ++i) all[i]->needs(view);
@@ -120,8 +119,9 @@ void add_replay(CLI::App& app, Run& run) {
       "  palpate replay run.h5 scene.toml\n"
       "  palpate replay run.h5 --view\n"
       "  palpate replay run.h5 --view --task hold-steady\n\n"
-      "Exit code 0: every tick's state hash is the recorded one. 3: the first tick that differs is named.\n"
-      "docs/guide/viewer.md: what the page shows of a recording.");
+      "Exit code 0: every tick's state hash is the recorded one. 3: a tick differs; the first one is "
+      "reported.\n"
+      "docs/guide/viewer.md describes what the page shows of a recording.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return replay_recording(*options, console); }; });
 }

@@ -95,17 +95,17 @@ void add_report(CLI::App& app, Run& run) {
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
   add_source_options(*verb, options->source, kMadeWithHelp);
-  verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
-  CLI::Option* plan =
-      verb->add_option("-p,--plan", options->plan,
-                       "Plan file: what was done beside it gets a part of the page (palpate plan)");
-  verb->add_option("--device", options->device, "Whose tool the plan is for, of several devices; default 1")
+  verb->add_option("-o,--output", options->output,
+                   "Page to write (HTML); default: the name of the recording with .html");
+  CLI::Option* plan = verb->add_option("-p,--plan", options->plan,
+                                       "Plan file: the page compares the recording with it (palpate plan)");
+  verb->add_option("--device", options->device,
+                   "Number of the device whose tool is compared with the plan; default: 1")
       ->check(whole_between(1, kMaxDevices))
       ->needs(plan);
-  verb->add_option(
-      "-t,--task", options->task,
-      "Task file, or one of palpate task list: its score gets a part of the page; default: the one "
-      "that the recording says");
+  verb->add_option("-t,--task", options->task,
+                   "Task file, or the name of a task (palpate task list): the page shows its score; default: "
+                   "the task named in the recording");
   add_tick_options(*verb, options->ticks);
   verb->footer(
       "Examples:\n"
@@ -113,7 +113,8 @@ void add_report(CLI::App& app, Run& run) {
       "  palpate report run.h5 --task hold-steady\n"
       "  palpate report run.h5 --plan plan.toml\n"
       "  palpate report run.h5 scene.toml -o palpation.html\n\n"
-      "The page loads nothing from anywhere. A scene that changed since the recording is refused.");
+      "The page is self-contained and loads nothing. A scene that has changed since the recording is "
+      "refused.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return report_recording(*options, console); }; });
 }

@@ -37,8 +37,9 @@ struct Data {
 
 void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& console) {
   if (header.has_geometry) return;
-  console.warn()(file.string() +
-                 " does not say how it lies in the patient: axes are taken as LPS, sides are unknown");
+  console.warn()(
+      file.string() +
+      " does not state its orientation in the patient: its axes are taken as LPS, sides are unknown");
 }
 
 /// Reads the named files completely, so that a scene is accepted only for data that can be used.
@@ -138,12 +139,12 @@ Result<void> assign_files(NewOptions& options) {
   }
   if (options.scan.empty() && options.labels.empty()) {
     return Error{
-        ErrorKind::kUsage, "no file to write a scene for", "scene new",
+        ErrorKind::kUsage, "no scan and no label map given", "scene new",
         "palpate scene new SCAN LABELS, or palpate scene new LABELS, or palpate scene new --scan SCAN"};
   }
   if (!options.scan.empty() && !options.labels.empty() && same_file(options.scan, options.labels)) {
-    return Error{ErrorKind::kUsage, "one file given as the scan and as its label map", options.scan,
-                 "name the label map alone, or the scan that it belongs to before it"};
+    return Error{ErrorKind::kUsage, "the same file is given as the scan and as the label map", options.scan,
+                 "give the label map alone, or its scan before it"};
   }
   return {};
 }
@@ -185,13 +186,12 @@ void note_without_preset(const Scene& scene, Console& console) {
   if (unknown == 0) return;
   if (unknown > kNamed) names += " and " + std::to_string(unknown - kNamed) + " more";
   if (unknown == all)
-    console.note(
-        "No name suggests a preset, so nothing is felt yet (" + names +
-        "): set felt = true, with a preset or a stiffness, where you want it, or name the labels with "
-        "--names.");
+    console.note("No name matches a preset, so nothing can be felt yet (" + names +
+                 "): set felt = true, with a preset or a stiffness, on the tissues to feel, or name the "
+                 "labels with --names.");
   else
     console.note(std::to_string(unknown) + " of " + std::to_string(all) +
-                 " structures suggest no preset and are not felt yet: " + names);
+                 " structures match no preset and are not felt yet: " + names);
 }
 
 /// Warns if the law deforms tissue but no tissue is deformable.
@@ -200,8 +200,7 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
   if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
                    [](const TissueSettings& tissue) { return tissue.felt && tissue.elastic; }))
     console.warn()(
-        "nothing in this scene yields: give a tissue that is felt a youngs_modulus, or a preset that has "
-        "one");
+        "no tissue in this scene yields: give one that is felt a youngs_modulus, or a preset that has one");
 }
 
 /// Warns of a stiffness that has no effect: deformable tissue is rendered from its modulus, and the
@@ -218,8 +217,8 @@ void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
     char modulus[32];
     std::snprintf(modulus, sizeof modulus, "%g", tissue.elastic->youngs_modulus_kPa);
     console.warn()("the stiffness of " + printable_name(tissue.name) +
-                   " is not felt, because it yields: its youngs_modulus (" + modulus +
-                   " kPa) decides; change that, or write law = \"layers\" below [yielding]");
+                   " has no effect, because it yields: its youngs_modulus (" + modulus +
+                   " kPa) is used; change that, or write law = \"layers\" under [yielding]");
   }
 }
 
@@ -280,8 +279,8 @@ int run_new(NewOptions options, Console& console) {
   if (!data) return console.fail(data.error());
   if (options.one_file && data->scan) std::swap(input.scan, input.labels);
   if (options.embed && !data->labels)
-    return console.fail({ErrorKind::kUsage, "there are no structures to embed, because no label map is given",
-                         "--embed", "name the label map as well, or leave it out"});
+    return console.fail({ErrorKind::kUsage, "there are no structures to embed without a label map", "--embed",
+                         "give the label map as well, or leave the option out"});
   if (const auto grids = compare_grids(*data, options.labels, placing().scan_is_cropped, console); !grids) {
     Error error = grids.error();
     error.where = options.labels;
@@ -296,7 +295,7 @@ int run_new(NewOptions options, Console& console) {
     console.note(origin_of_names(*data->labels));
   }
   if (data->scan && looks_like_labels(*data->scan))
-    console.warn()(options.scan + " looks like a label map, not a scan: name it last, or after --labels");
+    console.warn()(options.scan + " looks like a label map, not a scan: give it last, or after --labels");
 
   const auto text = new_scene_text(input, fs::path(options.output).parent_path());
   if (!text) return console.fail(text.error());
@@ -339,31 +338,29 @@ void add_new(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("new", "Write a scene file for a scan, a label map, or both");
   verb->formatter(std::make_shared<UsageInWords>());
   verb->add_option("files", options->files,
-                   "The scan and its label map, one of them alone, or a folder of DICOM that holds both")
+                   "The scan and its label map, one of them alone, or a DICOM folder that holds both")
       ->expected(0, 2)
       ->option_text("[SCAN] LABELS");
-  verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
+  verb->add_option("-s,--scan", options->scan, "The scan; without labels the scene uses a threshold");
   verb->add_option("-l,--labels", options->labels, "The label map");
   add_names_option(*verb, options->names);
   add_volume_option(*verb, options->volume);
   verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
       ->check(CLI::IsMember(known_names(kSides)));
   verb->add_option("--modality", options->modality,
-                   "What made the scan: the viewer shows ct as HU, mr with windows of its own values")
+                   "Modality of the scan: the viewer shows ct in HU, mr with windows by its range of values")
       ->check(CLI::IsMember(known_names(kModalities)));
-  verb->add_option(
-          "--tissue", options->law,
-          "What soft tissue does under the tool: layers hold it out and do not move, elastic yields (what is "
-          "written where a name suggests soft tissue), neo-hookean stiffens besides where it is squeezed "
-          "far, chainmail is felt as layers and seen to move")
+  verb->add_option("--tissue", options->law,
+                   "Soft-tissue model: layers push the tool out and do not move; elastic deforms (default if "
+                   "a name suggests soft tissue); neo-hookean also stiffens under large strain; chainmail "
+                   "feels like layers, and its deformation is shown")
       ->check(CLI::IsMember(
           {name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
            name_of(TissueLaw::kNeoHookean, kTissueLaws), name_of(TissueLaw::kChainMail, kTissueLaws)}));
   verb->add_flag("--embed", options->embed,
-                 "Bed the structures: unlabelled tissue inside the body becomes a soft medium of its own");
+                 "Embed the structures: unlabelled tissue inside the body becomes a separate soft medium");
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
-  verb->add_option("-o,--output", options->output,
-                   "The scene file; without it the text goes to standard output");
+  verb->add_option("-o,--output", options->output, "Scene file to write; default: standard output");
   verb->add_flag("-f,--force", options->force, "Replace the scene file if it exists");
   verb->footer(
       "Examples:\n"
@@ -371,8 +368,8 @@ void add_new(CLI::App& app, Run& run) {
       "  palpate scene new knee.seg.nrrd --side left -o scene.toml\n"
       "  palpate scene new STUDY seg.dcm -o scene.toml              a folder of DICOM and its segmentation\n"
       "  palpate scene new ct.nii.gz organs.nii.gz --embed -o scene.toml  soft tissue between the organs\n"
-      "  palpate scene new --scan ct.nii.gz -o scene.toml           touch what is bright\n"
-      "  palpate scene new --scan FOLDER --volume 2 -o scene.toml   of DICOM, as palpate info lists it");
+      "  palpate scene new --scan ct.nii.gz -o scene.toml           bright parts of the scan\n"
+      "  palpate scene new --scan FOLDER --volume 2 -o scene.toml   second DICOM volume (palpate info)");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_new(*options, console); }; });
 }
@@ -429,9 +426,9 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
                 join(tissue.rests_on).c_str());
   }
   if (scene.force.method == ForceMethod::kProxy)
-    std::printf("at most N: by the other methods; the proxy gives what the limit allows\n");
+    std::printf("at most N: with the other methods; the proxy gives force up to the limit\n");
   if (factor != 1)
-    std::printf("hand N/mm: the felt stiffness, scale x force gain = %g times the tissue's\n", factor);
+    std::printf("hand N/mm: stiffness at the hand, scale x force gain = %g times the tissue's\n", factor);
   if (scene.workspace.force_gain != 1)
     std::printf("at most N: in the patient; at the device %g times as much\n", scene.workspace.force_gain);
 }
@@ -443,7 +440,7 @@ std::string side_text(const Scene& scene, const Data& data) {
   const LabelMap* labels = data.labels ? &data.labels->labels : nullptr;
   if (labels && labels->find("tibia") && labels->find("fibula"))
     return "not given: follows from the fibula, which lies lateral to the tibia";
-  return "unknown; say side = \"left\", \"right\" or \"both\"";
+  return "unknown; set side = \"left\", \"right\" or \"both\"";
 }
 
 /// Prints the field settings, which all methods except the proxy use.
@@ -523,8 +520,8 @@ void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console
   if (sigma_mm >= widest_mm * (1 - kRounding) || (sigma_mm == 0 && !labels_felt)) return;
   char text[160];
   std::snprintf(text, sizeof text,
-                "sigma = %.3g mm is less than a voxel, which is up to %.3g mm wide: its steps will be felt; "
-                "%.3g mm or more closes them",
+                "sigma = %.3g mm is less than the voxel size of up to %.3g mm: the steps between voxels will "
+                "be felt; %.3g mm or more smooths them",
                 sigma_mm, widest_mm, widest_mm);
   console.warn()(text);
 }
@@ -538,14 +535,14 @@ void print_left_over(const Scene& scene, const LabelMap& labels,
   for (const Segment& segment : labels.segments) {
     if (!taken.contains(segment.id)) free.push_back(display_name(segment));
   }
-  if (!free.empty()) std::printf("\nin no tissue, so not felt: %s\n", join(free).c_str());
+  if (!free.empty()) std::printf("\nnot felt, because they belong to no tissue: %s\n", join(free).c_str());
 
   std::vector<std::string> empty;
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     if (!scene.tissues[i].threshold && !scene.tissues[i].embedding && ids[i].empty())
       empty.push_back(scene.tissues[i].name);
   }
-  if (!empty.empty()) std::printf("\noptional and absent here: %s\n", join(empty).c_str());
+  if (!empty.empty()) std::printf("\noptional and absent: %s\n", join(empty).c_str());
 }
 
 int run_check(const std::string& file, Console& console) {
@@ -606,7 +603,7 @@ int run_check(const std::string& file, Console& console) {
   if (data->labels) print_left_over(*scene, data->labels->labels, ids);
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
                    [](const auto& tissue) { return tissue.felt; }))
-    console.warn()("nothing in this scene is felt: set felt = true on a tissue");
+    console.warn()("nothing in this scene can be felt: set felt = true on a tissue");
   else
     warn_if_nothing_yields(*scene, console);
   warn_of_stiffness_that_yields(*scene, console);
@@ -616,7 +613,7 @@ int run_check(const std::string& file, Console& console) {
 void add_check(CLI::App& app, Run& run) {
   const auto file = std::make_shared<std::string>();
   CLI::App* verb =
-      app.add_subcommand("check", "Read a scene and the files that it names, and say what is in it");
+      app.add_subcommand("check", "Check a scene and the files that it names, and show its contents");
   verb->add_option("scene", *file, "The scene file")->required();
   verb->footer("Examples:\n  palpate scene check scene.toml");
   verb->callback([file, &run] { run = [file](Console& console) { return run_check(*file, console); }; });
@@ -635,8 +632,8 @@ int run_keys(bool script) {
 void add_scene_keys(CLI::App& app, Run& run) {
   const auto script = std::make_shared<bool>(false);
   CLI::App* verb =
-      app.add_subcommand("keys", "Print every key with default, unit and range, and the presets");
-  verb->add_flag("--script", *script, "The keys of a palpation script instead");
+      app.add_subcommand("keys", "Print every key with its default, unit and range, and the presets");
+  verb->add_flag("--script", *script, "Print the keys of a palpation script instead");
   verb->footer("Examples:\n  palpate scene keys\n  palpate scene keys --script");
   verb->callback([script, &run] { run = [script](Console&) { return run_keys(*script); }; });
 }
@@ -644,7 +641,7 @@ void add_scene_keys(CLI::App& app, Run& run) {
 }  // namespace
 
 void add_scene(CLI::App& app, Run& run) {
-  CLI::App* verb = app.add_subcommand("scene", "Write a scene file, check one, or list what it may hold");
+  CLI::App* verb = app.add_subcommand("scene", "Write or check a scene file, or list its keys");
   verb->require_subcommand(1);
   verb->footer(
       "Examples:\n"

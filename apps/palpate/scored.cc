@@ -65,17 +65,18 @@ Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::
   if (!asked.empty()) {
     auto task = offered_task(asked);
     if (task && !said.name.empty() && task->file.text_hash != said.hash)
-      console.warn()(recording.string() + " says that it is a run of \"" + printable_name(said.name) +
-                     "\" in another text than " + printable_name(asked) + ", by which it is measured here");
+      console.warn()(recording.string() + " states that it is a run of \"" + printable_name(said.name) +
+                     "\" in a version of the text other than " + printable_name(asked) +
+                     ", which is used here to score it");
     return task;
   }
   if (said.name.empty())
-    return Error{ErrorKind::kUsage, "the recording does not say of which task it is a run",
+    return Error{ErrorKind::kUsage, "the recording does not state which task it is a run of",
                  recording.string(), "name the task: --task"};
   if (!is_built_in_task(said.name, said.hash))
     return Error{ErrorKind::kUsage,
                  "the recording is a run of \"" + printable_name(said.name) +
-                     "\", which is no task that this palpate brings along in that text",
+                     "\", and this palpate does not include that version of the task",
                  recording.string(), "name its file: --task"};
   return offered_task(said.name);
 }
@@ -108,14 +109,13 @@ Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<cons
 }
 
 void add_tick_options(CLI::App& verb, TickRange& ticks) {
-  verb.add_option("--from-tick", ticks.first,
-                  "The first tick that counts, of a run that began while it was recorded")
+  verb.add_option("--from-tick", ticks.first, "First tick of the run, if it began during the recording")
       ->check(whole_between(0, 1ull << 62));
-  verb.add_option("--to-tick", ticks.last, "The last tick that counts")->check(whole_between(0, 1ull << 62));
+  verb.add_option("--to-tick", ticks.last, "Last tick of the run")->check(whole_between(0, 1ull << 62));
 }
 
 Error ticks_in_reverse() {
-  return {ErrorKind::kUsage, "comes after --to-tick", "--from-tick", "give the earlier one first"};
+  return {ErrorKind::kUsage, "is after --to-tick", "--from-tick", "give the earlier one first"};
 }
 
 Json number_or_null(double value) {
@@ -169,7 +169,7 @@ void print_score(const TaskFile& task, const TaskScore& score, const std::string
     if (!score.done[n]) std::printf("  not done: %s\n", task.steps[n].name.c_str());
   if (score.cut_short) std::printf("  the recording was cut short: no pass\n");
   if (score.missing_s > 0)
-    std::printf("  %.3f s are missing, for ticks were dropped: no pass\n", score.missing_s);
+    std::printf("  %.3f s are missing because ticks were dropped: no pass\n", score.missing_s);
 }
 
 Json json_of(const TaskFile& task, const ScoredRun& run) {

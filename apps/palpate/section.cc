@@ -42,20 +42,20 @@ Result<OutputClaim> check_section(const SectionOptions& options) {
   if (!claimed) return claimed;
   const auto extension = options.output.extension();
   if (!extension.empty() && extension != ".png" && extension != ".dcm")
-    return usage("the picture is a PNG or a DICOM Secondary Capture, whatever its name",
-                 options.output.string(), "give it a name that ends with .png or .dcm");
+    return usage("the output is a PNG picture or a DICOM Secondary Capture", options.output.string(),
+                 "give it a name that ends with .png or .dcm");
   if (options.keep_identifiers && extension != ".dcm")
-    return usage("identifiers are kept in DICOM alone", "--keep-identifiers",
+    return usage("only DICOM can keep identifiers", "--keep-identifiers",
                  "write a file that ends in .dcm, or leave it out");
   const bool oblique = kind_of(options) == SectionKind::kOblique;
   if (oblique && options.direction.empty())
-    return usage("an oblique section needs a direction", "--plane", "say along what with --direction X,Y,Z");
+    return usage("an oblique section needs a direction", "--plane", "give it with --direction X,Y,Z");
   if (!oblique && !options.direction.empty())
     return usage("only an oblique section has a direction", "--direction", "leave out --plane");
   if (oblique && options.direction == std::vector<double>{0, 0, 0})
-    return usage("0,0,0 is no direction", "--direction", "give a vector in patient coordinates, LPS");
+    return usage("0,0,0 is not a direction", "--direction", "give a vector in patient coordinates, LPS");
   if (!options.window.empty() && !(options.window[0] < options.window[1]))
-    return usage("the window's lower end is not below its upper end", "--window", "give LOW,HIGH");
+    return usage("the lower end of the window must be below the upper end", "--window", "give LOW,HIGH");
   return claimed;
 }
 
@@ -105,34 +105,35 @@ void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("-o,--output", options.output, "Picture to write: .png, or .dcm (DICOM Secondary Capture)")
       ->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,
-              "The point to look at: patient coordinates in mm, LPS; default: the volume's centre")
+              "Point in the section: patient coordinates in mm, LPS; default: the centre of the volume")
       ->type_name("X,Y,Z");
   verb.add_option(
           "--plane", options.plane,
           "Section through the point; three: axial, coronal and sagittal side by side; default: three, "
           "with --direction oblique")
       ->check(CLI::IsMember({"axial", "coronal", "sagittal", "oblique", "three"}));
-  add_numbers(verb, "--direction", options.direction, 3, 1e6,
-              "Of an oblique section: the way a tool points or a hand pushes, in patient coordinates, LPS")
+  add_numbers(
+      verb, "--direction", options.direction, 3, 1e6,
+      "Direction of an oblique section, such as that of a tool or a force, in patient coordinates, LPS")
       ->type_name("X,Y,Z");
-  verb.add_option(
-          "--view", options.view,
-          "How an oblique section lies: along the direction, which points down the picture, or across "
-          "it, seen along it")
+  verb.add_option("--view", options.view,
+                  "Orientation of an oblique section: along the direction, which points down in the picture, "
+                  "or across it, seen along the direction")
       ->check(CLI::IsMember({"along", "across"}))
       ->capture_default_str();
   verb.add_option("--size", options.size_mm,
-                  "Width and height of the section in mm; default: the volume's longest side")
+                  "Width and height of the section in mm; default: the longest side of the volume")
       ->check(number_between(1, 1000));
-  verb.add_option("--pixels", options.pixels, "Width and height of the picture, of each of three")
+  verb.add_option("--pixels", options.pixels,
+                  "Width and height of the picture, or of each of the three, in pixels")
       ->check(whole_between(kMinSectionPixels, kMaxSectionPixels))
       ->capture_default_str();
   verb.add_flag("--keep-identifiers", options.keep_identifiers,
-                "Attach a Secondary Capture to the study of the scan; without, it has no patient");
+                "Attach a Secondary Capture to the study of the scan; default: no patient");
   CLI::Option* fill = verb.add_flag("--fill", options.fill, "Fill structures, without outlines");
   verb.add_flag("--outline", options.outline, "Outline structures, without filling them; default: both")
       ->excludes(fill);
-  verb.add_option("--opacity", options.opacity, "Of what fills structures, over the scan")
+  verb.add_option("--opacity", options.opacity, "Opacity of filled structures over the scan")
       ->check(number_between(0, 1))
       ->capture_default_str();
   add_numbers(verb, "--window", options.window, 2, 1e9,
@@ -144,7 +145,8 @@ void add_section_options(CLI::App& verb, SectionOptions& options) {
 
 void add_section(CLI::App& app, Run& run) {
   auto options = std::make_shared<SectionOptions>();
-  CLI::App* verb = app.add_subcommand("section", "Draw scan and structures in a plane, as PNG or DICOM");
+  CLI::App* verb =
+      app.add_subcommand("section", "Draw a section through scan and structures, as PNG or DICOM");
   add_section_options(*verb, *options);
   verb->footer(
       "Examples:\n"
@@ -153,7 +155,7 @@ void add_section(CLI::App& app, Run& run) {
       "  palpate section STUDY structures.dcm -o three.png    a folder of DICOM and its segmentation\n"
       "  palpate section knee-phantom --plane coronal --at 20,0,0 --size 100 --outline -o coronal.png\n"
       "  palpate section scene.toml --at=-12,40,8 --direction=0.3,1,-0.2 --window=-160,240 -o oblique.png\n\n"
-      "Pictures hang radiologically: the patient's left on the right (docs/guide/section.md).");
+      "Radiological display convention: the patient's left is on the right (docs/guide/section.md).");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return draw_section(*options, console); }; });
 }

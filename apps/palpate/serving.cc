@@ -9,22 +9,20 @@ namespace palpate::app {
 
 void add_serving_options(CLI::App& verb, ServingOptions& options) {
   verb.add_option("--port", options.port,
-                  "Port of the viewer's page, 0 for any that is free; default: " +
-                      std::to_string(kViewerPort) + " or the next free one")
+                  "Port of the viewer's page, 0 for any free port; default: " + std::to_string(kViewerPort) +
+                      " or the next free one")
       ->check(whole_between(0, 65535));
-  verb.add_option(
-      "--listen", options.viewers.address,
-      "Address of this machine on which the page is served, in numbers; other than a loopback one it "
-      "wants --token-file; default: 127.0.0.1");
-  verb.add_option(
-      "--token-file", options.viewers.token_file,
-      "Who may what: lines \"view TOKEN\", \"control TOKEN\", \"teacher TOKEN\" and \"learner TOKEN "
-      "PSEUDONYM\" (palpate token)");
+  verb.add_option("--listen", options.viewers.address,
+                  "Numeric address of this machine to serve the page on; addresses other than loopback "
+                  "require --token-file; default: 127.0.0.1");
+  verb.add_option("--token-file", options.viewers.token_file,
+                  "Permissions of viewers: lines \"view TOKEN\", \"control TOKEN\", \"teacher TOKEN\" and "
+                  "\"learner TOKEN PSEUDONYM\" (palpate token)");
   verb.add_option("--tls-cert", options.viewers.tls_certificate,
                   "Certificate for https (PEM), with --tls-key");
-  verb.add_option("--tls-key", options.viewers.tls_key, "Its key (PEM)");
+  verb.add_option("--tls-key", options.viewers.tls_key, "Private key of the certificate (PEM)");
   verb.add_option("--host-name", options.viewers.host_names,
-                  "A further name by which the page is asked for; may be repeated");
+                  "Additional host name of the page; may be repeated");
 }
 
 void ViewerFaultQueue::put(const std::string& line) {

@@ -39,11 +39,11 @@ Result<Outputs> outputs_of(const SimulateOptions& options) {
   const bool derived = !outputs.report.empty() && outputs.recording.empty();
   if (derived) outputs.recording = std::filesystem::path(outputs.report).replace_extension(".h5");
   if (same_file(outputs.recording, outputs.report))
-    return Error{ErrorKind::kUsage, "the recording and the report would be one file", outputs.report.string(),
-                 "name the recording with -o"};
+    return Error{ErrorKind::kUsage, "the recording and the report would be the same file",
+                 outputs.report.string(), "name the recording with -o"};
   std::error_code ignored;
   if (derived && std::filesystem::exists(outputs.recording, ignored))
-    return Error{ErrorKind::kUsage, "the recording would stand beside the report, where this file is already",
+    return Error{ErrorKind::kUsage, "the recording would replace this file next to the report",
                  outputs.recording.string(), "name the recording with -o"};
 
   auto inputs = input_files(options.source);
@@ -99,7 +99,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   const auto result = simulate(*loaded, *script, simulation, outputs->recording, progress);
   if (!result) {
     if (result.error().kind == ErrorKind::kInterrupted && written() != before)
-      console.note("the recording as far as it came is kept: " + outputs->recording.string());
+      console.note("the incomplete recording is kept: " + outputs->recording.string());
     return console.fail(result.error());
   }
   for (const std::string& trouble : result->trouble) console.warn()(trouble);
@@ -124,36 +124,35 @@ int simulate_target(const SimulateOptions& options, Console& console) {
 
 void add_simulate(CLI::App& app, Run& run) {
   auto options = std::make_shared<SimulateOptions>();
-  CLI::App* verb =
-      app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
+  CLI::App* verb = app.add_subcommand("simulate", "Palpate a scene with a simulated hand and record the run");
   add_source_options(*verb, options->source)->required();
   verb->add_option("-s,--script", options->script,
-                   "Palpation script (TOML); default: one that suits the scene");
+                   "Palpation script (TOML); default: one planned for the scene");
   verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");
   verb->add_option("--report", options->report,
-                   "Report page to write (HTML); the recording stands beside it unless -o names it");
+                   "Report page to write (HTML); the recording is written next to it unless -o is given");
   verb->add_option("-t,--task", options->task,
-                   "Task file, or one of palpate task list, that the recording says it is a run of");
+                   "Task file, or the name of a task (palpate task list), to name in the recording");
   verb->add_option("--max-force", options->max_force_N,
-                   "Limit of the force in N; default: the lesser of the device's continuous rating and 3 N")
+                   "Force limit in N; default: the lesser of the device's continuous rating and 3 N")
       ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));
-  verb->add_option("--rate", options->rate_hz, "Ticks a second; default: the script's")
+  verb->add_option("--rate", options->rate_hz, "Servo rate in Hz; default: the script's")
       ->check(number_between(250, 10000));
   verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
-  add_method_option(*verb, "Force method at first; default: the scene's", kForceMethods, options->method);
+  add_method_option(*verb, "Initial force method; default: the scene's", kForceMethods, options->method);
   verb->footer(
       "Examples:\n"
       "  palpate simulate knee-phantom --report run.html\n"
       "  palpate simulate knee-atlas -o atlas.h5 --max-force 3\n"
       "  palpate simulate scene.toml --script press.toml -o run.h5\n"
-      "  palpate simulate labels.nii.gz --report run.html     with a scene that is proposed\n"
+      "  palpate simulate labels.nii.gz --report run.html     with a proposed scene\n"
       "  palpate simulate STUDY seg.dcm --report run.html     a folder of DICOM and its segmentation\n"
       "  palpate simulate knee-phantom --method smooth-sphere -o smooth.h5\n\n"
       "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
       "run\n"
-      "bit for bit. docs/guide/script.md documents scripts, docs/reference/recording.md what a recording "
-      "holds.\n\n" +
+      "bit for bit. docs/guide/script.md documents scripts, docs/reference/recording.md recordings.\n"
+      "\n" +
       held_defined() + " The exit code is then 3.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return simulate_target(*options, console); }; });

@@ -36,7 +36,8 @@ Result<TaskFile> task_of_runs(const TaskOptions& options, Console& console) {
     if (!its) return its.error();
     if (task && task->text_hash != its->file.text_hash)
       return Error{ErrorKind::kUsage, "is a run of another task than the recordings before it",
-                   recording.string(), "score those of one task at a time, or name the task: --task"};
+                   recording.string(),
+                   "score the recordings of one task at a time, or give the task: --task"};
     task = std::move(its->file);
   }
   return *std::move(task);
@@ -91,7 +92,7 @@ int calibrate(const TaskOptions& options, Console& console) {
       const auto run = scorer.score(recording, console);
       if (!run) return run.error();
       if (run->score.cut_short)
-        console.warn()(recording.string() + " was cut short and is taken as far as it goes");
+        console.warn()(recording.string() + " was cut short and is scored up to its end");
       for (const MetricValue& value : run->score.metrics) values[value.part].push_back(value.value);
     }
     return values;
@@ -108,9 +109,9 @@ int calibrate(const TaskOptions& options, Console& console) {
   json["cut_offs"] = Json::array();
   if (!options.json)
     std::printf(
-        "# %s: cut-offs from %zu experts' runs%s. Runs of one person are not independent: the interval is "
-        "then\n"
-        "# too narrow. To be put into the task file.\n",
+        "# %s: cut-offs from %zu experts' runs%s. If runs of one person are among them, they are not "
+        "independent\n"
+        "# and the interval is too narrow. Copy the tables into the task file.\n",
         scorer.task().title.c_str(), options.recordings.size(),
         options.novices.empty() ? ""
                                 : (" and " + std::to_string(options.novices.size()) + " novices'").c_str());
@@ -203,7 +204,7 @@ int draw(const TaskOptions& options, Console& console) {
   const std::string drawn = drawn_data_set(*task, options.seed);
   if (drawn.empty())
     return console.fail({ErrorKind::kBadInput, "the task names no data set", task->source,
-                         "add data_set = \"...\", or give its scene yourself"});
+                         "add data_set = \"...\", or give its scene"});
   std::printf("%s\n", drawn.c_str());
   return kExitOk;
 }
@@ -211,7 +212,7 @@ int draw(const TaskOptions& options, Console& console) {
 CLI::Option* add_task_option(CLI::App& verb, TaskOptions& options, const std::string& help) {
   CLI::Option* task = verb.add_option("-t,--task", options.task, help);
   verb.add_option("--scene", options.source.target,
-                  "Scene file or volume that the recordings were made with; not needed for data sets");
+                  "Scene file or volume of the recordings; not needed for data sets");
   return task;
 }
 
@@ -219,7 +220,7 @@ CLI::Option* add_task_option(CLI::App& verb, TaskOptions& options, const std::st
 
 void add_task(CLI::App& app, Run& run) {
   auto options = std::make_shared<TaskOptions>();
-  CLI::App* verb = app.add_subcommand("task", "Training: what a run is measured by, and its score");
+  CLI::App* verb = app.add_subcommand("task", "Training: list, show and draw tasks, and score runs");
   verb->require_subcommand(1);
   const auto when = [&run, options](CLI::App* sub, int (*what)(const TaskOptions&, Console&)) {
     sub->callback([options, &run, what] {
@@ -227,60 +228,67 @@ void add_task(CLI::App& app, Run& run) {
     });
   };
 
-  CLI::App* list = verb->add_subcommand("list", "The tasks that palpate brings along");
-  list->add_flag("--json", options->json, "As JSON, with their briefings");
+  CLI::App* list = verb->add_subcommand("list", "List the tasks included with palpate");
+  list->add_flag("--json", options->json, "Print JSON, with the briefings");
   when(list, list_tasks);
 
-  CLI::App* show = verb->add_subcommand("show", "A task's file, to read or to make one's own of");
-  show->add_option("task", options->task, "One of palpate task list, or a file")->required();
+  CLI::App* show = verb->add_subcommand("show", "Print the file of a task, to read or to adapt");
+  show->add_option("task", options->task, "Name of a task (palpate task list), or a file")->required();
   when(show, show_task);
 
-  CLI::App* drawn = verb->add_subcommand("draw", "The data set of a task, with what the seed draws of it");
-  drawn->add_option("task", options->task, "Task file, or one of palpate task list")->required();
-  drawn->add_option("--seed", options->seed, "What is drawn; default 1")->check(whole_between(0, 1000000000));
+  CLI::App* drawn =
+      verb->add_subcommand("draw", "Print the data set of a task with the parameters drawn by a seed");
+  drawn->add_option("task", options->task, "Task file, or the name of a task (palpate task list)")
+      ->required();
+  drawn->add_option("--seed", options->seed, "Seed; default: 1")->check(whole_between(0, 1000000000));
   drawn->footer("Example: palpate explore \"$(palpate task draw find-the-nodule --seed 7)\" -o run.h5");
   when(drawn, draw);
 
-  CLI::App* score = verb->add_subcommand("score", "Measure recordings by a task");
+  CLI::App* score = verb->add_subcommand("score", "Score recordings by a task");
   score
       ->add_option("recordings", options->recordings,
-                   "Recordings of palpate simulate or explore, in their order")
+                   "Recordings made by palpate simulate or explore, in chronological order")
       ->required();
-  add_task_option(*score, *options, "Task file, or one of palpate task list; default: the one that they say");
+  add_task_option(
+      *score, *options,
+      "Task file, or the name of a task (palpate task list); default: the task named in the recordings");
   CLI::Option* record =
-      score->add_option("--record", options->learner, "Keep the scores as this learner's, a pseudonym");
-  score->add_option("--records", options->records, "The file of the records (palpate records --help)")
+      score->add_option("--record", options->learner, "Pseudonym of the learner to record the scores for");
+  score->add_option("--records", options->records, "File of training records (palpate records --help)")
       ->needs(record);
   add_tick_options(*score, options->ticks);
-  score->add_flag("--json", options->json, "As JSON, with every event");
+  score->add_flag("--json", options->json, "Print JSON, with every event");
   score->footer(
       "Examples:\n"
       "  palpate task score run.h5\n"
       "  palpate task score run.h5 --task meniscus-probing --record L042\n"
       "  palpate task score monday.h5 tuesday.h5 friday.h5 --task my-task.toml --json\n"
       "  palpate task score run.h5 --task hold-steady --from-tick 5120 --to-tick 20833\n\n"
-      "A pass takes as many runs in a row as the task says, each with every counted metric in its band.\n"
-      "Exit code 3: the last run has one out of its band. docs/reference/metrics.md says what each metric\n"
-      "is, and what is known of its validity: of most, nothing yet.");
+      "A pass requires the number of consecutive runs that the task sets, each with every counted metric in "
+      "its\n"
+      "band. Exit code 3: a metric of the last run is out of its band. docs/reference/metrics.md defines "
+      "each\n"
+      "metric and the evidence for its validity: for most, there is none yet.");
   when(score, score_runs);
 
   CLI::App* calibration =
-      verb->add_subcommand("calibrate", "Cut-offs for a task's metrics from experts' runs");
+      verb->add_subcommand("calibrate", "Compute cut-offs for the metrics of a task from experts' runs");
   calibration->add_option("recordings", options->recordings, "Recordings of experts")->required();
-  add_task_option(*calibration, *options, "Task file, or one of palpate task list")->required();
+  add_task_option(*calibration, *options, "Task file, or the name of a task (palpate task list)")->required();
   calibration->add_option("--novices", options->novices,
                           "Recordings of novices: cut-offs by contrasting groups");
   calibration
-      ->add_option("--share", options->share, "Of experts' runs that pass, without novices; default 0.9")
+      ->add_option("--share", options->share,
+                   "Share of experts' runs that pass, without novices; default: 0.9")
       ->check(number_between(0.5, 0.99));
-  calibration->add_flag("--json", options->json, "As JSON");
+  calibration->add_flag("--json", options->json, "Print JSON instead of text");
   calibration->footer(
       "Examples:\n"
       "  palpate task calibrate expert-*.h5 --task meniscus-probing\n"
       "  palpate task calibrate expert-*.h5 --novices novice-*.h5 --task meniscus-probing\n\n"
       "Prints [[metric]] tables for the task file, with 95 % intervals by bootstrap. Fewer than 10 runs of a "
       "group:\n"
-      "\"not validated\". docs/guide/tasks.md says how.");
+      "\"not validated\". docs/guide/tasks.md describes the method.");
   when(calibration, calibrate);
 }
 

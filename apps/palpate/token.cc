@@ -21,29 +21,27 @@ int make_tokens(const TokenOptions& options, Console& console) {
   }
   if (const auto written = write_viewer_tokens(options.file, *lines); !written)
     return console.fail(written.error());
-  console.note("palpate explore --token-file " + options.file.string() + " asks for them");
+  console.note("palpate explore --token-file " + options.file.string() + " reads them");
   return kExitOk;
 }
 
 }  // namespace
 
 void add_token(CLI::App& app, Run& run) {
-  CLI::App* verb = app.add_subcommand("token", "Make tokens for viewers on other machines");
+  CLI::App* verb = app.add_subcommand("token", "Create tokens for viewers on other machines");
   const auto options = std::make_shared<TokenOptions>();
   verb->add_option("--role", options->wanted.role,
-                   "One line, for a viewer of this role; default: one for control and one to look on")
+                   "Print one line for this role; default: one line for control and one for view")
       ->check(CLI::IsMember({"view", "control", "learner", "teacher"}));
-  verb->add_option("--learner", options->wanted.learner,
-                   "With --role learner: whose runs are kept, a pseudonym");
+  verb->add_option("--learner", options->wanted.learner, "With --role learner: pseudonym of the learner");
   verb->add_option("-o,--output", options->file,
-                   "A new file that only you may read, instead of standard output")
+                   "New file to write, readable only by you; default: standard output")
       ->type_name("FILE");
   verb->footer(
-      "Lines as `palpate explore --token-file FILE` takes them: without --role two, one for who may change "
-      "things,\n"
-      "one for who may look on. Each has 26 characters, drawn from the kernel's random numbers (130 bits).\n"
-      "What each role may: docs/reference/viewer-protocol.md.\n"
-      "\n"
+      "Prints lines for `palpate explore --token-file FILE`: without --role two, one for control and one "
+      "for\n"
+      "view. Each token has 26 characters from the kernel's random number generator (130 bits).\n"
+      "Permissions of each role: docs/reference/viewer-protocol.md.\n\n"
       "Examples:\n"
       "  palpate token -o tokens\n"
       "  palpate explore knee-phantom --listen 0.0.0.0 --token-file tokens --tls-cert C.pem --tls-key K.pem\n"

@@ -7,19 +7,18 @@ namespace {
 
 constexpr const char* kExamples =
     "Examples:\n"
-    "  palpate info knee.seg.nrrd                       what is in a file\n"
+    "  palpate info knee.seg.nrrd                       show the contents of a file\n"
     "  palpate simulate knee-phantom --report run.html  palpate a generated knee\n"
     "  palpate explore knee-phantom                     the same in real time\n"
-    "  palpate section labels.nii.gz -o three.png       see your own data\n"
+    "  palpate section labels.nii.gz -o three.png       section through your own data\n"
     "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
-    "  palpate simulate scene.toml -o run.h5            palpate them, as the scene says\n"
-    "  palpate help simulate                            what a verb takes\n"
-    "\n"
-    "Exit codes: 0 done; 1 a file or setting cannot be used, or doctor found something missing; 2 wrong\n"
-    "command line; 3 a figure beyond its limit, a replay that differs, a step of a script that failed or a\n"
-    "fault that lint found; 4 a result could not be written; 5 a data set, a device or the network is\n"
-    "missing; 130 interrupted.\n"
-    "\n"
+    "  palpate simulate scene.toml -o run.h5            palpate your own data\n"
+    "  palpate help simulate                            options of a verb\n\n"
+    "Exit codes: 0 success; 1 a file or setting cannot be used, or doctor found a requirement missing; 2 "
+    "wrong\n"
+    "command line; 3 a figure exceeds its limit, a replay differs, a script step failed, or lint found a\n"
+    "fault; 4 a result could not be written; 5 a data set, a device or the network is unavailable;\n"
+    "130 interrupted.\n\n"
     "Research and education, not for clinical use.";
 
 // commands of other programs, with the corresponding command of palpate
@@ -96,7 +95,7 @@ const Program& palpate_program() {
        add_forces,  add_hold,     add_section, add_render, add_simulate, add_explore,
        add_devices, add_doctor,   add_token,   add_replay, add_export,   add_report,
        add_cohort,  add_register, add_pivot,   add_plan,   add_task,     add_records},
-      {{"verify", "Measure what this build does on this machine, against limits"}},
+      {{"verify", "Measure this build on this machine and compare the figures with their limits"}},
       kOtherWords};
   return program;
 }

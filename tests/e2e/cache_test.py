@@ -59,7 +59,7 @@ class Cache(cli.KneeTest):
         self.simulate("--no-cache")
         self.simulate(PALPATE_CACHE="")
         self.assertEqual(self.entries(), [])
-        self.assertIn("nothing is kept", self.succeed("--no-cache", "cache", "show", env=self.environment).stdout)
+        self.assertIn("the cache is off", self.succeed("--no-cache", "cache", "show", env=self.environment).stdout)
 
     @cli.long
     def test_it_stands_where_the_environment_says(self):

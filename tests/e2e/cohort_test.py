@@ -87,7 +87,7 @@ class Cohort(cli.PalpateTest):
         before = {p: p.stat().st_mtime_ns for p in out.rglob("result.json")}
         text = (out / "cohort.tsv").read_bytes()
         _, again = self.cohort("local", "--jobs", 2)
-        self.assertIn(f"{CASES - 2} of {CASES} cases are done already", again.stderr)
+        self.assertIn(f"{CASES - 2} of {CASES} cases are already done", again.stderr)
         self.assertEqual(sum(p.stat().st_mtime_ns != t for p, t in before.items()), 2)
         self.assertEqual((out / "cohort.tsv").read_bytes(), text)
 
@@ -132,7 +132,7 @@ class Cohort(cli.PalpateTest):
         done = len(list(out.rglob("result.json")))
         self.assertLess(done, CASES, "it was killed before the end")
         _, again = self.cohort(out.name, "--jobs", 2)
-        self.assertIn("done already", again.stderr)
+        self.assertIn("already done", again.stderr)
         return out
 
     def processes_of(self, out):
@@ -164,10 +164,10 @@ class Cohort(cli.PalpateTest):
         study.mkdir()
         (study / "a").write_text("x")
         self.table.write_text(f"study\n{study}\n")
-        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study / "results", says="within a folder that is read as a study")
+        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study / "results", says="inside a folder that is read as a study")
         self.assertFalse((study / "results").exists())
         self.table.write_text(f"study\n{study / 'a'}\n")
-        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study, says="where data lie")
+        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study, says="holds data; tables next to labels")
         self.table.write_text("study\nknee-phantom\n")
         (self.folder / "file").write_text("")
         self.fail_clearly(cli.OUTPUT, "cohort", self.table, "-o", self.folder / "file")
@@ -208,17 +208,17 @@ class Cohort(cli.PalpateTest):
         (self.data / "script.toml").write_text(cli.TOUCH)
         out, _ = self.cohort("out", code=cli.OK)
         again = self.cohort("out", code=cli.OK)[1]
-        self.assertIn("1 of 1 cases are done already", again.stderr)
-        self.assertNotIn("done already", self.cohort("out", "--recordings", code=cli.OK)[1].stderr)
+        self.assertIn("1 of 1 cases are already done", again.stderr)
+        self.assertNotIn("already done", self.cohort("out", "--recordings", code=cli.OK)[1].stderr)
         self.assertTrue((out / "cases" / "0001" / "run.h5").is_file())
-        self.assertIn("done already", self.cohort("out", "--recordings", code=cli.OK)[1].stderr)
+        self.assertIn("already done", self.cohort("out", "--recordings", code=cli.OK)[1].stderr)
         before = (out / "cases" / "0001" / "result.json").stat().st_mtime_ns
         # the process of a case that is done does nothing
         self.succeed("cohort", self.table, "-o", out, "--case", 1)
         self.assertEqual((out / "cases" / "0001" / "result.json").stat().st_mtime_ns, before)
         done = cli.run("--mesh-space", "ras", "cohort", self.table, "-o", out)
         self.assertEqual(done.returncode, cli.OK, done.stderr)
-        self.assertNotIn("done already", done.stderr)
+        self.assertNotIn("already done", done.stderr)
 
     @cli.long
     def test_a_case_that_crashes_is_named(self):

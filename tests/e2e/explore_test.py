@@ -370,7 +370,7 @@ class Explore(cli.PalpateTest):
         limits = resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE)
         resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE, (3, limits[1]))
         os.kill(self.supervisor_of(terminal.process), signal.SIGKILL)
-        terminal.wait_for(r"warning: the supervisor died, and the force stays off, for no other can be started:\s+no supervisor: ")
+        terminal.wait_for(r"warning: the supervisor died, and the force stays off because no other can be started:\s+no supervisor: ")
         terminal.wait_for("EMERGENCY STOP")
         # three more tries
         until = time.monotonic() + 3.5
@@ -378,7 +378,7 @@ class Explore(cli.PalpateTest):
         self.assertEqual(terminal.shown.count("warning:"), before + 1, terminal.shown)
         self.assertIn("EMERGENCY STOP", terminal.frames()[-2])
         resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE, limits)
-        terminal.wait_for("a supervisor watches again")
+        terminal.wait_for("a supervisor is running again")
         self.assertEqual(terminal.shown.count("warning:"), before + 2, terminal.shown)
         # and it does, with the log of the one before it
         another = self.supervisor_of(terminal.process)
@@ -403,8 +403,8 @@ class Explore(cli.PalpateTest):
         self.assertEqual({path: path.read_bytes() for path in inputs}, inputs)
         recording = self.folder / "run.h5"
         self.fail_clearly(cli.USAGE, *self.explore("-o", recording, "--supervisor-log", f"{self.folder}/./run.h5"),
-                          says="is the recording, too")
-        self.fail_clearly(cli.USAGE, *self.explore("--no-supervisor", "--supervisor-log", log), says="nobody watches")
+                          says="is also the recording")
+        self.fail_clearly(cli.USAGE, *self.explore("--no-supervisor", "--supervisor-log", log), says="without a supervisor")
         self.fail_clearly(cli.OUTPUT, *self.explore("--supervisor-log", self.folder / "missing" / "log"), says="missing")
         # who has not begun leaves none
         elbow = self.folder / "elbow.toml"
@@ -800,11 +800,11 @@ class Explore(cli.PalpateTest):
         for options, says in ((["--listen", "0.0.0.0"], "--token-file"), (["--listen", "example.org"], "numeric"),
                               (["--tls-cert", self.script], "--tls-key"),
                               (["--device", "pointer", "--no-viewer"], "leave out --no-viewer"),
-                              (["--device", "pointer"], "a person follows no script"),
+                              (["--device", "pointer"], "a script moves the simulated hand only"),
                               (["--device", "spoon"], "spoon"), (["--port", "65536"], "whole number between")):
             with self.subTest(options):
                 self.fail_clearly(cli.USAGE, *self.explore("-o", recording, *options), says=says)
-        self.fail_clearly(cli.USAGE, "explore", self.scene, "--device", "pointer", "--repeat", says="no script")
+        self.fail_clearly(cli.USAGE, "explore", self.scene, "--device", "pointer", "--repeat", says="a script moves the simulated hand only")
         self.fail_clearly(cli.BAD_INPUT, *self.explore("--token-file", self.folder / "missing"), says="missing")
         self.assertFalse(recording.exists())
 

@@ -82,7 +82,7 @@ class Export(cli.PalpateTest):
         self.assertIn("was made on volume 1", done.stderr)
         self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", seg, says="which study")
         self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", self.folder / "x.nrrd",
-                          says="in DICOM alone")
+                          says="only DICOM can keep identifiers")
 
     def test_labels_of_somebody_else_are_not_attached(self):
         out = self.folder / "x.dcm"
@@ -94,7 +94,7 @@ class Export(cli.PalpateTest):
             data = (self.study / f"IM{k}").read_bytes()
             (other / f"IM{k}").write_bytes(data.replace(b"1.2.3.", b"1.2.4."))
         self.fail_clearly(cli.BAD_INPUT, "export", seg, other, "--keep-identifiers", "-o", out,
-                          says="does not say that it was made on")
+                          says="does not state that it was made on")
         for options in (), ("--keep-identifiers",):
             # elsewhere in space
             away = self.folder / "away.seg.nrrd"

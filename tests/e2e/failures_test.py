@@ -200,7 +200,7 @@ class Failures(cli.PalpateTest):
         for arguments in (["-o", run, "--report", run], ["-o", link, "--report", run],
                           ["--report", self.folder / "run.h5"]):
             with self.subTest(arguments):
-                self.fail_clearly(cli.USAGE, "simulate", self.scene, *arguments, says="would be one file")
+                self.fail_clearly(cli.USAGE, "simulate", self.scene, *arguments, says="would be the same file")
         # a name that nobody gave replaces nothing
         other = self.folder / "run.h5"
         other.write_text("of somebody else")

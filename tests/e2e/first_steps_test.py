@@ -292,7 +292,7 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("no name of its labels suggests a tissue", self.picture(labels).stderr)
         scene = self.folder / "scene.toml"
         self.assertIn("label 1, label 2", self.succeed("scene", "new", labels, "-o", scene).stderr)
-        self.assertIn("nothing in this scene is felt", self.succeed("scene", "check", scene).stderr)
+        self.assertIn("nothing in this scene can be felt", self.succeed("scene", "check", scene).stderr)
         self.picture(scene)
         for verb in ("simulate", "forces", "hold", "prepare"):
             with self.subTest(verb):
@@ -367,7 +367,7 @@ class FirstSteps(cli.PalpateTest):
             with self.subTest(words):
                 self.fail_clearly(cli.USAGE, *words, says="did you mean " + verb)
         labels = write_nrrd(self.folder / "labels.nrrd", blocks)
-        self.fail_clearly(cli.USAGE, labels, says="is a file, and no verb")
+        self.fail_clearly(cli.USAGE, labels, says="is a file, not a verb")
 
     def test_every_verb_that_is_named_is_one(self):
         """The commands that messages tell to type are commands."""

@@ -80,15 +80,15 @@ class Hold(cli.KneeTest):
 
     def test_what_cannot_be_held(self):
         for code, arguments, says in (
-                (cli.USAGE, [], "--at or with --voxel"),
-                (cli.USAGE, ["--at", GAP, "--voxel", "1,2,3"], "--at or with --voxel"),
+                (cli.USAGE, [], "--at or --voxel"),
+                (cli.USAGE, ["--at", GAP, "--voxel", "1,2,3"], "--at or --voxel"),
                 (cli.BAD_INPUT, ["--voxel", "1,2,99999"], "--voxel: the volume has"),
                 (cli.USAGE, ["--at", "1,2,nan"], "nan is not a number"),
                 (cli.USAGE, ["--at", GAP, "--method", "magic"], "trilinear"),
                 (cli.USAGE, ["--at", GAP, "--device", "magic"], "premium-1.5"),
                 (cli.USAGE, ["--at", GAP, "--rate", "1"], "number between"),
                 (cli.USAGE, ["--at", GAP, "--delay", "50"], "number between"),
-                (cli.USAGE, ["--at", GAP, "-o", "f.png"], "ends with .svg")):
+                (cli.USAGE, ["--at", GAP, "-o", "f.png"], "ends in .svg")):
             with self.subTest(arguments):
                 self.fail_clearly(code, "hold", self.scene, *arguments, says=says)
         self.fail_clearly(cli.BAD_INPUT, "hold", self.folder / "missing.toml", "--at", GAP, says="missing")

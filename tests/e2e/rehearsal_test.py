@@ -105,7 +105,7 @@ class Rehearsal(cli.PalpateTest):
         self.assertIn('class="planned"', part)
 
         shown = self.succeed("plan", "show", plan, "--scene", scene).stdout
-        self.assertRegex(shown, r"goes through +.*femur [\d.]+ mm")
+        self.assertRegex(shown, r"passes through +.*femur [\d.]+ mm")
         self.assertIn("keep away", shown)
 
         # nothing is written where something is wrong
@@ -131,7 +131,7 @@ class PlanInThePage(cli.PalpateTest):
         plan = self.folder / "plan.toml"
         plan.write_text('title = "p"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\nenters = ["femurr"]\n', encoding="utf-8")
         knee = f"knee-phantom:spacing={cli.KNEE_MM}"
-        self.fail_clearly(cli.USAGE, "explore", knee, "--no-viewer", "--plan", plan, says="--no-viewer serves none")
+        self.fail_clearly(cli.USAGE, "explore", knee, "--no-viewer", "--plan", plan, says="--no-viewer serves no page")
         self.fail_clearly(cli.BAD_INPUT, "explore", knee, "--plan", plan, "--port", 0, says='did you mean "femur"?')
         self.fail_clearly(cli.OUTPUT, "explore", knee, "--plan", self.folder / "nowhere" / "plan.toml", "--port", 0, says="nowhere")
         self.fail_clearly(cli.USAGE, "replay", "run.h5", "--plan", plan, says="--view")

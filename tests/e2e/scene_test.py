@@ -124,7 +124,7 @@ class SceneTest(cli.PalpateTest):
             felt = felt.replace("[preparation]\nmethod = \"union-gaussian\"", "[preparation]")
             felt = felt.replace("[preparation]", "[preparation]\nmethod = \"union-gaussian\"")
             scene.write_text(felt.replace("felt = false", "felt = true"))
-            self.assertEqual("less than a voxel" in self.succeed("scene", "check", scene).stderr, warned, sigma)
+            self.assertEqual("less than the voxel size" in self.succeed("scene", "check", scene).stderr, warned, sigma)
 
     def test_check_prints_the_most_force(self):
         scene = self.felt_scene(labels=self.labels())
@@ -196,7 +196,7 @@ class SceneTest(cli.PalpateTest):
         self.assertFalse(warned("youngs_modulus = 9"))
         scene.write_text(written.replace('preset = "muscle"', "") + '[limits]\n')
         said = self.succeed("scene", "check", scene)
-        self.assertIn("nothing in this scene yields", said.stderr)
+        self.assertIn("no tissue in this scene yields", said.stderr)
         self.assertRegex(said.stdout, r"(?m)^muscle +yes +1 +rigid ")
 
     def test_usage_line(self):

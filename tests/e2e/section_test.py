@@ -135,7 +135,7 @@ class Section(cli.KneeTest):
     def test_what_cannot_be_drawn(self):
         self.check_what_cannot_be_drawn("section", ".png", [
             (cli.USAGE, ["--direction", "1,2,nan"], "nan is not a number"),
-            (cli.USAGE, ["--direction", "0,0,0"], "0,0,0 is no direction"),
+            (cli.USAGE, ["--direction", "0,0,0"], "0,0,0 is not a direction"),
             (cli.USAGE, ["--plane", "oblique"], "needs a direction"),
             (cli.USAGE, ["--plane", "axial", "--direction", "1,2,3"], "only an oblique section"),
             (cli.USAGE, ["--plane", "diagonal"], "axial"),

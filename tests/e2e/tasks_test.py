@@ -120,12 +120,12 @@ class Tasks(cli.PalpateTest):
         # another text still holds, and it is told; a file of the user's is to be named, and its name stays where it is
         own = self.folder / "DOE^CANARY.toml"
         own.write_text(self.succeed("task", "show", TASK).stdout + "# mine\n", encoding="utf-8")
-        self.assertIn("in another text", self.succeed("task", "score", run, "--task", own).stderr)
+        self.assertIn("in a version of the text other than", self.succeed("task", "score", run, "--task", own).stderr)
         mine = self.simulate("mine", says=("--task", own))
         self.fail_clearly(cli.USAGE, "task", "score", mine, says='run of "Hold a force steady"')
         self.assertNotIn(b"CANARY", mine.read_bytes())
-        self.assertEqual(self.succeed("task", "score", mine, "--task", own).stderr.count("another text"), 0)
-        self.fail_clearly(cli.USAGE, "task", "score", self.simulate("none"), says="does not say of which task")
+        self.assertEqual(self.succeed("task", "score", mine, "--task", own).stderr.count("a version of the text other than"), 0)
+        self.fail_clearly(cli.USAGE, "task", "score", self.simulate("none"), says="does not state which task")
         self.fail_clearly(cli.USAGE, "task", "score", run, mine, says="mine.h5")
 
     @cli.long

@@ -179,8 +179,8 @@ class Live(cli.PalpateTest):
         # the registration's own error there, as its file has it, and the tool's
         target, = registration["by_points"]["targets"]
         rms_mm = math.sqrt(target["tre_rms_mm"] ** 2 + tip["tip_error_mm"] ** 2 + tip["rms_mm"] ** 2)
-        self.assertIn(f"tracked tip wrong by {rms_mm:.3f} mm (TRE, root mean square), below {target['tre_95_mm']:.3f} in 95", done.stdout)
-        self.assertIn(f"left over at the points {registration['by_points']['fre_mm']:.3f} mm (FRE)", done.stdout)
+        self.assertIn(f"error of the tracked tip {rms_mm:.3f} mm (TRE, root mean square), below {target['tre_95_mm']:.3f} in 95", done.stdout)
+        self.assertIn(f"residual at the points {registration['by_points']['fre_mm']:.3f} mm (FRE)", done.stdout)
 
         # what does not fit together is one error
         mixed = [REFERENCE if argument == TOOL else TOOL if argument == REFERENCE else argument for argument in explored]
