@@ -289,7 +289,7 @@ class FirstSteps(cli.PalpateTest):
 
     def test_where_nothing_is_felt_it_is_shown(self):
         labels = write_nrrd(self.folder / "labels.nrrd", blocks)
-        self.assertIn("no name of its labels suggests a tissue", self.picture(labels).stderr)
+        self.assertIn("no label name matches a tissue", self.picture(labels).stderr)
         scene = self.folder / "scene.toml"
         self.assertIn("label 1, label 2", self.succeed("scene", "new", labels, "-o", scene).stderr)
         self.assertIn("nothing in this scene can be felt", self.succeed("scene", "check", scene).stderr)
@@ -299,17 +299,17 @@ class FirstSteps(cli.PalpateTest):
                 target = scene if verb == "prepare" else labels
                 done = self.run_verb(verb, target)
                 self.assertEqual(done.returncode, cli.BAD_INPUT, done.stdout)
-                self.assertIn("nothing in it is felt yet", done.stderr)
+                self.assertIn("nothing in the scene can be felt yet", done.stderr)
                 self.assertIn("felt = true", done.stderr)
         # the page shows it; without one there is nothing to do
         done = self.succeed("explore", scene, "--seconds", "0.5", "--port", "0", "--no-realtime")
-        self.assertIn("nothing in it is felt yet", done.stderr)
+        self.assertIn("nothing in the scene can be felt yet", done.stderr)
         self.assertIn("to see it, open http", done.stderr)
-        self.fail_clearly(cli.BAD_INPUT, "explore", scene, "--no-viewer", says="nothing in it is felt yet")
+        self.fail_clearly(cli.BAD_INPUT, "explore", scene, "--no-viewer", says="nothing in the scene can be felt yet")
         # a tissue that is felt, but of no voxel
         scene.write_text(f'[data]\nlabels = "{labels}"\n[[tissue]]\nname = "a"\nlabels = [9]\noptional = true\n')
         self.picture(scene)
-        self.fail_clearly(cli.BAD_INPUT, "simulate", scene, says="no voxel of the scene is felt")
+        self.fail_clearly(cli.BAD_INPUT, "simulate", scene, says="no voxel of the scene can be felt")
 
     def test_a_mask_is_called_after_its_file(self):
         mask = write_nrrd(self.folder / "femur_left.nrrd", lambda i, j, k: blocks(i, j, k) > 0)

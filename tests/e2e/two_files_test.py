@@ -147,11 +147,11 @@ class TwoFiles(cli.PalpateTest):
         self.succeed("section", self.other_labels, self.labels, "--scan", "-o", self.out / "x.png")
         self.fail_clearly(cli.USAGE, "section", self.scan, self.scan, "-o", self.out / "y.png", says="one file given as the scan")
         self.fail_clearly(cli.USAGE, "section", self.scan, "--names", self.names, "-o", self.out / "y.png",
-                          says="a table of names goes with a label map")
+                          says="a table of names needs a label map")
         for target in ("knee-phantom", self.folder / "scene.toml"):
             if target != "knee-phantom":
                 self.succeed("scene", "new", self.scan, self.labels, "--names", self.names, "-o", target)
-            self.fail_clearly(cli.USAGE, "section", target, self.labels, "-o", self.out / "y.png", says="goes with a scan")
+            self.fail_clearly(cli.USAGE, "section", target, self.labels, "-o", self.out / "y.png", says="needs a scan")
             self.fail_clearly(cli.USAGE, "section", target, "--names", self.names, "-o", self.out / "y.png", says="a table of names")
 
     def test_a_run_is_replayed_and_reported_with_them(self):

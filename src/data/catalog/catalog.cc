@@ -78,9 +78,9 @@ const std::vector<CatalogEntry>& catalog() {
       phantom("shell-phantom", "closed hollow ball, with a synthetic CT image"),
       phantom("skull-phantom", "cranium with thin temples, orbits and a brain, with a synthetic CT image"),
       phantom("gland-phantom",
-              "soft gland on a jaw, fat and skin over them at will, with a synthetic MR image"),
-      phantom("palpation-block", "block of soft tissue on a plate, with nodules that are to be found"),
-      phantom("palpation-dome", "dome of soft tissue, as a breast, with nodules that are to be found"),
+              "soft gland on a jaw, optionally under fat and skin, with a synthetic MR image"),
+      phantom("palpation-block", "block of soft tissue on a plate, with nodules to find"),
+      phantom("palpation-dome", "dome of soft tissue, like a breast, with nodules to find"),
       phantom("abdominal-wall", "skin, fat and muscle over the firm edge of a liver and a rib"),
       knee_atlas(),
       head()};
@@ -101,7 +101,8 @@ Result<const CatalogEntry*> find_entry(const std::string& name) {
     if (entry.name == base) return &entry;
     known += (known.empty() ? "" : ", ") + entry.name;
   }
-  return Error{ErrorKind::kBadInput, "there is no data set of this name", name, "the data sets are " + known};
+  return Error{ErrorKind::kBadInput, "there is no data set with this name", name,
+               "the data sets are " + known};
 }
 
 Result<CatalogEntry> entry_with_parameters(const std::string& name) {

@@ -107,11 +107,11 @@ class Fetching {
         part_.cut(0);
         if (!resumed_)
           return unavailable(checked.error().what, "what arrived was deleted; try again, or another mirror");
-        trouble_ = "the rest of the file did not fit its beginning";
+        trouble_ = "the rest of the file did not match its beginning";
       }
       if (attempt >= download_.attempts)
-        return unavailable(
-            trouble_, part_.size() > 0 ? "try again later: what has arrived is kept" : "try again later");
+        return unavailable(trouble_, part_.size() > 0 ? "try again later: the part received so far is kept"
+                                                      : "try again later");
       if (!pause(attempt)) return Progress::interrupted();
     }
   }
@@ -161,10 +161,10 @@ class Fetching {
         return unavailable("cannot be reached (" + result.reason + ")", "is this machine online?");
       case TransferOutcome::kRefused:
         return unavailable("is not fetched (" + result.reason + ")",
-                           "use the data set's home or another mirror");
+                           "use the original address or another mirror");
       case TransferOutcome::kBroken:
       case TransferOutcome::kStalled:
-        trouble_ = "the transfer broke off (" + result.reason + ")";
+        trouble_ = "the transfer was interrupted (" + result.reason + ")";
         return Next::kRetry;
       case TransferOutcome::kDone:
         break;
@@ -176,12 +176,11 @@ class Fetching {
     if (part_.failure() != 0) return output_error(download_.target, part_.failure());
     if (too_large_) {
       part_.cut(0);
-      return unavailable("is larger than it should be",
-                         "it is not the file that was asked for; try another mirror");
+      return unavailable("is larger than expected", "it is not the requested file; try another mirror");
     }
     if (misplaced_) {
       part_.cut(0);
-      trouble_ = "the server sent another part of the file than it was asked for";
+      trouble_ = "the server sent a part of the file that was not requested";
       return Next::kRetry;
     }
     return Progress::interrupted();
@@ -256,10 +255,10 @@ Result<void> check_content(const std::filesystem::path& file, const std::optiona
                            const Result<std::string>& found) -> Result<void> {
     if (!found) return found.error();
     if (*found == expected) return {};
-    return Error{ErrorKind::kBadInput,
-                 std::string("is not the file it should be: its ") + name + " is " + *found + " instead of " +
-                     expected,
-                 file.string(), "remove it and fetch it again"};
+    return Error{
+        ErrorKind::kBadInput,
+        std::string("is not the expected file: its ") + name + " is " + *found + " instead of " + expected,
+        file.string(), "remove it and fetch it again"};
   };
   if (!sha256.empty())
     if (const auto checked = compare("SHA-256", sha256, sha256_of_file(file)); !checked) return checked;

@@ -122,7 +122,7 @@ TEST_F(DownloadTest, ShortAnswersWithoutLengthAreResumed) {
 TEST_F(DownloadTest, AttemptsAreBoundedAndWhatArrivedIsKept) {
   auto patient = request("cut-100");
   patient.attempts = 3;
-  expect_unavailable(download(patient, {}), "what has arrived is kept");
+  expect_unavailable(download(patient, {}), "the part received so far is kept");
   EXPECT_EQ(bytes_of_file(part_), content_.substr(0, 300));
   EXPECT_EQ(ranges().size(), 3u);
   // a later call resumes
@@ -144,7 +144,7 @@ TEST_F(DownloadTest, SilenceEnds) {
   auto impatient = request("silent");
   impatient.attempts = 1;
   impatient.stall_timeout_s = 0.5;
-  expect_unavailable(download(impatient, {}), "nothing arrived");
+  expect_unavailable(download(impatient, {}), "no more data arrived");
   expect_nothing();
 }
 

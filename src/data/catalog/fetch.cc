@@ -140,8 +140,8 @@ Result<LocalData> fetch(const std::string& name, const FetchOptions& options, co
   // data installed by others are only referenced; the user's own copy may still lack optional files
   if (entry.source == DataSource::kPackage) return locate(name);
   if (options.voxel_mm && (entry.source != DataSource::kGenerated || name.find(':') != std::string::npos))
-    return Error{ErrorKind::kUsage, "only of a phantom without parameters", "--voxel",
-                 "with parameters the voxels are one: knee-phantom:side=right,spacing=0.4"};
+    return Error{ErrorKind::kUsage, "is only for a phantom without parameters", "--voxel",
+                 "with parameters, give the voxel size among them: knee-phantom:side=right,spacing=0.4"};
   const fs::path own_folder = user_data_folder() / file_stem(entry.name);
   if (entry.source == DataSource::kFetched && options.into.empty())
     if (auto here = locate(name); here && here->labels.parent_path() != own_folder) return here;

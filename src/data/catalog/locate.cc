@@ -30,7 +30,7 @@ fs::path home_folder() {
 Error absent(const CatalogEntry& entry) {
   Error error{ErrorKind::kUnavailable, "this data set is not on this machine", entry.name, ""};
   error.remedy = entry.source == DataSource::kPackage ? "apt-get install " + entry.home + " installs it"
-                                                      : "palpate data fetch " + entry.name + " brings it";
+                                                      : "palpate data fetch " + entry.name + " fetches it";
   return error;
 }
 

@@ -150,7 +150,7 @@ TransferResult transfer(const TransferRequest& request, const TransferBody& body
   const CURLcode code = curl_easy_perform(curl);
   TransferResult result{outcome_of(code), exchange.reply, ""};
   if (code != CURLE_OK) result.reason = *why ? why : curl_easy_strerror(code);
-  if (exchange.stalled) result = {TransferOutcome::kStalled, exchange.reply, "nothing arrived any more"};
+  if (exchange.stalled) result = {TransferOutcome::kStalled, exchange.reply, "no more data arrived"};
   if (exchange.stopped) result.outcome = TransferOutcome::kStopped;
   return result;
 }

@@ -80,7 +80,7 @@ std::string plain_name(const std::string& name) {
 
 void check_names(LintStudy& study) {
   if (study.labels.segments.empty())
-    study.add(LintKind::kNoVoxels, LintSeverity::kFault, {}, {}, "the map holds no structure");
+    study.add(LintKind::kNoVoxels, LintSeverity::kFault, {}, {}, "the map has no structure");
   std::vector<LabelId> unnamed;
   std::map<std::string, std::vector<LabelId>> by_name;
   for (const Segment& segment : study.labels.segments) {
@@ -111,13 +111,13 @@ void check_sides(LintStudy& study) {
   if (study.statistics.empty()) return;
   if (!study.options.oriented) {
     study.add(LintKind::kSwappedSides, LintSeverity::kCannotTell, {}, {},
-              "sides cannot be told: the file does not say how it lies in the patient");
+              "sides cannot be checked: the file does not state its orientation in the patient");
     return;
   }
   const std::vector<SidePair> pairs = pairs_of(study);
   if (pairs.empty()) {
     study.add(LintKind::kSwappedSides, LintSeverity::kCannotTell, {}, {},
-              "sides cannot be told: no structure and its partner are named left and right");
+              "sides cannot be checked: no pair of structures is named left and right");
     return;
   }
   // minimum distance of the centroids along the patient's left-right axis that decides which side is which
@@ -139,7 +139,7 @@ void check_sides(LintStudy& study) {
   }
   if (decided == 0) {
     study.add(LintKind::kSwappedSides, LintSeverity::kCannotTell, {}, {},
-              "sides cannot be told: structures named left and right lie on one another");
+              "sides cannot be checked: structures named left and right overlap");
     return;
   }
   if (contrary == 0) return;
@@ -154,7 +154,7 @@ void check_sides(LintStudy& study) {
             is_mirrored && decided > 1 ? std::vector<LabelId>() : wrong, {max_mm, "mm", 0, voxel},
             is_mirrored && decided > 1 ? "the map is mirrored: in all of " + counted(decided, "pair") +
                                              " the left structure lies to the right"
-                                       : study.names_of(wrong) + " lie on each other's side" +
+                                       : study.names_of(wrong) + " are on each other's side" +
                                              (is_mirrored ? ", or the map is mirrored" : ""));
 }
 

@@ -273,7 +273,7 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
     const double mm3 = static_cast<double>(sum.voxels) * voxel_mm3;
     study.add(LintKind::kOpenCavity, LintSeverity::kWarning, {id}, {mm3, "mm3", sum.voxels, sum.voxel},
               study.name_of(id) + " has a cavity of at least " + figure(mm3, "mm3") +
-                  " that is open by a passage of at most two voxels");
+                  " that is open through a passage of at most two voxels");
   }
 }
 
@@ -544,7 +544,7 @@ Result<void> check_leaks(LintStudy& study, const Volume<LabelId>& flat) {
         {one.label},
         {static_cast<double>(one.joints), "", 0,
          std::array<int, 3>{static_cast<int>(at.x()), static_cast<int>(at.y()), static_cast<int>(at.z())}},
-        study.name_of(one.label) + " holds together by edges or corners alone in " +
+        study.name_of(one.label) + " is connected only by edges or corners in " +
             counted(one.joints, "place"));
   }
   return {};

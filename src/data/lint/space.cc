@@ -281,7 +281,7 @@ Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const P
     if (!(*surely)[s.id])
       study.add(LintKind::kUnreachable, LintSeverity::kWarning, {s.id},
                 {s.volume_mm3, "mm3", s.voxels, voxel},
-                "a tool of " + figure(2 * study.options.tool_radius_mm, "mm") + " cannot come to " +
+                "a tool of " + figure(2 * study.options.tool_radius_mm, "mm") + " cannot reach " +
                     study.name_of(s.id) + " past the hard structures around it");
     else if (!(*perhaps)[s.id])
       undecided.push_back(s.id);
@@ -289,7 +289,7 @@ Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const P
   if (!undecided.empty())
     study.add(LintKind::kUnreachable, LintSeverity::kCannotTell, undecided, {},
               study.names_of(undecided) + (undecided.size() == 1 ? " is" : " are") +
-                  " enclosed by structures of which the names do not say whether a tool can pass them");
+                  " enclosed by structures whose names do not tell whether a tool can pass through them");
   return {};
 }
 
@@ -297,7 +297,7 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
   if (study.statistics.empty()) return {};
   if (study.options.scan == nullptr) {
     study.add(LintKind::kOutsideBody, LintSeverity::kCannotTell, {}, {},
-              "without a scan it cannot be told what lies outside the body");
+              "without a scan the outside of the body is unknown");
     return {};
   }
   const auto& dims = study.grid.dims;

@@ -52,7 +52,7 @@ Result<void> resample_to_common_grid(SceneVolumes& volumes, const Progress& prog
           "scan and labels lie on different grids: the scan was resampled onto the labels' grid, which is "
           "finer");
       if (reaches_beyond(labels.geometry(), scan.geometry()))
-        warn("the label map reaches beyond the scan; there the scan counts as its darkest value");
+        warn("the label map extends beyond the scan; the darkest value of the scan is used there");
     }
     volumes.scan = std::make_shared<const Volume<float>>(*std::move(moved));
     return {};
@@ -64,7 +64,7 @@ Result<void> resample_to_common_grid(SceneVolumes& volumes, const Progress& prog
         "scan and labels lie on different grids: the labels were resampled onto the scan's grid, which is "
         "finer, by nearest neighbour");
     if (reaches_beyond(labels.geometry(), scan.geometry()))
-      warn("part of the label map lies outside the scan and is not felt");
+      warn("part of the label map lies outside the scan and cannot be felt");
   }
   volumes.labels = *std::move(moved);
   return {};
@@ -233,7 +233,7 @@ std::vector<Caveat> merged_layers(const Model& model) {
     if (layer.max_N_per_mm <= kSameStiffness * layer.min_N_per_mm) continue;
     char text[160];
     std::snprintf(text, sizeof text,
-                  "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
+                  "tissues of %.3g to %.3g N/mm share one layer where they touch, up to %.0f %% too soft: "
                   "contact has at most %d layers of stiffness",
                   layer.min_N_per_mm, layer.max_N_per_mm, 100 * layer.error(), kMaxLayers);
     caveats.push_back({CaveatKind::kForce, text});
@@ -266,8 +266,8 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
       const std::string structure =
           segment != segments.end() && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
       if (voxels[id] == 0)
-        return wrong("has the structure " + structure + ", of which others leave no voxel",
-                     "leave it out, or draw it where no structure that is felt more lies");
+        return wrong("has the structure " + structure + ", which has no voxel outside other structures",
+                     "leave it out, or draw it where it is not covered by another structure");
       add(ids[n].size() > 1 ? settings.name + ": " + structure : settings.name, NoGoStructure{id, -1});
     }
   }
@@ -321,7 +321,7 @@ Result<void> embed(const Scene& scene, const Volume<float>* scan, ModelParts& pa
   }
   if (embedded == 0)
     return Error{ErrorKind::kBadInput,
-                 "no unlabelled voxel lies inside the body, so \"" + settings->name + "\" embeds nothing",
+                 "no unlabelled voxel lies inside the body, so \"" + settings->name + "\" is empty",
                  scene.where(settings->line),
                  scan ? "check air_below of the tissue, or leave the tissue out"
                       : "name the scan under [data] and give the tissue air_below, or leave the tissue out"};
@@ -403,7 +403,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
         set_label(parts, id, t);
         if (parts.tissues[t].felt) weight_of_label[id] = weight_of(parts.tissues[t], stiffest);
       }
-    progress.report("weighing labels", 0);
+    progress.report("preparing labels", 0);
     parts.segments = volumes.labels->segments;
     flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label, parts, ready.enclosing);
     volumes.labels.reset();
@@ -441,7 +441,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
       if (current == 0 || weight_of_label[id] > weight_of_label[current]) current = id;
     }
     if (!reached && warn)
-      warn("nothing in the scan reaches " + std::to_string(std::lround(0.5 * (low + high))) +
+      warn("no voxel of the scan reaches " + std::to_string(std::lround(0.5 * (low + high))) +
            ", the middle of tissue '" + settings.name + "'");
   }
   if (auto embedded = embed(scene, scan.get(), parts, flat, progress); !embedded) return embedded.error();
@@ -555,14 +555,16 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   if ((scene.side == Side::kLeft || scene.side == Side::kRight) && anatomy != Side::kUnknown &&
       anatomy != scene.side)
     model->caveats.push_back(
-        {CaveatKind::kSide, "the scene says the other side than the anatomy: by the fibula this is a " +
+        {CaveatKind::kSide, "the side in the scene contradicts the anatomy: by the fibula this is a " +
                                 std::string(anatomy == Side::kLeft ? "left" : "right") + " leg"});
   if (warn)
     for (const Caveat& caveat : model->caveats) warn(caveat.text);
   // these have been reported while reading the files
   model->caveats.insert(model->caveats.begin(), volumes.caveats.begin(), volumes.caveats.end());
   if (warn && !volumes.oriented)
-    warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
+    warn(
+        "the files do not state the orientation of the volume in the patient: sides and directions are "
+        "unknown");
   // surfaces take seconds and memory, and are only made for the proxy
   if (scene.force.method == ForceMethod::kProxy) return std::shared_ptr<const Model>(model);
   auto ready = prepared_for(model, {&scene.force.method, 1}, preparing, progress);

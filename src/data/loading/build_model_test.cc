@@ -676,8 +676,9 @@ TEST(BuildModel, TheGapsOfAKneeAreFree) {
 TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\nfelt = false\n");
-  EXPECT_NE(why_not_felt(scene, build_model(scene, &labels, nullptr)).find("nothing in it is felt"),
-            std::string::npos);
+  EXPECT_NE(
+      why_not_felt(scene, build_model(scene, &labels, nullptr)).find("nothing in the scene can be felt"),
+      std::string::npos);
 }
 
 // with its own scene; the nodules' modulus is the given multiple

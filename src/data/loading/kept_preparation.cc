@@ -16,7 +16,7 @@ using cache::FieldReader;
 using cache::FieldWriter;
 
 void report_found(const Progress& progress) {
-  progress.report("taking what was prepared before", 0);
+  progress.report("loading the prepared scene from the cache", 0);
 }
 
 void put_grid(const GridGeometry& grid, auto& out) {

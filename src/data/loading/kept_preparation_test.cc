@@ -190,7 +190,7 @@ TEST_F(KeptPreparation, ASecondStartPreparesNothingAndIsTheSame) {
   const Started second = start_scene();
   for (const char* stage : {kReading, kRamps, kTouching, kSurfaces})
     EXPECT_THAT(second.stages, Not(Contains(stage)));
-  EXPECT_THAT(second.stages, Contains("taking what was prepared before"));
+  EXPECT_THAT(second.stages, Contains("loading the prepared scene from the cache"));
   EXPECT_EQ(entries(), kept);
   EXPECT_EQ(second.warnings, first.warnings);
 

@@ -48,7 +48,7 @@ std::string in_words(const LabelPlacement& placement) {
 std::string placement_warning(const LabelPlacement& placement) {
   if (placement.share() >= kDoubtedBelow) return "";
   return "only " + in_words(placement) +
-         ": the scan may be another one's, or show a part of what is labelled";
+         ": the scan may belong to another patient, or cover only part of the labelled region";
 }
 
 Result<void> check_placement(const LabelPlacement& placement, const std::filesystem::path& labels_file,
@@ -57,9 +57,9 @@ Result<void> check_placement(const LabelPlacement& placement, const std::filesys
   return Error{
       ErrorKind::kBadInput, "the labels do not seem to belong to the scan: only " + in_words(placement),
       labels_file.string(),
-      "give the scan that it was made on; where it lost its place or its axes were negated, save it again "
-      "with the scan's geometry, as 3D Slicer does; where the scan shows a part of what is labelled, "
-      "--cropped-scan takes both as they are (in a scene file: cropped_scan = true)"};
+      "give the scan that they were made on; if they lost their position or their axes were negated, save "
+      "them again with the geometry of the scan, for example in 3D Slicer; if the scan covers only part of "
+      "the labelled region, add --cropped-scan (in a scene file: cropped_scan = true)"};
 }
 
 }  // namespace palpate

@@ -96,7 +96,7 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
-      warn(scan_file->string() + " says that it holds labels, and the scene takes it as the scan");
+      warn(scan_file->string() + " states that it holds labels, but the scene uses it as the scan");
   }
   if (progress.stopped()) return Progress::interrupted();
   if (labels_file) {
@@ -160,8 +160,8 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
 }
 
 Error names_without_labels(const std::string& where) {
-  return {ErrorKind::kUsage, "a table of names goes with a label map, and none is given", where,
-          "name the label map as well, or leave --names out; in a scene file: names = \"TABLE\""};
+  return {ErrorKind::kUsage, "a table of names needs a label map", where,
+          "give the label map as well, or leave out --names; in a scene file: names = \"TABLE\""};
 }
 
 // reads a scan, a label map or a study of both, with the scene proposed for it
@@ -217,7 +217,7 @@ Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std
 Error neither_file_nor_data_set(const std::string& what, Error error) {
   std::error_code unreadable;
   if (!std::filesystem::exists(what, unreadable) && !unreadable) {
-    error.what = "no such file, and no data set of that name";
+    error.what = "no such file, and no data set with that name";
     error.remedy =
         "palpate data list shows the data sets; palpate scene new writes a scene file for a scan and "
         "labels";
@@ -248,11 +248,11 @@ Result<ReadScene> read_scene_or_data_set(const SceneSource& source, const Progre
     return read_with_proposal(*study, source.names, progress, warn, preparation);
   }
   if (source.segmentation)
-    return Error{ErrorKind::kUsage, "a segmentation goes with a scan", what,
-                 "name the scan that it was made on, a folder of DICOM or another volume, before it"};
+    return Error{ErrorKind::kUsage, "a segmentation needs a scan", what,
+                 "give the scan that it was made on, a DICOM folder or another volume, before it"};
   if (source.volume)
-    return Error{ErrorKind::kUsage, "a number of a volume goes with a DICOM file or a folder of them", what,
-                 "leave --volume out; in a scene file: scan_volume = N"};
+    return Error{ErrorKind::kUsage, "a volume number needs a DICOM file or folder", what,
+                 "leave out --volume; in a scene file: scan_volume = N"};
   if (find_entry(what)) {
     if (source.names) return names_without_labels(what);
     return read_data_set(what, progress, warn, preparation);
@@ -348,8 +348,8 @@ Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, Sc
                                             const Progress& progress, const Warn& warn) {
   if (source.target.empty()) source.target = recording.data_set;
   if (source.target.empty())
-    return Error{ErrorKind::kUsage, "the recording was made with a scene file, which it does not hold", "",
-                 "name it after the recording: RECORDING SCENE"};
+    return Error{ErrorKind::kUsage, "the recording was made with a scene file that it does not contain", "",
+                 "give the scene file after the recording: RECORDING SCENE"};
   return load_scene_or_data_set(source, progress, warn);
 }
 

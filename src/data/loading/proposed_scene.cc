@@ -18,7 +18,7 @@ std::string felt_of_labels(const Scene& scene, const LabelMap& labels) {
     presets += (presets.empty() ? "" : ", ") + tissue.preset;
   }
   const std::size_t all = labels.segments.size();
-  if (felt == 0) return "shown alone, for no name of its labels suggests a tissue";
+  if (felt == 0) return "shown only, because no label name matches a tissue";
   if (all == 1) return "felt as " + presets;
   return (felt == all ? "all " : std::to_string(felt) + " of ") + std::to_string(all) + " structures felt (" +
          presets + ")";
@@ -72,16 +72,16 @@ bool has_touchable_tissue(const Model& model) {
 Result<void> require_touchable_tissue(const LoadedScene& loaded) {
   if (has_touchable_tissue(*loaded.model)) return {};
   const bool switched_off = loaded.model->greatest_stiffness_N_per_mm() <= 0;
-  std::string remedy =
-      loaded.proposed.empty()
-          ? switched_off ? "set felt = true, with a preset or a stiffness, on a [[tissue]] of it"
-                         : "check the labels and thresholds of its tissues (palpate info shows "
-                           "what the files hold)"
-          : "give the labels names that suggest a tissue (femur, liver, ...) in a table, or write a "
-            "scene file with palpate scene new, and set felt = true in it";
+  std::string remedy = loaded.proposed.empty()
+                           ? switched_off
+                                 ? "set felt = true, with a preset or a stiffness, on a [[tissue]]"
+                                 : "check the labels and thresholds of its tissues (palpate info shows "
+                                   "what the files hold)"
+                           : "name the labels after tissues (femur, liver, ...) in a table, or write a scene "
+                             "file with palpate scene new and set felt = true in it";
   return Error{ErrorKind::kBadInput,
-               switched_off ? "nothing in it is felt yet" : "no voxel of the scene is felt",
-               loaded.scene.source, remedy + "; palpate section and explore show it as it is"};
+               switched_off ? "nothing in the scene can be felt yet" : "no voxel of the scene can be felt",
+               loaded.scene.source, remedy + "; palpate section and explore can show it"};
 }
 
 }  // namespace palpate

@@ -47,48 +47,47 @@ void choice(PhantomKeyVisitor& v, const PhantomKey& key, std::span<const std::st
 }
 
 void visit_islands(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"islands", "", "Stray islands in the segmentation, and as many holes in its structures."}, 1000,
-          s.islands);
+  v.whole({"islands", "", "Number of stray islands in the segmentation, and of holes in its structures."},
+          1000, s.islands);
 }
 void visit_noise(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.number(
-      {"noise", "mm",
-       "Standard deviation by which segmented borders are off in each slice, as drawn by hand. Slices lie "
-       "across the widest edge of the voxels."},
-      0, 1.5, s.noise_mm);
+  v.number({"noise", "mm",
+            "Standard deviation of segmented borders in each slice, as in manual segmentation. Slices are "
+            "perpendicular to the largest voxel spacing."},
+           0, 1.5, s.noise_mm);
 }
 void visit_scan_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"scan-seed", "", "Of the noise in the scan."}, kMaxSeed, s.scan_seed);
+  v.whole({"scan-seed", "", "Standard deviation of the noise in the scan."}, kMaxSeed, s.scan_seed);
 }
 void visit_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"seed", "", "Of natural variation, of `noise` and of `islands`; 0 is the mean shape."}, kMaxSeed,
-          s.seed);
+  v.whole({"seed", "", "Seed of the natural variation, of `noise` and of `islands`; 0 is the mean shape."},
+          kMaxSeed, s.seed);
 }
 void visit_spacing(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.edges({"spacing", "mm", "Edges of a voxel: one number, or three along x, y and z, `0.28x0.28x1`."}, 0.2,
-          3, s.spacing_mm);
+  v.edges({"spacing", "mm", "Voxel spacing: one number, or three along x, y and z, such as `0.28x0.28x1`."},
+          0.2, 3, s.spacing_mm);
 }
 
 void visit(KneeParameters& p, PhantomKeyVisitor& v) {
   v.number({"burr", "mm",
-            "Diameter of a burr, at least two voxels; 0: the tool is a point. In the phantom's own scene: "
-            "files of labels do not say it."},
+            "Diameter of a burr, at least two voxels; 0: the tool is a point. Part of the phantom's scene, "
+            "not of exported labels."},
            0, 6, p.burr_mm);
   v.number({"defect", "mm", "Radius of a defect through the whole thickness of a cartilage; 0: none."}, 0, 12,
            p.defect_mm);
-  v.word({"defect-in", "", "Where `defect` is."}, kCartilages, p.defect_in);
+  v.word({"defect-in", "", "Structure that has the `defect`."}, kCartilages, p.defect_in);
   visit_islands(p.settings, v);
   v.number({"lesion", "mm", "Radius of a round lesion with a label of its own, `lesion`, 200; 0: none."}, 0,
            15, p.lesion_mm);
   v.whole({"lesion-at", "",
-           "Which place on its structure `lesion` is at: 0 the usual one, and of a cartilage three more."},
+           "Place of `lesion` on its structure: 0 is the usual one; a cartilage has three more."},
           kMaxKneeSites - 1, p.lesion_at);
-  v.number(
-      {"lesion-depth", "mm",
-       "Of the centre of `lesion` below the surface of its structure; 0: half a ball that can be touched."},
-      0, 20, p.lesion_depth_mm);
-  v.word({"lesion-in", "", "The structure that `lesion` takes its voxels from."}, kStructures, p.lesion_in);
-  v.words({"missing", "", "Structures that are not there, joined by `+`."}, kSoft, p.missing);
+  v.number({"lesion-depth", "mm",
+            "Depth of the centre of `lesion` below the surface of its structure; 0: a hemisphere that can be "
+            "touched."},
+           0, 20, p.lesion_depth_mm);
+  v.word({"lesion-in", "", "Structure that contains `lesion`."}, kStructures, p.lesion_in);
+  v.words({"missing", "", "Missing structures, joined by `+`."}, kSoft, p.missing);
   visit_noise(p.settings, v);
   visit_scan_seed(p.settings, v);
   visit_seed(p.settings, v);
@@ -103,15 +102,16 @@ void visit(KneeParameters& p, PhantomKeyVisitor& v) {
 void visit(ShellParameters& p, PhantomKeyVisitor& v) {
   visit_islands(p.settings, v);
   visit_noise(p.settings, v);
-  v.number({"radius", "mm", "Of the outer surface."}, 5, 60, p.radius_mm);
+  v.number({"radius", "mm", "Radius of the outer surface."}, 5, 60, p.radius_mm);
   visit_scan_seed(p.settings, v);
   visit_seed(p.settings, v);
   visit_spacing(p.settings, v);
-  v.number({"thickness", "mm", "Of the wall; at least the diagonal of a voxel."}, 0.4, 20, p.thickness_mm);
+  v.number({"thickness", "mm", "Thickness of the wall; at least the diagonal of a voxel."}, 0.4, 20,
+           p.thickness_mm);
 }
 
 void visit(SkullParameters& p, PhantomKeyVisitor& v) {
-  choice(v, {"brain", "", "Whether there is one inside."}, kAnswers, p.brain, true, false);
+  choice(v, {"brain", "", "Whether there is a brain inside."}, kAnswers, p.brain, true, false);
   visit_islands(p.settings, v);
   visit_noise(p.settings, v);
   visit_scan_seed(p.settings, v);
@@ -139,25 +139,26 @@ void visit(GlandParameters& p, PhantomKeyVisitor& v) {
 // keys common to block and dome, between which each has keys of its own
 void visit_depth_and_diameter(NoduleParameters& p, PhantomKeyVisitor& v) {
   v.number({"depth", "mm",
-            "Of soft tissue over each nodule, along the surface's normal; at least the diagonal of a voxel."},
+            "Thickness of soft tissue over each nodule, along the surface normal; at least the diagonal of a "
+            "voxel."},
            1, 40, p.depth_mm);
-  v.number({"diameter", "mm", "Of each nodule; at least three voxels, and 2 mm of tissue stay below it."}, 2,
-           30, p.diameter_mm);
+  v.number(
+      {"diameter", "mm", "Diameter of each nodule; at least three voxels, with 2 mm of tissue below it."}, 2,
+      30, p.diameter_mm);
 }
 void visit_nodules(NoduleParameters& p, PhantomKeyVisitor& v) {
-  v.whole({"nodules", "",
-           "How many nodules there are, 0 for none, no two nearer than 1.5 diameters from middle to middle."},
-          12, p.nodules);
+  v.whole({"nodules", "", "Number of nodules, with centres at least 1.5 diameters apart."}, 12, p.nodules);
 }
 void visit_place_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
   v.whole({"seed", "",
-           "Of the nodules' places, of `noise` and of `islands`; 0 has the first nodule in the middle."},
+           "Seed of the places of the nodules, of `noise` and of `islands`; with 0 the first nodule is in "
+           "the centre."},
           kMaxSeed, s.seed);
 }
 void visit_stiffness(NoduleParameters& p, PhantomKeyVisitor& v) {
   v.number({"stiffness", "",
-            "Young's modulus of the nodules over that of the tissue. In the phantom's own scene: files of "
-            "labels do not say it."},
+            "Ratio of the Young's modulus of the nodules to that of the tissue. Part of the phantom's scene, "
+            "not of exported labels."},
            1, 100, p.stiffness);
 }
 void visit_visible(NoduleParameters& p, PhantomKeyVisitor& v) {
@@ -174,18 +175,18 @@ void visit(BlockParameters& p, PhantomKeyVisitor& v) {
   visit_place_seed(p.settings, v);
   visit_spacing(p.settings, v);
   visit_stiffness(p.nodules, v);
-  v.number({"thickness", "mm", "Of the tissue on the plate."}, 10, 80, p.thickness_mm);
+  v.number({"thickness", "mm", "Thickness of the tissue on the plate."}, 10, 80, p.thickness_mm);
   visit_visible(p.nodules, v);
-  v.number({"width", "mm", "Of the block, both ways."}, 30, 150, p.width_mm);
+  v.number({"width", "mm", "Edge of the block, in both directions."}, 30, 150, p.width_mm);
 }
 
 void visit(DomeParameters& p, PhantomKeyVisitor& v) {
   visit_depth_and_diameter(p.nodules, v);
-  v.number({"height", "mm", "Of the dome above the plate."}, 15, 80, p.height_mm);
+  v.number({"height", "mm", "Height of the dome above the plate."}, 15, 80, p.height_mm);
   visit_islands(p.settings, v);
   visit_nodules(p.nodules, v);
   visit_noise(p.settings, v);
-  v.number({"radius", "mm", "Of the dome's base."}, 20, 80, p.radius_mm);
+  v.number({"radius", "mm", "Radius of the dome's base."}, 20, 80, p.radius_mm);
   visit_scan_seed(p.settings, v);
   visit_place_seed(p.settings, v);
   visit_spacing(p.settings, v);
@@ -194,14 +195,15 @@ void visit(DomeParameters& p, PhantomKeyVisitor& v) {
 }
 
 void visit(AbdomenParameters& p, PhantomKeyVisitor& v) {
-  v.number({"edge", "mm", "Radius of the firm edge of the liver; 0: it has none."}, 0, 8, p.edge_mm);
+  v.number({"edge", "mm", "Radius of the firm edge of the liver; 0: none."}, 0, 8, p.edge_mm);
   v.number({"fat", "mm", "Layer under the skin; 0: none."}, 0, 40, p.fat_mm);
   visit_islands(p.settings, v);
   v.number({"muscle", "mm", "Layer under the fat."}, 2, 25, p.muscle_mm);
   visit_noise(p.settings, v);
-  choice(v, {"rib", "", "Whether there is one above the liver's edge."}, kAnswers, p.rib, true, false);
+  choice(v, {"rib", "", "Whether there is a rib above the edge of the liver."}, kAnswers, p.rib, true, false);
   visit_scan_seed(p.settings, v);
-  v.whole({"seed", "", "Of where edge and rib lie, of `noise` and of `islands`; 0 is the mean place."},
+  v.whole({"seed", "",
+           "Seed of the position of edge and rib, of `noise` and of `islands`; 0 is the mean position."},
           kMaxSeed, p.settings.seed);
   v.number({"skin", "mm", "Outermost layer."}, 1, 5, p.skin_mm);
   visit_spacing(p.settings, v);

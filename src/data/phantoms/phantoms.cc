@@ -50,7 +50,7 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
   if (knee.lesion_mm == 0 && knee.visible != mean.visible) return needs("visible", "lesion");
   if (const std::size_t places = knee_site_count(knee.lesion_in); knee.lesion_at >= places)
     return refused(all,
-                   quoted("lesion-at") + " of " + std::to_string(knee.lesion_at) + " is no place on " +
+                   quoted("lesion-at") + " of " + std::to_string(knee.lesion_at) + " is not a place on " +
                        knee.lesion_in + ", which has " + std::to_string(places),
                    "count them from 0; cartilages have several");
   if (knee.defect_mm == 0 && knee.defect_in != mean.defect_in) return needs("defect-in", "defect");
@@ -83,7 +83,7 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
 
 Result<void> check_together(const PhantomParameters& all, const ShellParameters& shell) {
   if (shell.thickness_mm >= shell.radius_mm)
-    return refused(all, "a wall that is as thick as the ball leaves nothing hollow",
+    return refused(all, "a wall as thick as the ball's radius leaves no cavity",
                    "make `thickness` less than `radius`");
   return check_thickness(all, "thickness", shell.thickness_mm);
 }
@@ -157,7 +157,7 @@ Result<void> check_voxels(const PhantomParameters& parameters, const PhantomFiel
                 1e-6 * kMaxVoxels);
   // rounded up, so that the suggested spacing is accepted
   char remedy[64];
-  std::snprintf(remedy, sizeof remedy, "spacing=%.2f would do",
+  std::snprintf(remedy, sizeof remedy, "use spacing=%.2f or more",
                 std::ceil(100 * std::cbrt(volume_mm3 / kMaxVoxels)) / 100);
   return refused(parameters, what, remedy);
 }

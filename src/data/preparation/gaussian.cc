@@ -36,7 +36,7 @@ Result<Volume<Out>> smooth(const Volume<In>& volume, const GaussianOptions& opti
                  "give 0 for as many as the machine has, or at least 1"};
   }
   if (!all_finite(volume)) {
-    return Error{ErrorKind::kBadInput, "the volume holds values that are not finite numbers", "",
+    return Error{ErrorKind::kBadInput, "the volume has values that are not finite", "",
                  "replace them (NaN, infinity) before smoothing"};
   }
   // with sigma 0 there is nothing to transform

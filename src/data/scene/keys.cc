@@ -140,258 +140,250 @@ SceneKeys declared_keys() {
   return {
       .top =
           {"top level",
-           "What the scene is, and its parts.",
-           {{.name = "title",
-             .type = kText,
-             .meaning = "Shown in the report; say nothing in it that names a patient."},
+           "Title of the scene, and its tables.",
+           {{.name = "title", .type = kText, .meaning = "Shown in the report; must not identify a patient."},
             {.name = "side",
              .type = kChoice,
              .default_text = "\"unknown\"",
              .choices = names_of(kSides),
              .meaning =
-                 "Side of the body, shown in the report; `\"both\"` for a head or a torso. Without it a "
-                 "leg's side follows from its fibula ([scene.md](../guide/scene.md#which-side))."},
+                 "Side of the body, shown in the report; `\"both\"` for a head or a torso. Default: the side "
+                 "of a leg follows from its fibula ([scene.md](../guide/scene.md#which-side))."},
             {.name = "modality",
              .type = kChoice,
              .default_text = "\"unknown\"",
              .choices = names_of(kModalities),
              .meaning =
-                 "What made the scan. The viewer shows a CT's values as HU, with windows for them. Without "
-                 "it a scan that has values of -500 and below is a CT, and any other unknown."},
-            {.name = "data", .type = kTable, .meaning = "The files. A scene file has to have it."},
-            {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
-            {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
-            {.name = "force", .type = kTable, .meaning = "By which method the force is computed."},
-            {.name = "yielding", .type = kTable, .meaning = "Whether soft tissue gives way to the tool."},
-            {.name = "tool", .type = kTable, .meaning = "The instrument that every device holds."},
+                 "Modality of the scan. The viewer shows the values of a CT in HU, with suitable windows. "
+                 "Default: a scan with values of -500 and below is a CT, any other is unknown."},
+            {.name = "data", .type = kTable, .meaning = "The files. Required."},
+            {.name = "tissue",
+             .type = kTables,
+             .meaning = "A tissue and its contact properties: 1 to 64 tables."},
+            {.name = "preparation", .type = kTable, .meaning = "Preparation of the field from the labels."},
+            {.name = "force", .type = kTable, .meaning = "Method of computing the force."},
+            {.name = "yielding", .type = kTable, .meaning = "Deformation of soft tissue under the tool."},
+            {.name = "tool", .type = kTable, .meaning = "The tool of every device."},
             {.name = "second_tool",
              .type = kTable,
-             .meaning =
-                 "What the second device holds instead: a table with the keys of `[tool]` and the "
-                 "defaults that they have there. Without it that device holds the same as the others."},
-            {.name = "workspace", .type = kTable, .meaning = "How the device's reach lies in the patient."},
-            {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."},
-            {.name = "distances", .type = kTable, .meaning = "Of what the tool's distances are told."},
-            {.name = "no_go", .type = kTables, .meaning = "Regions that the tool is kept away from."}}},
+             .meaning = "Tool of the second device: a table with the keys and defaults of `[tool]`. Default: "
+                        "the same tool as the other devices."},
+            {.name = "workspace",
+             .type = kTable,
+             .meaning = "Mapping of the device's workspace to the patient."},
+            {.name = "limits", .type = kTable, .meaning = "Limit of the force."},
+            {.name = "distances",
+             .type = kTable,
+             .meaning = "Structures whose distance to the tool is reported."},
+            {.name = "no_go", .type = kTables, .meaning = "Regions that push the tool out."}}},
       .data =
           {"[data]",
            "The files, relative to the scene file's folder or absolute. At least one of `scan` and `labels`.",
            {{.name = "scan",
              .type = kFile,
-             .meaning =
-                 "The image: NRRD, NIfTI or MetaImage, or a folder of DICOM or a file of it, or a stack of "
-                 "pictures."},
+             .meaning = "The image: NRRD, NIfTI or MetaImage, a DICOM file or folder, or an image stack."},
             {.name = "scan_volume",
              .type = kWhole,
              .min = 1,
              .max = 100000,
-             .meaning = "Which volume, where DICOM holds several: its number as `palpate info` lists them. "
-                        "Without it: the only one that can be used."},
+             .meaning = "Number of the volume in DICOM with several volumes, as listed by `palpate info`. "
+                        "Default: the only usable one."},
             {.name = "labels",
              .type = kFile,
-             .meaning =
-                 "The segmentation on it, in the same formats or `.seg.nrrd`; or surfaces (STL, OBJ, "
-                 "PLY, VTK polydata), a file or a folder with one for each structure; or a folder with a "
-                 "mask for each."},
+             .meaning = "Its segmentation, in the same formats or `.seg.nrrd`; or surfaces (STL, OBJ, PLY, "
+                        "VTK polydata), as one file or a folder with one file per structure; or a folder "
+                        "with one mask per structure."},
             {.name = "mesh_space",
              .type = kChoice,
              .choices = names_of(kSurfaceAxes),
-             .meaning = "What the axes of surfaces are. Without it what their file says, else what the scan "
-                        "proves."},
+             .meaning =
+                 "Axes of surfaces. Default: as stated in their file, otherwise inferred from the scan."},
             {.name = "mesh_unit",
              .type = kChoice,
              .choices = names_of(kSurfaceUnits),
-             .meaning = "What the numbers of surfaces are in. Without it what the scan proves, else mm."},
+             .meaning =
+                 "Unit of the coordinates of surfaces. Default: inferred from the scan, otherwise mm."},
             {.name = "image_spacing",
              .type = kPoint,
              .unit = "mm",
              .min = 1e-4,
              .max = 100,
-             .meaning =
-                 "Between the columns, the rows and the slices of a stack of pictures (PNG, TIFF, JPEG), "
-                 "which do not say it."},
+             .meaning = "Spacing between the columns, rows and slices of an image stack (PNG, TIFF, JPEG), "
+                        "which does not store it."},
             {.name = "nifti_form",
              .type = kChoice,
              .choices = names_of(kHeaderForms),
              .meaning =
-                 "Which placement of a NIfTI counts that has a qform and an sform. Without it the sform."},
+                 "Transform to use for a NIfTI file that has both a qform and an sform. Default: the sform."},
             {.name = "cropped_scan",
              .type = kFlag,
              .default_text = "false",
-             .meaning =
-                 "`true`: the scan shows a part of what is labelled, so that more than half of the labels "
-                 "may lie outside it."},
+             .meaning = "`true`: the scan covers only part of the labelled region, so that more than half of "
+                        "the labels may lie outside it."},
             {.name = "names",
              .type = kFile,
-             .meaning = "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, "
-                        "ITK-SNAP's `.label`. "
-                        "Without it the names in the label file count, else those of a table beside it."}}},
+             .meaning =
+                 "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, ITK-SNAP's "
+                 "`.label`. Default: the names in the label file, otherwise those of a table next to it."}}},
       .tissue =
           {"[[tissue]]",
-           "A group of structures that feel alike. Takes one of `labels`, `threshold` and `embedding`. A "
-           "preset gives the "
-           "starting values, keys beside it override them; the defaults here hold without one. A tissue may "
-           "not be stiffer than one that it rests on, nor rest on one that is not felt: the force at their "
-           "border would point inward.",
+           "A group of structures that feel alike, defined by one of `labels`, `threshold` and `embedding`. "
+           "A preset gives initial values, which other keys override; the defaults below apply without a "
+           "preset. A tissue may not be stiffer than one that it rests on, nor rest on one that is not felt: "
+           "the force at their border would point inward.",
            {{.name = "name",
              .type = kText,
-             .meaning = "Unique in the scene; `rests_on` refers to it. Has to be there."},
+             .meaning = "Unique in the scene; `rests_on` refers to it. Required."},
             {.name = "preset",
              .type = kChoice,
              .choices = {"bone", "cartilage", "meniscus", "disc", "ligament", "muscle", "fat", "skin",
                          "vessel", "nerve", "liver", "kidney", "spleen", "lung", "heart", "brain", "gland",
                          "lymph node", "tumour"},
-             .meaning = "Starting values ([presets.md](presets.md))."},
+             .meaning = "Initial values ([presets.md](presets.md))."},
             {.name = "labels",
              .type = kLabels,
              .min = 1,
              .max = 65535,
-             .meaning =
-                 "The structures, by name exactly as the names have them, or by number. A name takes every "
-                 "structure so named; no structure belongs to two tissues."},
+             .meaning = "The structures, by exact name or by number. A name selects every structure with "
+                        "that name; no structure belongs to two tissues."},
             {.name = "optional",
              .type = kFlag,
              .default_text = "false",
-             .meaning =
-                 "`true`: labels that the map does not have only drop out, instead of being an error."},
+             .meaning = "`true`: labels missing from the map are ignored instead of being an error."},
             {.name = "threshold",
              .type = kInterval,
              .unit = "the scan's unit",
              .min = -1e9,
              .max = 1e9,
-             .meaning = "`[low, high]` on the raw scan, without labels: the structure is what reaches their "
-                        "middle. To the union Gaussian it is nothing at or below `low`, all at or above "
-                        "`high`, a ramp between."},
+             .meaning = "`[low, high]` on the raw scan, without labels: the structure is every voxel at or "
+                        "above their mean. For the union Gaussian the weight is 0 at or below `low`, 1 at or "
+                        "above `high`, and linear between."},
             {.name = "embedding",
              .type = kFlag,
              .default_text = "false",
-             .meaning =
-                 "`true`: the tissue is made of the unlabelled voxels inside the body, so that organs do "
-                 "not hang in nothing. The body is what is labelled, what the scan connects to that by "
-                 "`air_below`, and what they enclose in space or in an axial slice. One tissue at most."},
+             .meaning = "`true`: the tissue consists of the unlabelled voxels inside the body, so that "
+                        "organs are embedded in it. The body is the labelled region, the part of the scan "
+                        "connected to it above `air_below`, and everything enclosed by them in space or in "
+                        "an axial slice. At most one tissue."},
             {.name = "air_below",
              .type = kNumber,
              .unit = "the scan's unit",
              .min = -1e9,
              .max = 1e9,
-             .meaning =
-                 "Of an embedding: value of the scan that parts air from the body. Without it only what "
-                 "labels enclose is inside."},
-            {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
-            contact_key(&ContactProperties::stiffness_N_per_mm,
-                        "Force for each mm of depth. Of inward ramps from the surface on; of a union "
-                        "Gaussian at the surface, where it rises most steeply "
-                        "([scene.md](../guide/scene.md#what-stiffness-means))."),
+             .meaning = "For an embedding: scan value that separates air from the body. Default: only voxels "
+                        "enclosed by labels are inside."},
+            {.name = "felt",
+             .type = kFlag,
+             .default_text = "true",
+             .meaning = "`false`: shown, but not felt."},
+            contact_key(
+                &ContactProperties::stiffness_N_per_mm,
+                "Force per mm of depth: for inward ramps from the surface on, for a union Gaussian at the "
+                "surface, where it rises most steeply ([scene.md](../guide/scene.md#what-stiffness-means))."),
             contact_key(
                 &ContactProperties::friction,
                 "Coefficient: the force along the surface is at most this times the force across it."),
-            contact_key(&ContactProperties::static_friction,
-                        "Of the proxy: coefficient up to which it sticks; at least `friction`, which it has "
-                        "without it."),
+            contact_key(
+                &ContactProperties::static_friction,
+                "For the proxy: coefficient of static friction, at least `friction`. Default: `friction`."),
             {.name = "puncture",
              .type = kNumber,
              .unit = "N",
              .min = 0.05,
              .max = 40,
-             .meaning = "Of the proxy: force at which the tool goes through; without it, never."},
+             .meaning = "For the proxy: force at which the tool punctures the surface. Default: never."},
             {.name = "after_puncture",
              .type = kChoice,
              .default_text = "\"closes\"",
              .choices = {"closes", "stays_open"},
-             .meaning =
-                 "Of a tissue with `puncture`. `closes`: behind the tool, so that the next one needs the "
-                 "force again. `stays_open`: a tool that is no wider goes in there without force."},
+             .meaning = "For a tissue with `puncture`. `closes`: the tissue closes behind the tool, and the "
+                        "next puncture needs the force again. `stays_open`: a tool that is not wider passes "
+                        "there without force."},
             {.name = "cutting_energy",
              .type = kNumber,
              .default_text = "100",
              .unit = "mJ/mm³",
              .min = 1,
              .max = 10000,
-             .meaning = "Of a burr: what its motor works to take a cubic millimetre away. Where a tool is a "
-                        "shaver, tissue with a modulus has 5 by default."},
+             .meaning = "For a burr: work of its motor to remove a cubic millimetre. For a shaver the "
+                        "default for tissue with a modulus is 5."},
             {.name = "protection",
              .type = kChoice,
              .default_text = "\"none\"",
              .choices = {"none", "alarm", "keep"},
-             .meaning =
-                 "Of what a burr comes to. `alarm`: it is cut, and that is said. `keep`: the burr is held "
-                 "out of it."},
+             .meaning = "Protection from a burr. `alarm`: cutting it raises an alarm. `keep`: the burr "
+                        "cannot enter it."},
             {.name = "youngs_modulus",
              .type = kNumber,
              .unit = "kPa",
              .min = kElasticModulusRange.min_kPa,
              .max = kElasticModulusRange.max_kPa,
-             .meaning = "Of `[yielding] law = \"elastic\"`, without effect under another law: how stiff the "
-                        "material is. A tissue that has none, by itself or by its preset, does not yield, "
-                        "as bone."},
+             .meaning = "Young's modulus for `[yielding] law = \"elastic\"` and `\"neo-hookean\"`, without "
+                        "effect under another law. A tissue without a modulus, its own or its preset's, does "
+                        "not yield, such as bone."},
             {.name = "poissons_ratio",
              .type = kNumber,
              .default_text = "0.45",
              .min = 0,
              .max = kMaxPoissonsRatio,
-             .meaning =
-                 "Of the same law: how much the material widens where it is pressed; near 0.5 it keeps "
-                 "its volume. Only beside a modulus, this key's or the preset's."},
+             .meaning = "Poisson's ratio for the same laws: lateral expansion under compression; near 0.5 "
+                        "the volume is preserved. Requires a modulus, the tissue's own or the preset's."},
             {.name = "relaxation",
              .type = kTerms,
              .unit = "s",
              .min = kRelaxationTimeRange.min_s,
              .max = kRelaxationTimeRange.max_s,
-             .meaning =
-                 "Of the same law: how the force falls while it is held. One or two pairs: the part of the "
-                 "modulus that is lost, together below 1, and the time in which it is, but for 1/e of it. "
-                 "The "
-                 "modulus is then what it has at once. Without it, and with `[]`, nothing is lost, but see "
-                 "`[yielding] relaxation`. Only beside a modulus."},
+             .meaning = "Stress relaxation for the same laws: one or two pairs of the fraction of the "
+                        "modulus that relaxes, with a sum below 1, and the time constant. The modulus is "
+                        "then the instantaneous one. Default, and with `[]`: no relaxation, but see "
+                        "`[yielding] relaxation`. Requires a modulus."},
             {.name = "friction_damping",
              .type = kNumber,
              .default_text = "0.005",
              .unit = "N·s/mm",
              .min = 0,
              .max = 0.1,
-             .meaning = "Of the other methods: force along the surface for each mm/s, below its two caps."},
+             .meaning = "For the other methods: force along the surface per mm/s, below its two limits."},
             {.name = "friction_max",
              .type = kNumber,
              .default_text = "0.5",
              .unit = "N",
              .min = 0,
              .max = 10,
-             .meaning = "Of the other methods: the other cap of the force along the surface."},
-            contact_key(&ContactProperties::viscosity_N_s_per_mm, "Force against each mm/s inside."),
+             .meaning = "For the other methods: the other limit of the force along the surface."},
+            contact_key(&ContactProperties::viscosity_N_s_per_mm, "Resistance per mm/s inside the tissue."),
             {.name = "colour",
              .type = kColour,
-             .meaning = "`\"#rrggbb\"`; without it the structures keep their own."},
+             .meaning = "`\"#rrggbb\"`. Default: the colours of the structures."},
             {.name = "opacity",
              .type = kNumber,
              .default_text = "1",
              .min = 0,
              .max = 1,
-             .meaning = "In pictures: 0 unseen, 1 solid."},
+             .meaning = "In pictures: 0 invisible, 1 solid."},
             {.name = "rests_on",
              .type = kNames,
              .default_text = "[]",
-             .meaning = "Tissues of this scene that support this one. They have to be felt and at least as "
-                        "stiff."}}},
+             .meaning =
+                 "Tissues of this scene that support this one. They must be felt and at least as stiff."}}},
       .preparation = {"[preparation]",
-                      "What the direct methods feel: ramps that begin at every structure's own surface, or, "
+                      "Field of the direct methods: ramps that begin at the surface of every structure, or, "
                       "as published, the labels weighted by stiffness and smoothed together.",
                       {{.name = "method",
                         .type = kChoice,
                         .default_text = "\"inward-ramp\"",
                         .choices = {"inward-ramp", "union-gaussian"},
-                        .meaning =
-                            "The ramp is 0 outside the voxels of every structure and rises inside with "
-                            "the depth. The Gaussian grows structures and fills narrow gaps."},
+                        .meaning = "The ramp is 0 outside the voxels of every structure and rises with the "
+                                   "depth inside. The Gaussian enlarges structures and fills narrow gaps."},
                        {.name = "ramp_width",
                         .type = kNumber,
                         .default_text = "4",
                         .unit = "mm",
                         .min = kMinRampWidth_mm,
                         .max = kMaxRampWidth_mm,
-                        .meaning =
-                            "Of the inward ramp: depth at which the stiffest tissue gives its full "
-                            "force, `stiffness` times this. At least two of the widest voxels, which it "
-                            "has without this key where they are more."},
+                        .meaning = "For the inward ramp: depth at which the stiffest tissue reaches its full "
+                                   "force, `stiffness` times this. At least twice the largest voxel spacing, "
+                                   "which is the default if it is larger."},
                        {.name = "sigma",
                         .type = kNumber,
                         .default_text = "1",
@@ -399,84 +391,80 @@ SceneKeys declared_keys() {
                         .min = 0,
                         .max = 10,
                         .meaning = "Width of the union Gaussian, the same on every axis, and of the smooth "
-                                   "sphere. Wider is softer and calmer and loses what is thin."},
+                                   "sphere. A wider one is softer and quieter and loses thin structures."},
                        {.name = "engine",
                         .type = kChoice,
                         .default_text = "\"direct\"",
                         .choices = {"direct", "fourier"},
-                        .meaning = "Of the union Gaussian: separable convolution, or the filter in the "
+                        .meaning = "For the union Gaussian: separable convolution, or the filter in the "
                                    "frequency domain as published."},
                        {.name = "bits",
                         .type = kWhole,
                         .default_text = "16",
                         .unit = "bit",
-                        .meaning = "Storage of the field: 8, as published, or 16."}}},
+                        .meaning = "Bits per voxel of the field: 8, as published, or 16."}}},
       .force = {"[force]",
-                "The method by which the force comes from the voxels, docs/concepts/methods.md. A script, "
-                "the command line "
-                "and a key can change it later.",
+                "Method of computing the force from the voxels, docs/concepts/methods.md. A script, the "
+                "command line and a key can change it later.",
                 {{.name = "method",
                   .type = kChoice,
                   .default_text = "\"proxy\"",
                   .choices = method_names(),
-                  .meaning =
-                      "The proxy is held out by every structure's own surface. Of the others the first two "
-                      "read the field; the spheres read the labels themselves as they are, the last a "
-                      "magnitude and a normal kept with every voxel."},
+                  .meaning = "The proxy is constrained by the surface of every structure. Of the others, the "
+                             "first two sample the field; the spheres sample the labels themselves; the last "
+                             "samples a magnitude and a normal stored with every voxel."},
                  {.name = "sphere_sigma",
                   .type = kNumber,
                   .default_text = "1",
                   .unit = "voxels",
                   .min = GaussianSphere::kMinSigmaVoxels,
                   .max = GaussianSphere::kMaxSigmaVoxels,
-                  .meaning = "Of the Gaussian sphere. The smooth sphere has the preparation's sigma."},
+                  .meaning =
+                      "Width of the Gaussian sphere. The smooth sphere uses the sigma of the preparation."},
                  {.name = "normals",
                   .type = kChoice,
                   .default_text = "\"bytes\"",
                   .choices = {"bytes", "octahedral16", "octahedral24"},
-                  .meaning = "How stored normals are kept: a byte for each component as published, or folded "
-                             "onto an octahedron in 16 or 24 bits."},
+                  .meaning = "Encoding of stored normals: one byte per component as published, or octahedral "
+                             "in 16 or 24 bits."},
                  {.name = "coupling_damping",
                   .type = kNumber,
                   .default_text = "0",
                   .unit = "N·s/mm",
                   .min = 0,
                   .max = 0.02,
-                  .meaning =
-                      "Of the proxy: a damper beside the spring between it and the tip. It lets a hand hold "
-                      "stiffer walls."}}},
-      .yielding =
-          {"[yielding]",
-           "Whether soft tissue gives way. By layers nothing moves, and each structure holds the tool out by "
-           "its `stiffness`. An elastic body dents, spreads sideways, and is harder over what is hard below. "
-           "Its `youngs_modulus` says how hard; `stiffness` does for what does not yield "
-           "([tissue.md](../concepts/tissue.md)).",
-           {{.name = "law",
-             .type = kChoice,
-             .default_text = "\"layers\"",
-             .choices = names_of(kTissueLaws),
-             .meaning =
-                 "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: likewise, and stiffen "
-                 "where they are squeezed far; beside the servo a frame takes twice the processor time. Both "
-                 "by the proxy alone. `chainmail`: they are felt as by layers, and seen to move as in the "
-                 "chain mail of Gibson 1997."},
-            {.name = "cell",
-             .type = kNumber,
-             .unit = "mm",
-             .min = 0.2,
-             .max = 10,
-             .meaning = "Of all laws but `layers`: edge of the cubes that they are computed on. Without it: "
-                        "twice the voxels' least spacing, at least 0.8 and at most 3."},
-            {.name = "relaxation",
-             .type = kFlag,
-             .default_text = "false",
-             .meaning =
-                 "Of both elastic laws. `true`: tissues without a `relaxation` of their own have that of "
-                 "their preset. With `false` they have none."}}},
+                  .meaning = "For the proxy: damper parallel to the spring between proxy and tip. It allows "
+                             "higher stiffness to be rendered stably."}}},
+      .yielding = {"[yielding]",
+                   "Deformation of soft tissue. With layers nothing moves, and each structure pushes the "
+                   "tool out with its `stiffness`. An elastic body dents, spreads sideways, and is harder "
+                   "above hard structures. It uses `youngs_modulus`; tissue that does not yield uses "
+                   "`stiffness` ([tissue.md](../concepts/tissue.md)).",
+                   {{.name = "law",
+                     .type = kChoice,
+                     .default_text = "\"layers\"",
+                     .choices = names_of(kTissueLaws),
+                     .meaning = "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: the same, "
+                                "but they stiffen under large strain; solving a frame takes twice the "
+                                "processor time. Both require the proxy. `chainmail`: contact as with "
+                                "layers, with a displayed deformation by the chain mail of Gibson 1997."},
+                    {.name = "cell",
+                     .type = kNumber,
+                     .unit = "mm",
+                     .min = 0.2,
+                     .max = 10,
+                     .meaning = "For all laws but `layers`: edge of the cubic cells of the solver. Default: "
+                                "twice the smallest voxel spacing, at least 0.8 and at most 3."},
+                    {.name = "relaxation",
+                     .type = kFlag,
+                     .default_text = "false",
+                     .meaning = "For both elastic laws. `true`: tissues without a `relaxation` of their own "
+                                "use that of their preset. `false`: they do not relax."}}},
       .tool =
           {"[tool]",
-           "A rigid set of spheres, and of capsules (below), that touch; the first one's usual place is the "
-           "origin, the tip. The proxy feels them whole, the other methods feel the spheres' centres.",
+           "A rigid set of spheres, and of capsules (below), that make contact; the first one is usually at "
+           "the origin, the tip. The proxy uses their full shape, the other methods the centres of the "
+           "spheres.",
            {{.name = "name", .type = kText, .default_text = "\"point\"", .meaning = "Shown in the report."},
             {.name = "points",
              .type = kPoints,
@@ -491,207 +479,210 @@ SceneKeys declared_keys() {
              .unit = "mm",
              .min = 0,
              .max = kWidestTool_mm,
-             .meaning = "Of the sphere at every point; felt by the proxy."},
+             .meaning = "Radius of the sphere at every point; used by the proxy."},
             {.name = "capsule",
              .type = kTables,
-             .meaning = "What is long: a shaft, a hook. With the points at most 4.",
+             .meaning = "Elongated parts, such as a shaft or a hook. At most 4 points and capsules together.",
              .under = "tool."},
             {.name = "kind",
              .type = kChoice,
              .default_text = "\"probe\"",
              .choices = {"probe", "burr", "shaver"},
-             .meaning =
-                 "A burr takes away what it touches while its motor runs, a shaver what of that is soft "
-                 "([burr.md](../guide/burr.md#a-shaver)). They have no `points`, `radius` and `capsule`, and "
-                 "are felt "
-                 "by the proxy "
-                 "alone."},
+             .meaning = "A burr removes the tissue that it touches while its motor runs, a shaver only soft "
+                        "tissue ([burr.md](../guide/burr.md#a-shaver)). They have no `points`, `radius` and "
+                        "`capsule`, and require the proxy."},
             {.name = "shape",
              .type = kChoice,
              .default_text = "\"ball\"",
              .choices = {"ball", "cylinder", "cone"},
-             .meaning = "Of a burr's head. Cylinders and cones have round ends: voxels hold no sharp edge. "
-                        "The middle of the ball at the tip is where the device's tip is, and the head goes "
-                        "on from there along `spindle`."},
+             .meaning = "Shape of a burr's head. Cylinders and cones have round ends, because voxels cannot "
+                        "represent a sharp edge. The centre of the ball at the tip is at the device's tip, "
+                        "and the head extends from there along `spindle`."},
             {.name = "diameter",
              .type = kNumber,
              .default_text = "4",
              .unit = "mm",
              .min = 1,
              .max = 6,
-             .meaning = "Of a burr, of a cone at its far end; at least two voxels. A shaver has 5.5 by "
-                        "default."},
+             .meaning = "Diameter of a burr, or of a cone at its far end; at least two voxels. Default for a "
+                        "shaver: 5.5."},
             {.name = "length",
              .type = kNumber,
              .unit = "mm",
              .min = 1,
              .max = 20,
-             .meaning = "Of a cylinder or cone, the whole head; longer than it is wide."},
+             .meaning = "Length of the whole head of a cylinder or cone; greater than its width."},
             {.name = "tip_diameter",
              .type = kNumber,
              .unit = "mm",
              .min = 0.5,
              .max = 6,
-             .meaning = "Of a cone at its tip, where it may be the wider end; at least two voxels."},
+             .meaning = "Diameter of a cone at its tip, which may be the wider end; at least two voxels."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "60000",
              .unit = "1/min",
              .min = 100,
              .max = 200000,
-             .meaning = "Of a burr: revolutions while its motor runs. A shaver has 2500 by default."},
+             .meaning = "For a burr: speed of rotation while its motor runs. Default for a shaver: 2500."},
             {.name = "spindle",
              .type = kPoint,
              .default_text = "[0, 0, 1]",
              .min = -1,
              .max = 1,
-             .meaning = "Of a burr: direction of its axis in the tip's frame, from the tip to the handle. "
-                        "What lies on it cuts little."},
+             .meaning = "For a burr: direction of its axis in the tip's frame, from the tip to the handle. "
+                        "Parts of the head near the axis cut little."},
             {.name = "grip",
              .type = kNumber,
              .default_text = "0.5",
              .min = 0.05,
              .max = 2,
-             .meaning = "Of a burr: force along the cutting edges over the force that presses."},
+             .meaning = "For a burr: ratio of the force along the cutting edges to the normal force."},
             {.name = "pedal",
              .type = kWhole,
              .min = 0,
              .max = 31,
-             .meaning = "Of a burr: the device's button that runs its motor while it is held. Without it the "
-                        "page, the keys and the script do."}}},
+             .meaning = "For a burr: device button that runs its motor while pressed. Default: the page, the "
+                        "keys and the script switch the motor."}}},
       .capsule = {"[[tool.capsule]]",
-                  "A cylinder with round ends, fixed to the tool; the proxy alone feels it.",
+                  "A cylinder with round ends, fixed to the tool; used by the proxy only.",
                   {{.name = "from",
                     .type = kPoint,
                     .unit = "mm",
                     .min = -300,
                     .max = 300,
-                    .meaning = "One end of its axis, in the tip's frame. Has to be there."},
+                    .meaning = "One end of its axis, in the tip's frame. Required."},
                    {.name = "to",
                     .type = kPoint,
                     .unit = "mm",
                     .min = -300,
                     .max = 300,
-                    .meaning = "The other end, at least 0.1 mm away. Has to be there."},
+                    .meaning = "The other end, at least 0.1 mm away. Required."},
                    {.name = "radius",
                     .type = kNumber,
                     .unit = "mm",
                     .min = 0,
                     .max = kWidestTool_mm,
-                    .meaning = "Without it: the tool's `radius`."}}},
+                    .meaning = "Default: the tool's `radius`."}}},
       .workspace =
           {"[workspace]",
-           "How the device's reach lies in the patient. What a hand feels of a tissue is `scale` · "
-           "`force_gain` "
-           "times its stiffness. The middle of the reach lies at `home`, in the workspace's coordinates: +x "
-           "right, +y forward, +z up, from the volume's centre.",
+           "Mapping of the device's workspace to the patient. The stiffness at the hand is `scale` · "
+           "`force_gain` times that of the tissue. The centre of the workspace lies at `home`, in its own "
+           "coordinates: +x right, +y forward, +z up, from the volume's centre.",
            {{.name = "scale",
              .type = kNumber,
              .default_text = "1",
              .min = kMinScale,
              .max = kMaxScale,
-             .meaning = "Millimetres in the patient for each one of the device: above 1 the reach is wider, "
-                        "below 1 the hand is finer."},
+             .meaning = "Millimetres in the patient per millimetre of the device: above 1 the reach is "
+                        "wider, below 1 motion is finer."},
             {.name = "force_gain",
              .type = kNumber,
              .default_text = "1",
              .min = kMinScale,
              .max = kMaxScale,
-             .meaning = "Newtons at the device for each one in the patient. Limits hold for the device's."},
+             .meaning =
+                 "Newtons at the device per newton in the patient. Limits apply to the force at the device."},
             {.name = "yaw",
              .type = kNumber,
              .default_text = "0",
              .unit = "degrees",
              .min = -180,
              .max = 180,
-             .meaning = "Turn of the device about the up axis, anticlockwise from above: where the person "
-                        "sits."},
+             .meaning = "Rotation of the device about the up axis, anticlockwise from above, by the position "
+                        "of the operator."},
             {.name = "home",
              .type = kPoint,
              .default_text = "[0, 0, 0]",
              .unit = "mm",
              .min = -1000,
              .max = 1000,
-             .meaning = "Where the middle of the device's reach lies. Without it: the volume's centre."},
+             .meaning = "Position of the centre of the device's workspace. Default: the volume's centre."},
             {.name = "clutch_button",
              .type = kWhole,
              .min = 0,
              .max = 31,
-             .meaning = "The button that, while held, lets the hand move and the tip rest. Without it there "
-                        "is no clutch."}}},
+             .meaning = "Button of the clutch: while it is pressed, the hand moves and the tip stays. "
+                        "Default: no clutch."}}},
       .limits =
           {"[limits]",
-           "Besides what the device itself can give, and what `--max-force` says.",
+           "In addition to the limits of the device and of `--max-force`.",
            {{.name = "max_force",
              .type = kNumber,
              .unit = "N",
              .min = 0.1,
              .max = 40,
-             .meaning = "The force is never larger. It can only lower the limit that device and user set: "
-                        "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
-                        "`premium-1.5`) and 3 N."}}},
+             .meaning =
+                 "Maximum force. It can only lower the limit set by device and user: without `--max-force` "
+                 "the lesser of the device's continuous rating (1.4 N for `premium-1.5`) and 3 N."}}},
       .distances =
           {"[distances]",
-           "Of what the distances from the tool are told in every tick: from its outline to each structure's "
-           "own surface, negative inside. Each takes memory as a felt structure does.",
+           "Structures whose distance to the tool is reported in every tick: from the outline of the tool to "
+           "the surface of the structure, negative inside. Each needs as much memory as a felt structure.",
            {{.name = "structures",
              .type = kChoice,
              .default_text = "\"none\"",
              .choices = {"none", "felt", "all"},
-             .meaning = "`felt`: of what is felt. `all`: of every structure of the label map. Those of a "
-                        "[[no_go]] are told in any case."},
+             .meaning = "`felt`: structures that are felt. `all`: every structure of the label map. Those of "
+                        "a [[no_go]] are always reported."},
             {.name = "reach",
              .type = kNumber,
              .default_text = "20",
              .unit = "mm",
              .min = 1,
              .max = 50,
-             .meaning = "What is farther away is not told."}}},
+             .meaning = "Maximum distance reported."}}},
       .no_go = {
           "[[no_go]]",
-          "A region that pushes the tool out, felt or not: structures, all that lies behind a plane, or a "
-          "ball. Places are of the patient, LPS.",
-          {{.name = "name", .type = kText, .meaning = "Shown where the tool is pushed. Has to be there."},
+          "A region that pushes the tool out, felt or not: structures, the half-space behind a plane, or a "
+          "ball. Patient coordinates, LPS.",
+          {{.name = "name", .type = kText, .meaning = "Shown while the tool is pushed out. Required."},
            {.name = "structures",
             .type = kLabels,
             .min = 1,
             .max = 65535,
-            .meaning = "Each is a region: by name exactly as the names have them, or by number. They need "
-                       "not belong to a tissue."},
+            .meaning =
+                "Structures of the region, by exact name or by number. They need not belong to a tissue."},
            {.name = "point",
             .type = kPoint,
             .unit = "mm",
             .min = -1e6,
             .max = 1e6,
-            .meaning = "Of a plane: a place on it."},
+            .meaning = "For a plane: a point on it."},
            {.name = "outward",
             .type = kDirection,
             .min = -1e6,
             .max = 1e6,
             .choices = {"superior", "inferior", "anterior", "posterior", "left", "right"},
-            .meaning = "Of a plane: towards where the tool may be."},
-           {.name = "centre", .type = kPoint, .unit = "mm", .min = -1e6, .max = 1e6, .meaning = "Of a ball."},
+            .meaning = "For a plane: direction towards the permitted side."},
+           {.name = "centre",
+            .type = kPoint,
+            .unit = "mm",
+            .min = -1e6,
+            .max = 1e6,
+            .meaning = "For a ball: its centre."},
            {.name = "radius",
             .type = kNumber,
             .unit = "mm",
             .min = kNoGoRadius_mm.min,
             .max = kNoGoRadius_mm.max,
-            .meaning = "Of a ball."},
+            .meaning = "For a ball: its radius."},
            {.name = "keep_away",
             .type = kNumber,
             .default_text = "1",
             .unit = "mm",
             .min = 0,
             .max = kMaxKeepAway_mm,
-            .meaning = "So far before the region the force begins, from the tool's outline."},
+            .meaning =
+                "Distance from the region at which the force begins, measured from the outline of the tool."},
            {.name = "stiffness",
             .type = kNumber,
             .default_text = "2",
             .unit = "N/mm",
             .min = kNoGoStiffness_N_per_mm.min,
             .max = kNoGoStiffness_N_per_mm.max,
-            .meaning = "Force for each mm that the tool is nearer; no more than a hand holds with the "
-                       "device, as of a tissue."}}}};
+            .meaning = "Force per mm below that distance; limited, as for a tissue, to the stiffness that "
+                       "can be rendered stably with the device."}}}};
 }
 
 SceneKeys with_second_tool(SceneKeys keys) {
@@ -713,15 +704,13 @@ const SceneKeys& scene_key_tables() {
 
 const ScriptKeys& script_key_tables() {
   constexpr std::string_view kStructure =
-      "The structure, by name exactly as the labels have it, or `\"#95\"` by number: a place on it that a "
-      "hand can reach is found from the labels. Or a point, LPS: the felt structure whose surface is "
-      "nearest, "
-      "at most 5 mm away.";
+      "The structure, by exact name or by number (`\"#95\"`): a place that a hand can reach is found from "
+      "the labels. Or a point, LPS: the felt structure with the nearest surface, at most 5 mm away.";
   static const std::vector<std::string_view> kDirections{"superior",  "inferior", "anterior",
                                                          "posterior", "left",     "right"};
   static const ScriptKeys keys{
       .top = {"top level",
-              "The hand and the device that are simulated.",
+              "The simulated hand and device.",
               {{.name = "title", .type = kText, .meaning = "Shown in the report."},
                {.name = "device",
                 .type = kText,
@@ -737,14 +726,14 @@ const ScriptKeys& script_key_tables() {
                 .unit = "Hz",
                 .min = 250,
                 .max = 10000,
-                .meaning = "Force updates a second."},
+                .meaning = "Rate of the servo loop."},
                {.name = "delay",
                 .type = kNumber,
                 .default_text = "0",
                 .unit = "ms",
                 .min = 0,
                 .max = 20,
-                .meaning = "From a command to its force, as a bus or a driver adds it."},
+                .meaning = "Delay from a command to its force, as added by a bus or a driver."},
                {.name = "tremor",
                 .type = kNumber,
                 .default_text = "0.03",
@@ -757,12 +746,12 @@ const ScriptKeys& script_key_tables() {
                 .default_text = "1",
                 .min = 0,
                 .max = 9007199254740991.0,
-                .meaning = "Of the tremor: the same seed, the same run."},
-               {.name = "step", .type = kTables, .meaning = "1 to 1000 of them, done in order."}}},
+                .meaning = "Seed of the tremor: the same seed gives the same run."},
+               {.name = "step", .type = kTables, .meaning = "1 to 1000 steps, executed in order."}}},
       .actions = {
           {"approach",
-           "Moves to a free place in front of a structure, then touches it. Whatever was touched before has "
-           "to be left first.",
+           "Moves to a free place in front of a structure, then touches it. Contact with another structure "
+           "must be left first.",
            {{.name = "approach",
              .type = kPlace,
              .unit = "mm",
@@ -772,36 +761,37 @@ const ScriptKeys& script_key_tables() {
             {.name = "landmark",
              .type = kChoice,
              .choices = kDirections,
-             .meaning = "Touches the structure's most superior, most inferior, ... place, or one within 5 mm "
-                        "of being it."},
+             .meaning = "Touches the most superior, most inferior, ... place of the structure, or one within "
+                        "5 mm of that extent."},
             {.name = "nearest",
              .type = kPlace,
              .unit = "mm",
              .min = -1e6,
              .max = 1e6,
              .meaning = "Touches the structure where it is nearest to another one, or to a point, LPS; or "
-                        "within 5 mm of that. Not beside `landmark`."},
+                        "within 5 mm of that. Not together with `landmark`."},
             {.name = "from",
              .type = kDirection,
              .min = -1e6,
              .max = 1e6,
              .choices = kDirections,
-             .meaning = "Whence the hand comes on its last, straight stretch; or in LPS. Without it the way "
-                        "is found, along the surface's normal where that is free."},
+             .meaning = "Direction from which the hand arrives on the last, straight stretch; or a vector in "
+                        "LPS. Default: a free path, along the surface's normal if possible."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "40",
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Of the way there; less near what is felt, and the touch itself is slower."},
+             .meaning =
+                 "Speed of the approach; lower near structures that are felt, and for the touch itself."},
             {.name = "clearance",
              .type = kNumber,
              .default_text = "15",
              .unit = "mm",
              .min = 1,
              .max = 100,
-             .meaning = "The last stretch to the surface is straight and at most this long."}}},
+             .meaning = "Maximum length of the last, straight stretch to the surface."}}},
           {"press",
            "Pushes along the surface's normal until the force is reached. Needs an approach before.",
            {{.name = "press",
@@ -809,71 +799,70 @@ const ScriptKeys& script_key_tables() {
              .unit = "N",
              .min = 0.02,
              .max = 40,
-             .meaning = "The force. Limits hold all the same: what they do not allow is not reached."},
+             .meaning = "The force. Limits still apply: a force above them is not reached."},
             {.name = "settle",
              .type = kNumber,
              .default_text = "0.5",
              .unit = "s",
              .min = 0,
              .max = 10,
-             .meaning = "For how long the force has to stay within 10 % before the next step."}}},
+             .meaning = "Time for which the force must stay within 10 % before the next step."}}},
           {"hold",
-           "Keeps the force until it has been held so long: within 20 % of what was pressed, on the "
-           "structure "
-           "approached, without a break. Needs an approach before.",
-           {{.name = "hold", .type = kNumber, .unit = "s", .min = 0.01, .max = 60, .meaning = "How long."}}},
+           "Holds the force for this time: within 20 % of the force of the press, on the structure "
+           "approached, without interruption. Needs an approach before.",
+           {{.name = "hold", .type = kNumber, .unit = "s", .min = 0.01, .max = 60, .meaning = "Duration."}}},
           {"slide",
            "Moves along the surface, keeping the force. Needs an approach before.",
-           {{.name = "slide", .type = kNumber, .unit = "mm", .min = 0.1, .max = 200, .meaning = "How far."},
+           {{.name = "slide", .type = kNumber, .unit = "mm", .min = 0.1, .max = 200, .meaning = "Distance."},
             {.name = "direction",
              .type = kDirection,
              .default_text = "\"superior\"",
              .min = -1e6,
              .max = 1e6,
              .choices = kDirections,
-             .meaning = "The patient's; or in LPS: +x to the patient's left, +y posterior, +z superior. What "
-                        "points out of "
-                        "the surface is taken away; the length does not matter."},
+             .meaning = "Anatomical direction; or a vector in LPS: +x to the patient's left, +y posterior, "
+                        "+z superior. The component normal to the surface and the length are ignored."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "10",
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Along the surface; at most what lets the hand stop within a third of a millimetre "
-                        "of what it meets."}}},
+             .meaning = "Speed along the surface; limited so that the hand can stop within a third of a "
+                        "millimetre of an obstacle."}}},
           {"rotate",
-           "Turns the object while the hand stays, commanded ten times a second. A hand that touches yields "
-           "with the surface; one that does not steps back first.",
+           "Turns the object while the hand stays, commanded ten times per second. A hand in contact yields "
+           "with the surface; one without contact moves back first.",
            {{.name = "rotate",
              .type = kNumber,
              .unit = "degrees",
              .min = -180,
              .max = 180,
-             .meaning = "By how much, right-handed about the axis."},
+             .meaning = "Angle, right-handed about the axis."},
             {.name = "axis",
              .type = kDirection,
              .default_text = "\"up\"",
              .min = -1e6,
              .max = 1e6,
              .choices = {"right", "forward", "up"},
-             .meaning = "The workspace's; or in its coordinates: +x right, +y forward, +z up."},
+             .meaning =
+                 "Axis of the workspace; or a vector in its coordinates: +x right, +y forward, +z up."},
             {.name = "seconds",
              .type = kNumber,
              .default_text = "1",
              .unit = "s",
              .min = 0.1,
              .max = 60,
-             .meaning = "How long it takes."}}},
+             .meaning = "Duration of the turn."}}},
           {"method",
-           "Feels by another force method from here on; within a tenth of a second the force of the last one "
-           "turns into the new one's.",
+           "Changes the force method from here on; the force blends from the old to the new method within a "
+           "tenth of a second.",
            {{.name = "method",
              .type = kChoice,
              .choices = method_names(),
-             .meaning = "One of docs/concepts/methods.md."}}},
+             .meaning = "Name of a method of docs/concepts/methods.md."}}},
           {"leave",
-           "Withdraws along the way of the approach. Needs an approach before.",
+           "Withdraws along the path of the approach. Needs an approach before.",
            {{.name = "leave", .type = kFlag, .meaning = "`true`."},
             {.name = "speed",
              .type = kNumber,
@@ -881,40 +870,39 @@ const ScriptKeys& script_key_tables() {
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Of the withdrawal."}}},
+             .meaning = "Speed of the withdrawal."}}},
           {"motor",
-           "Switches the motor of the tools that cut on or off, wherever the hand is.",
+           "Switches the motor of cutting tools on or off, at any position of the hand.",
            {{.name = "motor", .type = kFlag, .meaning = "`true`: on."}}},
           {"stroke",
-           "Undoes the last stroke of a tool that cuts, or does the last one again that was undone, wherever "
-           "the hand is. A stroke is what was cut from the motor's start to its stop. The motor must be off, "
-           "or the step fails.",
+           "Undoes the last stroke of a cutting tool, or redoes the last one that was undone, at any "
+           "position of the hand. A stroke is everything cut between start and stop of the motor. The motor "
+           "must be off, or the step fails.",
            {{.name = "stroke",
              .type = kChoice,
              .choices = {"undo", "redo"},
-             .meaning =
-                 "`undo`: takes back the last stroke. `redo`: does again the one that was undone last."}}},
+             .meaning = "`undo`: undoes the last stroke. `redo`: redoes the one that was undone last."}}},
           {"law",
-           "Lets soft tissue go by another law from here on, wherever the hand is. Between `elastic` and "
-           "`neo-hookean`, and between `layers` and `chainmail`, that is at once. From one of these pairs to "
-           "the other surfaces are made anew, for which the hand waits, and then until stiffer tissue has "
-           "pushed it out as far as it presses. With a tool that cuts a scene cannot change between the "
-           "pairs, and tissue that does not move at the start cannot begin to.",
+           "Changes the law of soft tissue from here on, at any position of the hand. Changes between "
+           "`elastic` and `neo-hookean`, and between `layers` and `chainmail`, are immediate. Between these "
+           "pairs the surfaces are prepared again; the hand waits for that, and until stiffer tissue has "
+           "pushed it out to equilibrium. With a cutting tool a scene cannot change between the pairs, and "
+           "tissue that is fixed at the start cannot start to move.",
            {{.name = "law",
              .type = kChoice,
              .choices = names_of(kTissueLaws),
              .meaning = "As `law` of the scene's `[yielding]` (docs/concepts/tissue.md)."}}},
           {"scope",
-           "Lets the scope of a second hand look at something from here on, wherever the first hand is: its "
-           "camera goes straight there, through whatever is there, turns, and then goes and turns with it. A "
-           "script with such a step has two devices, of which the second is led and feels nothing; `palpate "
-           "simulate` alone has that hand.",
+           "Points the scope of a second hand at a target from here on, at any position of the first hand: "
+           "its camera moves straight there, through any obstacle, turns, and then follows the target. A "
+           "script with such a step has two devices; the second is driven and has no contact. Only `palpate "
+           "simulate` has that hand.",
            {{.name = "scope",
              .type = kPlace,
              .unit = "mm",
              .min = -1e6,
              .max = 1e6,
-             .meaning = "What is in the middle of its picture: `\"probe\"`, the first device's tip; or a "
+             .meaning = "Target in the centre of the picture: `\"probe\"`, the first device's tip; or a "
                         "point, LPS."},
             {.name = "from",
              .type = kDirection,
@@ -922,35 +910,35 @@ const ScriptKeys& script_key_tables() {
              .min = -1e6,
              .max = 1e6,
              .choices = kDirections,
-             .meaning = "On which side of that the camera is; or in LPS."},
+             .meaning = "Side of the target on which the camera is; or a direction in LPS."},
             {.name = "distance",
              .type = kNumber,
              .default_text = "20",
              .unit = "mm",
              .min = 1,
              .max = 200,
-             .meaning = "From that to the camera."},
+             .meaning = "Distance from the target to the camera."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "40",
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Of the camera."},
+             .meaning = "Speed of the camera."},
             {.name = "optics",
              .type = kNumber,
              .default_text = "30",
              .unit = "degrees",
              .max = 90,
-             .meaning =
-                 "Between the scope's shaft, which leans superior, and where it looks. As the task has "
-                 "it (docs/guide/tasks.md)."},
+             .meaning = "Angle between the scope's shaft, which is tilted superiorly, and its direction of "
+                        "view. Must equal that of the task (docs/guide/tasks.md)."},
             {.name = "back",
              .type = kNumber,
              .default_text = "8",
              .unit = "mm",
              .max = 30,
-             .meaning = "From the scope's tip back along its shaft to the camera. Likewise."}}}}};
+             .meaning = "Distance from the scope's tip back along its shaft to the camera. Must equal that "
+                        "of the task."}}}}};
   return keys;
 }
 
@@ -1016,7 +1004,7 @@ std::string_view type_text(KeyType type) {
     case kPoints:
       return "a list of points";
     case kTerms:
-      return "a list of pairs [part, time]";
+      return "a list of pairs [fraction, time]";
     case kDirection:
       return "a direction";
     case kTable:

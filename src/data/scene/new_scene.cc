@@ -133,14 +133,13 @@ std::string source_of_preset(const Group& group) {
 /// Comment that explains why a group has no preset.
 std::string reason_for_no_preset(const Group& group) {
   if (group.segments.size() != 1)
-    return "# their names suggest no preset, and one tissue for each would be too many: group them\n";
+    return "# names match no preset, and one tissue for each would be too many: group them\n";
   const auto& [preset, term, is_hollow] = group.matches.front();
   if (is_hollow)
     return "# guessed from its name's term \"" + term + "\": air or fluid, which does not resist\n";
   if (!term.empty())
-    return "# no preset has the values of its name's term \"" + term +
-           "\": give it a stiffness, and let it be felt\n";
-  return "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
+    return "# no preset for its name's term \"" + term + "\": add a stiffness and remove felt = false\n";
+  return "# its name matches no preset: add one, or a stiffness, and remove felt = false\n";
 }
 
 /// Whether a group is translucent, so that it hides enclosed structures less than a solid one, and may lie
@@ -234,8 +233,8 @@ std::array<double, 2> ramp_of(const Split& split) {
 Result<std::string> threshold_text(const Volume<float>& scan) {
   const auto split = otsu_split(scan);
   if (!split) {
-    return Error{ErrorKind::kBadInput, "the scan has the same value everywhere, so nothing stands out in it",
-                 "", "check the scan, or give a label map"};
+    return Error{ErrorKind::kBadInput, "all voxels of the scan have the same value", "",
+                 "check the scan, or give a label map"};
   }
   const auto [low, high] = ramp_of(*split);
   const KeySpec& key = *scene_key_tables().tissue.find("threshold");
@@ -246,8 +245,8 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
                  "", "scale the scan's values to the order of one to a million"};
   }
   return std::string("\n[[tissue]]\nname = \"surface\"\n") +
-         "# parts dark from bright by Otsu's method; for bone in a CT try [150, 400]\n" + "threshold = [" +
-         number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
+         "# separates dark from bright by Otsu's method; for bone in a CT try [150, 400]\n" +
+         "threshold = [" + number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
 }
 
 /// Stiffness of an embedding as a fraction of the softest structure's, at most.
@@ -258,9 +257,10 @@ constexpr double kSofter = 0.5;
 Result<std::string> embedding_text(const NewSceneInput& input, const std::vector<Group>& groups,
                                    TissueLaw law) {
   if (groups.size() == kMaxTissues)
-    return Error{ErrorKind::kBadInput,
-                 "a scene has " + std::to_string(kMaxTissues) + " tissues at most, which the labels take",
-                 input.labels->string(), "leave --embed out"};
+    return Error{
+        ErrorKind::kBadInput,
+        "a scene has " + std::to_string(kMaxTissues) + " tissues at most, and the labels use all of them",
+        input.labels->string(), "leave out --embed"};
   std::set<std::string> taken;
   for (const Group& group : groups) taken.insert(group.name);
   const TissueSettings& fat = find_preset("fat")->values;
@@ -274,15 +274,17 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
   std::string text =
       "\n# unlabelled tissue between the structures, as a soft medium of its own\n[[tissue]]\nname = " +
       toml_string(unused_name({0, "embedding", {}, 0, 0}, taken)) + "\npreset = \"fat\"\nembedding = true\n";
-  text += "# as soft as fat, and softer than what it embeds, so that this is felt through it\nstiffness = " +
-          number_text(stiffness_N_per_mm) + "\n";
+  text +=
+      "# as soft as fat, and softer than the embedded structures, so that they are felt through it\n"
+      "stiffness = " +
+      number_text(stiffness_N_per_mm) + "\n";
   if (is_elastic(law)) text += "youngs_modulus = " + number_text(modulus_kPa) + "\n";
   if (input.scan_volume) {
     const auto split = otsu_split(*input.scan_volume);
     if (!split)
       return Error{ErrorKind::kBadInput,
-                   "the scan has the same value everywhere, so nothing parts air from the body",
-                   input.scan->string(), "leave the scan out: then what labels enclose is inside"};
+                   "all voxels of the scan have the same value, so air cannot be separated from the body",
+                   input.scan->string(), "leave out the scan: then voxels enclosed by labels are inside"};
     // if there is a gap between the two classes, Otsu's threshold lies at its lower end
     const double middle = 0.5 * (split->mean_below + split->mean_above);
     const double step = std::max(1.0, std::pow(10.0, std::floor(std::log10(split->bin_width))));
@@ -305,7 +307,7 @@ std::string preparation_text(const GridGeometry* labels, const GridGeometry* sca
   std::string text = "\n[preparation]\n";
   if (sigma_mm > 1) {
     text += "# voxels are up to " + number_text(std::round(1000 * widest_mm) / 1000) +
-            " mm wide: a smaller sigma leaves their steps to be felt\n";
+            " mm wide: with a smaller sigma the steps between them are felt\n";
   }
   return text + "sigma = " + number_text(sigma_mm) + "  # mm, of the union Gaussian and the smooth sphere\n";
 }

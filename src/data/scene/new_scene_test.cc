@@ -68,9 +68,8 @@ TEST(NewScene, SaysWhichTermOfANameSuggestsItsPreset) {
   EXPECT_THAT(*text,
               HasSubstr("name = \"kidney_cyst_left\"\n"
                         "# guessed from its name's term \"cyst\": air or fluid, which does not resist\n"));
-  EXPECT_THAT(*text,
-              HasSubstr("name = \"hip_implant\"\n"
-                        "# no preset has the values of its name's term \"implant\": give it a stiffness"));
+  EXPECT_THAT(*text, HasSubstr("name = \"hip_implant\"\n"
+                               "# no preset for its name's term \"implant\": add a stiffness"));
   EXPECT_THAT(*text, HasSubstr("name = \"stomach\"\n# its name suggests no preset:"));
 }
 

@@ -51,11 +51,11 @@ void read_trajectories(const TableReader& top, PlanFile& plan, Problems& problem
     if (target) trajectory.target = Point<Patient>(*target);
     if (entry && target && trajectory.length_mm() < kMinTrajectory_mm)
       problems.add(reader.line("target"), "entry and target are the same place",
-                   "they have to be at least 0.1 mm apart");
+                   "they must be at least 0.1 mm apart");
     if (entry && target && trajectory.length_mm() > kMaxTrajectory_mm)
       problems.add(reader.line("target"),
                    "entry and target are " + number_text(std::round(trajectory.length_mm())) + " mm apart",
-                   "a trajectory is at most 1000 mm long");
+                   "a trajectory may be at most 1000 mm long");
     if (auto labels = reader.labels("enters")) trajectory.enters = std::move(labels->references);
     trajectory.entry_within_mm = reader.number("entry_within");
     trajectory.target_within_mm = reader.number("target_within");
@@ -88,7 +88,7 @@ void check_shape_keys(const TableReader& reader, PlanShape shape, Problems& prob
     const std::string name(key.key), word(word_of(shape));
     if (reader.has(key.key) && !takes)
       problems.add(reader.line(key.key), name + " of a region whose shape is \"" + word + "\"",
-                   "take it out, or write another shape");
+                   "remove it, or write another shape");
     if (!reader.has(key.key) && takes && key.needed)
       problems.add_missing(reader.line(), "a region whose shape is \"" + word + "\" without " + name,
                            "add " + name);
@@ -144,7 +144,7 @@ void read_plan_regions(const TableReader& top, PlanFile& plan, Problems& problem
           !(region.from_mm < region.depth_mm))
         problems.add(reader.line(reader.has("from") ? "from" : "depth"),
                      "the region \"" + region.name + "\" ends at " + number_text(region.depth_mm) +
-                         " mm, where it has not begun",
+                         " mm, before its start",
                      "write a depth that is greater than from");
       if (across) {
         const auto* vector = std::get_if<Eigen::Vector3d>(&*across);
@@ -155,7 +155,7 @@ void read_plan_regions(const TableReader& top, PlanFile& plan, Problems& problem
           region.across = *made;
         else
           problems.add(reader.line("across"), "across points along the trajectory",
-                       "write a direction that differs from it by 5 degrees and more");
+                       "write a direction that differs from it by at least 5 degrees");
       }
     }
     check_unique(plan.regions, region, "region", reader, problems);
@@ -244,14 +244,13 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   if (text.find_first_not_of(" \t\r\n") != std::string_view::npos &&
       text[text.find_first_not_of(" \t\r\n")] == '{')
     return Error{ErrorKind::kBadInput, "this is JSON, not a plan", source,
-                 "palpate plan from-markups makes a plan of Slicer's markups"};
+                 "palpate plan from-markups creates a plan from 3D Slicer markups"};
   const auto document = parse_toml(text, kMaxSceneBytes, source);
   if (!document) return document.error();
   for (const auto& [key, kind] : {std::pair("tissue", "a scene"), std::pair("step", "a script or a task")})
     if (const TomlValue* value = document->find(key))
       return Error{ErrorKind::kBadInput, "this is " + std::string(kind) + ", not a plan",
-                   source + ":" + std::to_string(value->line),
-                   "docs/guide/rehearsal.md says what a plan has"};
+                   source + ":" + std::to_string(value->line), "docs/guide/rehearsal.md describes plans"};
 
   Problems problems(source);
   PlanFile plan;
@@ -266,8 +265,7 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   read_plan_regions(top, plan, problems);
   read_distances(top, plan, problems);
   if (plan.trajectories.empty() && plan.regions.empty() && plan.distances.empty())
-    problems.add_missing(1, "the plan plans nothing",
-                         "add a [[trajectory]], a [[region]] or a [[keep_away]]");
+    problems.add_missing(1, "the plan is empty", "add a [[trajectory]], a [[region]] or a [[keep_away]]");
   if (problems.any()) return problems.first();
   return plan;
 }

@@ -263,43 +263,40 @@ constexpr std::array kElasticPresets{
     ElasticPreset{"cartilage",
                   {770, 0.1},
                   {480, 1580},
-                  "at equilibrium; range by H_A of 0.48 to 1.58 MPa at five sites of a tibia, with nu 0 to "
-                  "0.05 (PMC2858459). Struck quickly it is several times stiffer"},
+                  "at equilibrium; range from H_A of 0.48 to 1.58 MPa at five sites of a tibia, with nu 0 to "
+                  "0.05 (PMC2858459). Under fast loading it is several times stiffer"},
     ElasticPreset{"meniscus",
                   {120, 0},
                   {100, 160},
-                  "at equilibrium, across its fibres; range by the means of its parts, same source. Along "
-                  "them it is up to a thousand times stiffer, which a body that is the same in all "
-                  "directions does not have"},
+                  "at equilibrium, across its fibres; range from the means of its parts, same source. Along "
+                  "them it is up to a thousand times stiffer, which an isotropic body cannot represent"},
     ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
-    ElasticPreset{"ligament",
-                  {11000, 0.45},
-                  {5500, 22000},
-                  "across its fibres, which is how a finger presses it; range (E)"},
+    ElasticPreset{
+        "ligament", {11000, 0.45}, {5500, 22000}, "across its fibres, the direction of palpation; range (E)"},
     ElasticPreset{"muscle", {14, 0.45}, {5, 19}, "3.9 to 6.2 kPa of shear modulus; from 5 kPa on (E)"},
     ElasticPreset{"fat", {9.1, 0.45}, {1, 25}, "range (E)"},
     ElasticPreset{"skin", {56, 0.45}, {28, 110}, "range (E)"},
     ElasticPreset{"vessel",
                   {12, 0.45},
                   {6, 24},
-                  "(E) of a solid body that gives as much under the probe as the tube does. Labels hold the "
-                  "blood as well, and the wall's 771 kPa would be far too hard"},
+                  "(E) of a solid body that deforms as much under the probe as the tube does. Labels include "
+                  "the blood, and the wall's 771 kPa would be far too stiff"},
     ElasticPreset{"nerve", {39, 0.45}, {19, 77}, "range (E)"},
     ElasticPreset{"liver",
                   {6.3, 0.45},
                   {5.4, 6.3},
-                  "range by a shear modulus of 1.8 kPa elsewhere (doi 10.1088/1361-6560/ab5010)"},
+                  "range from a shear modulus of 1.8 kPa elsewhere (doi 10.1088/1361-6560/ab5010)"},
     ElasticPreset{"kidney", {15, 0.45}, {7, 29}, "range (E)"},
     ElasticPreset{"spleen", {11, 0.45}, {5, 21}, "range (E)"},
-    ElasticPreset{"lung", {3.4, 0.4}, {1.7, 7}, "range (E); nu (E), less than of others: it is full of air"},
+    ElasticPreset{"lung", {3.4, 0.4}, {1.7, 7}, "range (E); nu (E), lower than elsewhere because of the air"},
     ElasticPreset{"heart", {3.4, 0.45}, {1.7, 7}, "at rest; range (E)"},
-    ElasticPreset{"brain", {1.9, 0.45}, {1.5, 4.5}, "range (E), by shear moduli of 0.5 to 1.5 kPa"},
+    ElasticPreset{"brain", {1.9, 0.45}, {1.5, 4.5}, "range (E), from shear moduli of 0.5 to 1.5 kPa"},
     ElasticPreset{"gland", {11, 0.45}, {4.8, 11}, "range: pancreas to submandibular gland, same source"},
     ElasticPreset{"lymph node", {21, 0.45}, {10, 43}, "range (E)"},
     ElasticPreset{"tumour",
                   {43, 0.45},
                   {43, 69},
-                  "range by a shear modulus of 23 kPa of liver cancer (doi 10.1088/1361-6560/ab5010)"}};
+                  "range from a shear modulus of 23 kPa of liver cancer (doi 10.1088/1361-6560/ab5010)"}};
 
 /// Relaxation of a preset, where measured. Slow measurements give no instantaneous part.
 struct RelaxationPreset {
@@ -309,7 +306,7 @@ struct RelaxationPreset {
 };
 // midpoints of both ranges; the geometric mean for times
 constexpr Relaxation kLimb{{{{0.15, 0.7}, {}}}};
-constexpr std::string_view kLimbRange = "part 0.03 … 0.28, time 0.05 … 8.9 s";
+constexpr std::string_view kLimbRange = "fraction 0.03 … 0.28, time 0.05 … 8.9 s";
 constexpr std::array kRelaxationPresets{
     RelaxationPreset{
         "muscle", kLimb, kLimbRange,

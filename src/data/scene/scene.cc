@@ -55,7 +55,7 @@ void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& p
     tissue.elastic->poissons_ratio = *ratio;
   else if (!reader.has("youngs_modulus"))
     problems.add(reader.line("poissons_ratio"),
-                 "tissue \"" + tissue.name + "\" has a Poisson's ratio and no modulus",
+                 "tissue \"" + tissue.name + "\" has a Poisson's ratio but no modulus",
                  "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
 }
 
@@ -68,17 +68,20 @@ void read_relaxation(const TableReader& reader, TissueSettings& tissue, Problems
     problems.add(reader.line("relaxation"), "tissue \"" + tissue.name + "\" " + what, std::move(remedy));
   };
   if (terms->size() > kMaxRelaxationTerms)
-    return wrong("relaxes by " + std::to_string(terms->size()) + " terms",
-                 "a relaxation has at most " + std::to_string(kMaxRelaxationTerms) + " pairs [part, time]");
+    return wrong(
+        "relaxes by " + std::to_string(terms->size()) + " terms",
+        "a relaxation has at most " + std::to_string(kMaxRelaxationTerms) + " pairs [fraction, time]");
   for (std::size_t n = 0; n < terms->size(); ++n) {
     const auto [part, time_s] = (*terms)[n];
-    if (!(part > 0)) return wrong("relaxes by a part of " + number_text(part), "a part is above 0");
+    if (!(part > 0))
+      return wrong("relaxes by a fraction of " + number_text(part), "a fraction must be above 0");
     tissue.relaxation.term[n] = {part, time_s};
   }
   if (const double part = tissue.relaxation.part(); !(part < 1))
-    return wrong("relaxes by " + number_text(part) + " of its modulus", "let the parts be below 1 together");
+    return wrong("relaxes by " + number_text(part) + " of its modulus",
+                 "the sum of the fractions must be below 1");
   if (tissue.relaxation.relaxes() && !tissue.elastic && !reader.has("youngs_modulus"))
-    wrong("has a relaxation and no modulus",
+    wrong("has a relaxation but no modulus",
           "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
 }
 
@@ -100,13 +103,13 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   tissue.air_below = reader.number("air_below");
   const bool by_labels = reader.has("labels"), by_threshold = reader.has("threshold");
   constexpr const char* kEither =
-      "a tissue is made of labels, of what lies above a threshold in the scan, or, with embedding = true, of "
-      "what is unlabelled inside the body";
+      "a tissue is made of labels, of the scan above a threshold, or, with embedding = true, of the "
+      "unlabelled voxels inside the body";
   if (by_labels && by_threshold) {
     problems.add(reader.line(), "tissue \"" + tissue.name + "\" has both labels and a threshold", kEither);
   } else if (tissue.embedding && (by_labels || by_threshold)) {
     problems.add(reader.line("embedding"),
-                 "tissue \"" + tissue.name + "\" is an embedding, and has " +
+                 "tissue \"" + tissue.name + "\" is an embedding, but has " +
                      (by_labels ? "labels" : "a threshold") + " as well",
                  kEither);
   } else if (!by_labels && !by_threshold && !tissue.embedding) {
@@ -114,11 +117,12 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
                          kEither);
   }
   if (tissue.air_below && !tissue.embedding)
-    problems.add(reader.line("air_below"), "tissue \"" + tissue.name + "\" has air_below and is no embedding",
+    problems.add(reader.line("air_below"),
+                 "tissue \"" + tissue.name + "\" has air_below but is not an embedding",
                  "add: embedding = true, or leave air_below out");
   if (by_threshold && tissue.optional) {
-    problems.add(reader.line("optional"), "a tissue by threshold cannot be optional",
-                 "optional is for labels that a map may lack");
+    problems.add(reader.line("optional"), "a tissue with a threshold cannot be optional",
+                 "optional applies to labels that may be missing from the map");
   }
 
   // haptic properties
@@ -131,16 +135,16 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   if (const auto after = reader.choice("after_puncture")) tissue.stays_open = *after == "stays_open";
   if (tissue.stays_open && !std::isfinite(tissue.puncture_N))
     problems.add(reader.line("after_puncture"),
-                 "tissue \"" + tissue.name + "\" stays open after a puncture that it never has",
-                 "add puncture = 1, in N: the force at which the tool goes through");
+                 "tissue \"" + tissue.name + "\" stays open after a puncture, but has no puncture force",
+                 "add puncture = 1, in N: the force at which the tool punctures the surface");
   set("cutting_energy", tissue.cutting_energy_mJ_per_mm3);
   if (const auto protection = reader.choice("protection"))
     tissue.protection = *protection == "keep"    ? Protection::kKeep
                         : *protection == "alarm" ? Protection::kAlarm
                                                  : Protection::kNone;
   if (tissue.protection != Protection::kNone && !tissue.felt)
-    problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected and not felt",
-                 "what is not felt is never cut: leave `protection` out, or `felt = false`");
+    problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected but not felt",
+                 "tissue that is not felt is never cut: leave out `protection` or `felt = false`");
   if (auto fault = friction_fault(tissue))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   read_elastic(reader, tissue, problems);
@@ -203,7 +207,7 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
   yielding.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
   yielding.cell_mm = reader.number("cell");
   if (is_elastic(yielding.law) && scene.force.method != ForceMethod::kProxy)
-    problems.add(reader.line("law"), "tissue yields to the proxy alone",
+    problems.add(reader.line("law"), "tissue yields only with the proxy",
                  "leave [force] method out, or set law = \"layers\" or \"chainmail\"");
   yielding.relaxation = reader.flag("relaxation").value_or(false);
   const auto does_nothing = [&](const char* key, const char* laws) {
@@ -249,7 +253,7 @@ void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings&
                          "add: length = 8, in millimetres from its tip to its far end");
   if (is_cone && !reader.has("tip_diameter"))
     problems.add_missing(reader.line("shape"), "a cone without `tip_diameter`",
-                         "add: tip_diameter = 1.2, in millimetres; `diameter` is that of its far end");
+                         "add: tip_diameter = 1.2, in millimetres; `diameter` applies to its far end");
   if (!is_cone && reader.has("tip_diameter"))
     problems.add(reader.line("tip_diameter"), "a cylinder has no `tip_diameter`",
                  "it is as wide at its tip: leave this out, or write shape = \"cone\"");
@@ -285,7 +289,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   for (const char* key : {"points", "radius", "capsule"})
     if (reader.has(key))
       problems.add(reader.line(key), "a " + kind + " has no `" + key + "`",
-                   "its head is all of it: say its diameter, and leave this out");
+                   "a burr is defined by the shape of its head: give its diameter, and leave this out");
   tool.radius_mm = 0.5 * reader.number("diameter").value_or(is_shaver ? kShaver_mm : kBurr_mm);
   if (is_shaver) {
     if (!reader.has("name")) tool.name = kind;
@@ -293,7 +297,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   }
   const std::string shape = std::string(reader.choice("shape").value_or("ball"));
   if (is_shaver && shape == "cone")
-    problems.add(reader.line("shape"), "a shaver is no cone",
+    problems.add(reader.line("shape"), "a shaver cannot be a cone",
                  "write shape = \"cylinder\" or shape = \"ball\", or kind = \"burr\"");
   if (shape != "ball") read_row(reader, shape == "cone", tool, burr, problems);
   for (const char* key : {"length", "tip_diameter"})
@@ -306,8 +310,8 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   if (const auto spindle = reader.point("spindle")) {
     constexpr double kLeast = 1e-3;
     if (spindle->norm() < kLeast)
-      problems.add(reader.line("spindle"), "a spindle without direction",
-                   "say it as spindle = [x, y, z], such as [0, 0, 1]");
+      problems.add(reader.line("spindle"), "the spindle has no direction",
+                   "write spindle = [x, y, z], such as [0, 0, 1]");
     else
       burr.spindle = spindle->normalized();
   }
@@ -317,7 +321,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
 void read_parts(const TableReader& reader, const TableSpec& capsule, Tool& tool, Problems& problems) {
   for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "pedal"})
     if (reader.has(key))
-      problems.add(reader.line(key), std::string("`") + key + "` is a burr's",
+      problems.add(reader.line(key), std::string("`") + key + "` is a key of burrs",
                    "add kind = \"burr\" or kind = \"shaver\", or leave this out");
   tool.radius_mm = reader.number("radius").value_or(tool.radius_mm);
   tool.points_mm = reader.points("points").value_or(tool.points_mm);
@@ -351,8 +355,7 @@ ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpe
   else
     read_parts(reader, capsule, tool, problems);
   if (tool.burr && method != ForceMethod::kProxy)
-    problems.add(reader.line("kind"),
-                 std::string(is_shaver ? "a shaver" : "a burr") + " is felt by the proxy alone",
+    problems.add(reader.line("kind"), std::string(is_shaver ? "a shaver" : "a burr") + " requires the proxy",
                  "set [force] method = \"proxy\", or leave method out");
   return {std::move(tool), is_shaver};
 }
@@ -382,8 +385,9 @@ void protect_from_shavers(const TableReader& top, std::span<const ReadTool> tool
     } else if (tissue.felt && !reader.has("protection")) {
       if (any(false))
         problems.add_missing(
-            tissue.line, "tissue \"" + tissue.name + "\" is bone to a shaver, and one of the tools is a burr",
-            "add protection = \"keep\", and neither cuts it, or \"none\", and both do");
+            tissue.line,
+            "tissue \"" + tissue.name + "\" cannot be cut by a shaver, but one of the tools is a burr",
+            "add protection = \"keep\", so that neither cuts it, or \"none\", so that both do");
       tissue.protection = Protection::kKeep;
     }
   }
@@ -453,8 +457,8 @@ NoGoSettings read_no_go(const TableReader& reader, Problems& problems) {
   const bool is_plane = reader.has("point") || reader.has("outward");
   const bool is_ball = reader.has("centre") || reader.has("radius");
   const int kinds = (reader.has("structures") ? 1 : 0) + (is_plane ? 1 : 0) + (is_ball ? 1 : 0);
-  if (kinds > 1) problems.add(reader.line(), named + "is more than one thing", kEither);
-  if (kinds == 0) problems.add_missing(reader.line(), named + "is nowhere", kEither);
+  if (kinds > 1) problems.add(reader.line(), named + "is defined in more than one way", kEither);
+  if (kinds == 0) problems.add_missing(reader.line(), named + "has no geometry", kEither);
   const auto lacks = [&](const char* key, const char* remedy) {
     if (!reader.has(key)) problems.add_missing(reader.line(), named + "has no `" + key + "`", remedy);
   };
@@ -516,9 +520,10 @@ void check_names(const Scene& scene, Problems& problems) {
         std::find_if(tissue.rests_on.begin(), tissue.rests_on.end(),
                      [&](const std::string& name) { return index_of(scene.tissues, name) < 0; });
     if (unknown != tissue.rests_on.end()) {
-      problems.add(tissue.line,
-                   "tissue \"" + tissue.name + "\" rests on \"" + *unknown + "\", which is no tissue here",
-                   did_you_mean(*unknown, all, "\"") + "the tissues here are " + list);
+      problems.add(
+          tissue.line,
+          "tissue \"" + tissue.name + "\" rests on \"" + *unknown + "\", which is not a tissue of this scene",
+          did_you_mean(*unknown, all, "\"") + "the tissues are " + list);
     }
   }
 }
@@ -532,8 +537,8 @@ bool check_cycle(const Scene& scene, int index, std::vector<int>& path, std::vec
     std::string circle;
     for (auto i = begin; i != path.end(); ++i)
       circle += scene.tissues[static_cast<std::size_t>(*i)].name + " on ";
-    problems.add(tissue.line, "rests_on goes round in a circle: " + circle + tissue.name,
-                 "take one of them out; something has to stand by itself");
+    problems.add(tissue.line, "rests_on is circular: " + circle + tissue.name,
+                 "remove one of them, so that one tissue rests on no other");
     return false;
   }
   if (done[static_cast<std::size_t>(index)]) return true;
@@ -560,17 +565,16 @@ void check_stiffness_order(const Scene& scene, Problems& problems) {
 /// Checks that the volume each tissue is derived from is given.
 void check_volumes(const Scene& scene, int data_line, Problems& problems) {
   if (scene.scan_volume && !scene.scan)
-    problems.add(data_line, "[data] has a scan_volume and no scan", "add: scan = \"...\"");
+    problems.add(data_line, "[data] has a scan_volume but no scan", "add: scan = \"...\"");
   if ((scene.mesh_space || scene.mesh_unit) && !scene.labels)
-    problems.add(data_line, "[data] says how surfaces are to be read and names no labels",
-                 "add: labels = \"...\"");
+    problems.add(data_line, "[data] has settings for surfaces but names no labels", "add: labels = \"...\"");
   if (!scene.scan && !scene.labels) {
     problems.add(data_line, "[data] names neither a scan nor labels",
                  "add: labels = \"...\", or scan = \"...\"");
     return;
   }
   if (scene.names && !scene.labels)
-    problems.add(data_line, "[data] has names for labels, but no labels", "add: labels = \"...\"");
+    problems.add(data_line, "[data] has names for labels but no labels", "add: labels = \"...\"");
   for (const TissueSettings& tissue : scene.tissues) {
     if (tissue.threshold && !scene.scan)
       problems.add(tissue.line, "tissue \"" + tissue.name + "\" has a threshold, but the scene has no scan",

@@ -395,7 +395,7 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
   const auto cone =
       parse_scene(tissues + "[tool]\nkind = 'shaver'\nshape = 'cone'\nlength = 9\ntip_diameter = 2\n", "t");
   ASSERT_FALSE(cone.ok());
-  EXPECT_THAT(cone.error().message(), HasSubstr("a shaver is no cone"));
+  EXPECT_THAT(cone.error().message(), HasSubstr("a shaver cannot be a cone"));
 }
 
 TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
@@ -456,11 +456,11 @@ TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
   };
   EXPECT_THAT(fault("radius = 13\n"), HasSubstr("t:5: [second_tool]: radius = 13 is outside 0 ... 12 mm"));
   EXPECT_THAT(fault("diamter = 9\n"), HasSubstr("t:5: unknown key \"diamter\" in [second_tool]"));
-  EXPECT_THAT(fault("diameter = 3\n"), HasSubstr("t:5: [second_tool]: `diameter` is a burr's"));
+  EXPECT_THAT(fault("diameter = 3\n"), HasSubstr("t:5: [second_tool]: `diameter` is a key of burrs"));
   EXPECT_THAT(fault("kind = 'burr'\nshape = 'cone'\n"),
               HasSubstr("t:6: [second_tool]: a cone without `length`"));
   EXPECT_THAT(fault("kind = 'burr'\n[force]\nmethod = 'trilinear'\n"),
-              HasSubstr("t:5: [second_tool]: a burr is felt by the proxy alone"));
+              HasSubstr("t:5: [second_tool]: a burr requires the proxy"));
   EXPECT_THAT(fault("points = []\n"), HasSubstr("t:5: [second_tool]: "));
   EXPECT_THAT(fault("name = 3\n"), HasSubstr("t:5: [second_tool]: "));
   EXPECT_THAT(fault("capsule = 3\n"), HasSubstr("write [[second_tool.capsule]]"));
@@ -517,11 +517,12 @@ INSTANTIATE_TEST_SUITE_P(
                  7, "a cone of 5 mm that is 4 mm long", "make `length` larger"},
         BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cone'\nlength = 8\ntip_diameter = 4\n", 8,
                  "as wide at its tip as at its far end", "shape = \"cylinder\""},
-        BadScene{TISSUE "[tool]\nshape = 'cone'\n", 5, "`shape` is a burr's", "kind = \"burr\""},
-        BadScene{TISSUE "[tool]\ndiameter = 2\n", 5, "`diameter` is a burr's", "kind = \"burr\""},
-        BadScene{TISSUE "[tool]\nkind = 'burr'\nspindle = [0, 0, 0]\n", 6, "without direction", "[0, 0, 1]"},
-        BadScene{TISSUE "[tool]\nkind = 'burr'\n[force]\nmethod = 'trilinear'\n", 5,
-                 "felt by the proxy alone", "method = \"proxy\""},
+        BadScene{TISSUE "[tool]\nshape = 'cone'\n", 5, "`shape` is a key of burrs", "kind = \"burr\""},
+        BadScene{TISSUE "[tool]\ndiameter = 2\n", 5, "`diameter` is a key of burrs", "kind = \"burr\""},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nspindle = [0, 0, 0]\n", 6, "the spindle has no direction",
+                 "[0, 0, 1]"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\n[force]\nmethod = 'trilinear'\n", 5, "requires the proxy",
+                 "method = \"proxy\""},
         BadScene{TISSUE "[tool]\nkind = 'drill'\n", 5, "drill", "\"burr\""},
         BadScene{TISSUE "youngs_modulus = 0.05\n", 4, "youngs_modulus = 0.05 is outside 0.1 ... 100000 kPa",
                  "a number"},
@@ -530,7 +531,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "youngs_modulus = 10\npoissons_ratio = 0.5\n", 5,
                  "poissons_ratio = 0.5 is outside 0 ... 0.495", "default 0.45"},
         BadScene{TISSUE "youngs_modulus = 10\npoissons_ratio = -0.1\n", 5, "outside 0 ... 0.495", ""},
-        BadScene{TISSUE "poissons_ratio = 0.3\n", 4, "tissue \"a\" has a Poisson's ratio and no modulus",
+        BadScene{TISSUE "poissons_ratio = 0.3\n", 4, "tissue \"a\" has a Poisson's ratio but no modulus",
                  "add youngs_modulus = 10"},
         BadScene{TISSUE "youngs_modulus_kPa = 10\n", 4, "unknown key \"youngs_modulus_kPa\"",
                  "did you mean youngs_modulus?"},
@@ -541,28 +542,28 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[yielding]\nrelaxation = true\n", 5,
                  "relaxation belongs to the laws \"elastic\" and \"neo-hookean\"", "take it out"},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.6, 1], [0.4, 2]]\n", 5,
-                 "tissue \"a\" relaxes by 1 of its modulus", "below 1 together"},
-        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0, 1]]\n", 5, "relaxes by a part of 0",
-                 "a part is above 0"},
-        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[-0.1, 1]]\n", 5, "relaxes by a part of -0.1",
+                 "tissue \"a\" relaxes by 1 of its modulus", "sum of the fractions must be below 1"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0, 1]]\n", 5, "relaxes by a fraction of 0",
+                 "a fraction must be above 0"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[-0.1, 1]]\n", 5, "relaxes by a fraction of -0.1",
                  ""},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 0]]\n", 5,
-                 "relaxation = 0 is outside 0.01 ... 1000 s", "a list of pairs [part, time]"},
+                 "relaxation = 0 is outside 0.01 ... 1000 s", "a list of pairs [fraction, time]"},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 1001]]\n", 5, "outside 0.01 ... 1000 s",
                  ""},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 1], [0.1, 2], [0.1, 3]]\n", 5,
                  "relaxes by 3 terms", "at most 2 pairs"},
-        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [0.1, 1]\n", 5, "not two numbers [part, time]",
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [0.1, 1]\n", 5, "not two numbers [fraction, time]",
                  ""},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 1, 2]]\n", 5,
-                 "not two numbers [part, time]", ""},
+                 "not two numbers [fraction, time]", ""},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [['a', 1]]\n", 5, "relaxation", ""},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = 0.5\n", 5, "relaxation is a number",
                  "a list of pairs"},
-        BadScene{TISSUE "relaxation = [[0.1, 1]]\n", 4, "tissue \"a\" has a relaxation and no modulus",
+        BadScene{TISSUE "relaxation = [[0.1, 1]]\n", 4, "tissue \"a\" has a relaxation but no modulus",
                  "add youngs_modulus = 10"},
-        BadScene{TISSUE "after_puncture = 'stays_open'\n", 4, "stays open after a puncture that it never has",
-                 "add puncture = 1"},
+        BadScene{TISSUE "after_puncture = 'stays_open'\n", 4,
+                 "stays open after a puncture, but has no puncture force", "add puncture = 1"},
         BadScene{TISSUE "puncture = 1\nafter_puncture = 'open'\n", 5, "after_puncture", "stays_open"},
         BadScene{TISSUE "[yielding]\ncell = 1\n", 5,
                  "cell belongs to the laws \"elastic\", \"neo-hookean\" and \"chainmail\"", "take it out"},
@@ -580,8 +581,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[limits]\nmax_forse = 3\n", 5, "unknown key", "did you mean max_force?"},
         BadScene{TISSUE "[[no_go]]\nstructures = [1]\n", 4, "a no-go region without a name", "add: name"},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\n", 4, "no-go region \"n\" is nowhere", "a region is made of"},
-        BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nradius = 2\n", 4, "is more than one thing",
-                 "a region is made of"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nradius = 2\n", 4,
+                 "is defined in more than one way", "a region is made of"},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\npoint = [0,0,0]\n", 4, "has no `outward`", "superior"},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\ncentre = [0,0,0]\n", 4, "has no `radius`", "add: radius"},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nkeep_away = 21\n", 7,
@@ -656,8 +657,7 @@ INSTANTIATE_TEST_SUITE_P(
                  ""},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2, 3]\n", 3,
                  "threshold is not a list of two numbers", ""},
-        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [2, 'x']\n", 3, "holds a text where a number belongs",
-                 ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [2, 'x']\n", 3, "holds a text instead of a number", ""},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [2, 2]\n", 3, "begins at 2, which is not below",
                  "lower number first"},
         BadScene{TISSUE "[tool]\npoints = [0, 0, 0]\n", 5, "not three numbers", "a list of points"},
@@ -669,7 +669,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[workspace]\nhome = 5\n", 5, "home is a whole number",
                  "a point [x, y, z], -1000 ... 1000 mm; default [0, 0, 0]"},
         BadScene{TISSUE "[workspace]\nhome = [1, 2]\n", 5, "not three numbers", "a point [x, y, z]"},
-        BadScene{TISSUE "[workspace]\n\nhome = [1, 'a', 2]\n", 6, "holds a text where a number belongs", ""},
+        BadScene{TISSUE "[workspace]\n\nhome = [1, 'a', 2]\n", 6, "holds a text instead of a number", ""},
         BadScene{TISSUE "[workspace]\nclutch_button = 1.5\n", 5, "clutch_button is a number",
                  "a whole number, 0 ... 31"}));
 
@@ -721,7 +721,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = 'a'\n", 1, "neither labels nor a threshold", ""},
         BadScene{TISSUE "threshold = [1, 2]\n", 1, "both labels and a threshold", ""},
         BadScene{TISSUE "embedding = true\n", 4, "is an embedding, and has labels as well", ""},
-        BadScene{TISSUE "air_below = -400\n", 4, "has air_below and is no embedding", "embedding = true"},
+        BadScene{TISSUE "air_below = -400\n", 4, "has air_below but is not an embedding", "embedding = true"},
         BadScene{"[[tissue]]\nname = 'a'\nembedding = true\n[[tissue]]\nname = 'b'\nembedding = "
                  "true\n[data]\nlabels = 'l'\n",
                  1, "more than one tissue is an embedding", ""},
@@ -734,9 +734,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "\n[[tissue]]\nname = 'a'\nlabels = [2]\n", 5,
                  "a second tissue \"a\"; the first is on line 1", ""},
         BadScene{TISSUE "rests_on = ['bone']\n[[tissue]]\nname = 'bones'\nlabels = [2]\n", 1,
-                 "rests on \"bone\", which is no tissue here",
-                 "did you mean \"bones\"? the tissues here are a, bones"},
-        BadScene{TISSUE "rests_on = ['skull']\n", 1, "rests on \"skull\"", "the tissues here are a"},
+                 "rests on \"bone\", which is not a tissue of this scene",
+                 "did you mean \"bones\"? the tissues are a, bones"},
+        BadScene{TISSUE "rests_on = ['skull']\n", 1, "rests on \"skull\"", "the tissues are a"},
         BadScene{"device = 'touch'\n[[step]]\napproach = 'femur'\n", 2, "a palpation script, not a scene",
                  "--script"},
         BadScene{TISSUE "rests_on = ['a']\n", 1, "in a circle: a on a", ""},
@@ -752,7 +752,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nlabels = 'l'\n", 1,
                  "has a threshold, but the scene has no scan", "scan = "},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nscan = 's'\nnames = 'n'\n", 4,
-                 "names for labels, but no labels", ""}));
+                 "names for labels but no labels", ""}));
 
 TEST(Nearest, IsOnlyWhatMayBeASlip) {
   const std::vector<std::string_view> names{"femur", "tibia", "femoral_cartilage"};

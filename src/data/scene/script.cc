@@ -60,11 +60,10 @@ ScriptStep read_approach(const TableReader& reader, Problems& problems) {
   }
   if (step.landmark && step.nearest.index() != 0)
     problems.add(reader.line("nearest"), "an approach with both landmark and nearest",
-                 "keep the one that says where to touch");
+                 "keep only one of them");
   if (step.point && (step.landmark || step.nearest.index() != 0))
     problems.add(reader.line(step.landmark ? "landmark" : "nearest"),
-                 "an approach to a point that also says where to touch",
-                 "name a structure: approach = \"...\"");
+                 "an approach to a point with a landmark or nearest", "name a structure: approach = \"...\"");
   if (const auto from = reader.direction("from"))
     step.from = Vector<Patient>(vector_of(*from, kPatientDirections)).normalized();
   step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
@@ -211,14 +210,14 @@ void check_order(const Script& script, Problems& problems) {
                      "approach while still touching " +
                          (touching->point ? "a point" : "\"" + touching->structure + "\"") + " (line " +
                          std::to_string(since) + ")",
-                     "put a step with leave = true before it");
+                     "add a step with leave = true before it");
       }
       touching = approach;
       since = script.lines[i];
     } else if (needs_contact(step)) {
       if (!touching)
         problems.add(script.lines[i], std::string(actions[step.index()].heading) + " without contact",
-                     "put a step with approach = \"...\" before it");
+                     "add a step with approach = \"...\" before it");
       if (std::holds_alternative<LeaveStep>(step)) touching = nullptr;
     }
   }

@@ -144,7 +144,7 @@ std::optional<double> TableReader::number_in_range(const KeySpec& key, const Tom
   const std::string name(key.name);
   const auto number = as_number(value);
   if (!number) {
-    problems_.add(line, name + " holds " + found_text(value) + " where a number belongs", remedy_text(key));
+    problems_.add(line, name + " holds " + found_text(value) + " instead of a number", remedy_text(key));
     return std::nullopt;
   }
   if (auto fault = range_error(key, *number)) {
@@ -194,7 +194,7 @@ std::optional<Rgb> TableReader::colour(std::string_view key) const {
   }
   if (!valid) {
     problems_.add(value->line, std::string(key) + " = \"" + *text + "\" is not a colour",
-                  "write red, green and blue in hexadecimal digits, e.g. \"#e6e696\"");
+                  "write red, green and blue as hexadecimal digits, e.g. \"#e6e696\"");
     return std::nullopt;
   }
   const auto channel = [&](std::size_t i) {
@@ -279,7 +279,7 @@ std::optional<Eigen::Vector3d> TableReader::vector3(const KeySpec& key, const To
                                                     int line) const {
   const auto* items = value.as<TomlArray>();
   if (!items || items->size() != 3) {
-    problems_.add(line, std::string(key.name) + " holds something that is not three numbers [x, y, z]",
+    problems_.add(line, std::string(key.name) + " has an entry that is not three numbers [x, y, z]",
                   remedy_text(key));
     return std::nullopt;
   }
@@ -336,7 +336,7 @@ std::optional<std::vector<std::array<double, 2>>> TableReader::terms(std::string
   for (const TomlValue& item : *items) {
     const auto* pair = item.as<TomlArray>();
     if (!pair || pair->size() != 2) {
-      problems_.add(item.line, std::string(key) + " holds something that is not two numbers [part, time]",
+      problems_.add(item.line, std::string(key) + " has an entry that is not two numbers [fraction, time]",
                     remedy_text(*spec));
       return std::nullopt;
     }
@@ -384,7 +384,7 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction
   if (!vector) return std::nullopt;
   // a shorter vector is noise, and normalising it, or an infinite one, would give NaN
   if (vector->norm() < 1e-6 || !std::isfinite(vector->norm())) {
-    problems_.add(value->line, std::string(key) + " points nowhere", remedy_text(*spec));
+    problems_.add(value->line, std::string(key) + " has no direction", remedy_text(*spec));
     return std::nullopt;
   }
   return *vector;

@@ -40,7 +40,7 @@ void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
       problems.add(reader.line(), "a region with half a plane",
                    "write plane_point together with plane_normal");
     if (!reader.has("structures") && (reader.has("landmark") || reader.has("half") || !reader.has("point")))
-      problems.add(reader.line(), "a region of no structure that is no ball either",
+      problems.add(reader.line(), "a region needs structures, or a point and a radius",
                    "add structures, or write point and radius alone");
     if (std::any_of(task.regions.begin(), task.regions.end(), [&](const TaskRegion& other) {
           return !region.name.empty() && other.name == region.name;
@@ -86,20 +86,21 @@ void check_step_keys(const TableReader& reader, const TaskStep& step, const Task
   const bool touch = step.kind == StepKind::kTouch;
   const bool has_share = step.kind == StepKind::kCover || step.kind == StepKind::kRemove;
   if (reader.has("force") && !touch)
-    problems.add(reader.line("force"), "force of a step that is no touch",
-                 "take it out, or write kind = \"touch\"");
+    problems.add(reader.line("force"), "force is only for a step with kind = \"touch\"",
+                 "remove it, or write kind = \"touch\"");
   if (reader.has("coverage") && !has_share)
-    problems.add(reader.line("coverage"), "coverage of a step that neither covers nor removes",
-                 "take it out, or write kind = \"cover\" or kind = \"remove\"");
+    problems.add(reader.line("coverage"), "coverage is only for a step with kind = \"cover\" or \"remove\"",
+                 "remove it, or write kind = \"cover\" or kind = \"remove\"");
   if (reader.has("seconds") && has_share)
-    problems.add(reader.line("seconds"), "seconds of a step that covers or removes", "take it out");
+    problems.add(reader.line("seconds"), "seconds is not for a step with kind = \"cover\" or \"remove\"",
+                 "remove it");
   if (reader.has("seen") && !touch)
-    problems.add(reader.line("seen"), "seen of a step that is no touch",
-                 "take it out, or write kind = \"touch\"");
+    problems.add(reader.line("seen"), "seen is only for a step with kind = \"touch\"",
+                 "remove it, or write kind = \"touch\"");
   if (step.seen && !task.scope)
-    problems.add(reader.line("seen"), "a step that is to be seen, of a task without [scope]", "add [scope]");
+    problems.add(reader.line("seen"), "a step has seen = true, but the task has no [scope]", "add [scope]");
   if (step.kind == StepKind::kRemove && !task.plan)
-    problems.add(reader.line("kind"), "something to be removed of a task without plan",
+    problems.add(reader.line("kind"), "a step has kind = \"remove\", but the task has no plan",
                  "add plan = \"...\" at the top");
   if (step.kind == StepKind::kRemove || !reader.has("region") || step.region >= task.regions.size()) return;
   const bool ball = task.regions[step.region].structures.empty();
@@ -189,7 +190,7 @@ std::string missing_for(Metric metric, const TaskFile& task) {
 void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
   const auto tables = limited_tables(top, "metric", kMaxTaskParts, "split the task", problems);
   if (tables.empty() && !top.has("metric"))
-    problems.add_missing(top.line("metric"), "the task measures nothing",
+    problems.add_missing(top.line("metric"), "the task has no metric",
                          "add a [[metric]] with name = \"...\"");
   for (const TomlTable* table : tables) {
     const TableReader reader(table, task_key_tables().metric, problems);
@@ -203,15 +204,14 @@ void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
     metric.at_most = reader.number("at_most");
     metric.basis = reader.text("basis").value_or("");
     if (metric.at_least && metric.at_most && *metric.at_least > *metric.at_most)
-      problems.add(reader.line("at_most"), "at_most below at_least", "no value lies in between");
+      problems.add(reader.line("at_most"), "at_most below at_least", "no value is in between");
     if (name) {
       const auto& infos = metric_infos();
       const auto found = std::find_if(infos.begin(), infos.end(),
                                       [&](const MetricInfo& info) { return info.name == *name; });
       metric.metric = found->metric;
       if (reader.has("structures") && !found->of_structures)
-        problems.add(reader.line("structures"), *name + " is not of single structures",
-                     "take structures out");
+        problems.add(reader.line("structures"), *name + " is not of single structures", "remove structures");
       if (const std::string missing = missing_for(metric.metric, task); !missing.empty())
         problems.add(reader.line("name"), *name + " of a task without " + missing, "add " + missing);
     }
@@ -226,14 +226,14 @@ void read_plan_of_task(const TableReader& top, const std::optional<std::filesyst
   if (!name) return;
   const int line = top.line("plan");
   if (!beside && !find_file(embedded_plans(), *name + ".toml"))
-    return problems.add(line, "palpate brings no plan \"" + *name + "\" along", "name another one");
+    return problems.add(line, "palpate includes no plan \"" + *name + "\"", "name another one");
   auto plan = load_plan(*name, beside.value_or(""));
   if (!plan)
     return problems.add(
         line, "the plan \"" + *name + "\" cannot be used: " + plan.error().where + ": " + plan.error().what,
         plan.error().remedy);
   if (plan->regions.empty())
-    return problems.add(line, "the plan \"" + *name + "\" takes nothing off", "add a [[region]] to it");
+    return problems.add(line, "the plan \"" + *name + "\" removes nothing", "add a [[region]] to it");
   hash_word(task.text_hash, plan->text_hash);
   task.plan = *std::move(plan);
 }
@@ -260,21 +260,21 @@ void read_draws(const TableReader& top, TaskFile& task, Problems& problems) {
     if (!reader.has("key") || !(reader.has("range") || reader.has("words")))
       problems.add_missing(reader.line(), "a [[drawn]] without key and range", "add both");
     if (reader.has("words") && (reader.has("range") || reader.has("step")))
-      problems.add(reader.line("words"), "words of a [[drawn]] that has numbers",
+      problems.add(reader.line("words"), "a [[drawn]] has both words and numbers",
                    "keep words, or range and step");
     for (const std::string& word : draw.words)
       if (!is_word_of_data_set(word))
-        problems.add(reader.line("words"), "\"" + word + "\" is no word of a data set",
-                     "small letters, digits, - and _");
+        problems.add(reader.line("words"), "\"" + word + "\" is not a valid word",
+                     "use small letters, digits, - and _");
     if (key && !is_key_of_data_set(*key))
-      problems.add(reader.line("key"), "\"" + *key + "\" is no key of a data set",
+      problems.add(reader.line("key"), "\"" + *key + "\" is not a key of a data set",
                    "palpate data keys lists them; small letters and -");
     if (key && *key == "seed")
-      problems.add(reader.line("key"), "the seed is drawn itself", "take this [[drawn]] out");
+      problems.add(reader.line("key"), "the seed itself cannot be drawn", "remove this [[drawn]]");
     if (key) draw.key = *key;
     if (range) draw.range = *range;
     if (top.has("data_set") == false)
-      problems.add(reader.line(), "something drawn of a task without data_set",
+      problems.add(reader.line(), "the task has a [[drawn]] but no data_set",
                    "add data_set = \"...\" at the top");
     task.draws.push_back(std::move(draw));
   }
@@ -289,7 +289,7 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source,
   if (document->find("tissue") && !document->find("metric"))
     return Error{ErrorKind::kBadInput, "this is a scene, not a task",
                  source + ":" + std::to_string(document->find("tissue")->line),
-                 "docs/guide/tasks.md says what a task has"};
+                 "docs/guide/tasks.md describes tasks"};
 
   Problems problems(source);
   TaskFile task;
@@ -327,7 +327,7 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source,
   read_metrics(top, task, problems);
   read_draws(top, task, problems);
   if (task.steps.empty() && task.end == TaskEnd::kSteps && !top.has("step") && top.has("metric"))
-    problems.add_missing(top.line("end"), "a task without steps that its steps end",
+    problems.add_missing(top.line("end"), "the task ends with its steps, but has none",
                          "add a [[step]], or write end = \"recording\"");
   if (problems.any()) return problems.first();
   return task;
@@ -339,7 +339,7 @@ Result<TaskFile> load_task(const std::string& name_or_file) {
   auto text = read_file(name_or_file, kMaxSceneBytes);
   if (!text) {
     Error error = text.error();
-    error.remedy = "a task is a file, or one of those that palpate task list names";
+    error.remedy = "give a task file, or the name of a task from palpate task list";
     return error;
   }
   return parse_task(*text, name_or_file, std::filesystem::path(name_or_file).parent_path());

@@ -165,16 +165,16 @@ TEST(LoadTask, TakesOffByAPlanBesideIt) {
   };
   EXPECT_THAT(wrong("region = \"hole\"", "region = \"hale\""),
               AllOf(HasSubstr("task.toml:7: the plan has no region"), HasSubstr("did you mean \"hole\"")));
-  EXPECT_THAT(wrong("plan = \"hole.toml\"\n", ""), HasSubstr("removed of a task without plan"));
-  EXPECT_THAT(wrong("coverage = 0.9", "seconds = 1"), HasSubstr("seconds of a step that covers or removes"));
+  EXPECT_THAT(wrong("plan = \"hole.toml\"\n", ""), HasSubstr("but the task has no plan"));
+  EXPECT_THAT(wrong("coverage = 0.9", "seconds = 1"), HasSubstr("seconds is not for a step"));
   EXPECT_THAT(wrong("removed_in_plan", "protected_removed"), HasSubstr("without a [[protected]]"));
   EXPECT_THAT(wrong("removed_in_plan", "unseen_time"), HasSubstr("without a [scope]"));
   test::write_text(folder / "hole.toml",
                    "title = \"Keep away\"\n[[keep_away]]\nstructures = [1]\ndistance = 2\n");
-  EXPECT_THAT(wrong("title", "title"), HasSubstr("takes nothing off"));
+  EXPECT_THAT(wrong("title", "title"), HasSubstr("removes nothing"));
   // a text without a folder does not read files
   EXPECT_THAT(parse_task(kTakeOff, "task.toml").error().message(),
-              HasSubstr("task.toml:3: palpate brings no plan \"hole.toml\" along"));
+              HasSubstr("task.toml:3: palpate includes no plan \"hole.toml\""));
 }
 
 TEST(LoadPlan, KnowsItsOwnByName) {
@@ -221,7 +221,7 @@ TEST(ParseTask, SaysWhatIsWrongAndWhere) {
       {"name = \"pouch\"", "name = \"tip\"", "a second region"},
       {"radius = 8\n", "", "without radius"},
       {"plane_normal = [0, -3, 0]\n", "", "half a plane"},
-      {"structures = [\"femur\"]\n", "", "a region of no structure"},
+      {"structures = [\"femur\"]\n", "", "a region needs structures"},
       {"kind = \"visit\"", "kind = \"touch\"", "cannot be touched"},
       {"kind = \"cover\"\n", "kind = \"visit\"\n", "a surface cannot be visited"},
       {"force = [2, 3.6]", "force = [3.6, 2]", "not below its end"},
@@ -231,15 +231,15 @@ TEST(ParseTask, SaysWhatIsWrongAndWhere) {
       {"[answer]\nstructures = [\"nodule\"]\nseconds = 2\n", "",
        "answer_error of a task without an [answer]"},
       {"at_most = 8.5\n", "at_least = 9\nat_most = 8.5\n", "at_most below at_least"},
-      {"key = \"lesion-depth\"", "key = \"seed\"", "the seed is drawn itself"},
-      {"key = \"lesion-depth\"", "key = \"a,b=3\"", "no key of a data set"},
-      {"words = [\"femur\"", "words = [\"femur,seed=3\"", "no word of a data set"},
-      {"step = 0.1", "words = [\"femur\"]", "that has numbers"},
-      {"data_set = \"knee-phantom:side=right\"\n", "", "without data_set"},
+      {"key = \"lesion-depth\"", "key = \"seed\"", "the seed itself cannot be drawn"},
+      {"key = \"lesion-depth\"", "key = \"a,b=3\"", "not a key of a data set"},
+      {"words = [\"femur\"", "words = [\"femur,seed=3\"", "not a valid word"},
+      {"step = 0.1", "words = [\"femur\"]", "both words and numbers"},
+      {"data_set = \"knee-phantom:side=right\"\n", "", "but no data_set"},
       {"in_a_row = 2", "in_a_row = 0", "outside 1 ... 100"},
       {"time_limit = 95", "time_limit = nan", "not a finite number"},
-      {"[scope]\noptics = 70\nback = 4.5\n", "", "that is to be seen, of a task without [scope]"},
-      {"kind = \"visit\"", "kind = \"visit\"\nseen = true", "seen of a step that is no touch"},
+      {"[scope]\noptics = 70\nback = 4.5\n", "", "but the task has no [scope]"},
+      {"kind = \"visit\"", "kind = \"visit\"\nseen = true", "seen is only for a step"},
       {"optics = 70", "optics = 100", "outside 0 ... 90 degrees"},
   };
   for (const Wrong& wrong : wrongs) {

@@ -142,7 +142,7 @@ Result<TomlTable> parse_toml(std::string_view text, std::size_t max_bytes, const
   if (const int line = line_of_too_long_key(text); line > 0) {
     return Error{ErrorKind::kBadInput,
                  "a key with more than " + std::to_string(kMaxKeyParts) + " parts joined by dots",
-                 source + ":" + std::to_string(line), "no key of this file needs more than two"};
+                 source + ":" + std::to_string(line), "keys of this file have at most two"};
   }
   const toml::parse_result parsed = toml::parse(text);
   if (!parsed) {
