@@ -17,7 +17,7 @@ constexpr const char* kVerifyExamples =
     "  palpate verify contact                           terraces, seams, layers, thin sheets\n"
     "  palpate verify accuracy                          table of figures and limits\n"
     "  palpate verify accuracy --json accuracy.json     also as JSON\n"
-    "  palpate verify latency                           timing of the servo loop, about a minute\n"
+    "  palpate verify latency                           timing of the servo, about a minute\n"
     "  palpate verify latency --rate 4000 --spin 80     one rate, busy-waiting before every tick\n"
     "  palpate verify stability                         stability limits and buzz\n"
     "  palpate verify removal                           volume that a burr removes from bone\n"

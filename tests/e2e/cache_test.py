@@ -87,7 +87,7 @@ class Cache(cli.KneeTest):
                 again, now = self.simulate(PALPATE_CACHE=str(folder))
                 self.assertEqual(again, first)
                 self.assertEqual(len(now), len(said) + 1, now)
-                self.assertEqual(sum("is not kept for the next start" in line for line in now), 1)
+                self.assertEqual(sum("prepared scenes are not cached" in line for line in now), 1)
 
     @cli.long
     def test_two_at_once(self):

@@ -249,7 +249,7 @@ class KneeTest(PalpateTest):
         before = self.labels.read_bytes()
         self.fail_clearly(USAGE, verb, self.scene, "-o", self.labels, says="would replace an input")
         self.assertEqual(self.labels.read_bytes(), before)
-        self.fail_clearly(USAGE, verb, self.scene, "-o", self.folder / f"picture{another}", says=f"ends with {ending}")
+        self.fail_clearly(USAGE, verb, self.scene, "-o", self.folder / f"picture{another}", says=f"ends in {ending}")
         self.assertEqual(list(self.folder.iterdir()), [])
 
 

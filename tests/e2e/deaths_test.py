@@ -301,7 +301,7 @@ class Deaths(cli.PalpateTest):
             size = session.recording.stat().st_size
             most = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
             resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (size, most))
-            session.read_until("the session goes on")
+            session.read_until("the session continues")
             # goes on, and ends or dies as any other does
             if n % 2 == 0:
                 session.process.terminate()

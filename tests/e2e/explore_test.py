@@ -416,7 +416,7 @@ class Explore(cli.PalpateTest):
     def test_supervise_is_called_by_explore_alone(self):
         done = cli.run("supervise", "1", "0", "0")
         self.assertEqual(done.returncode, cli.USAGE)
-        self.assertIn("called by palpate explore", done.stderr)
+        self.assertIn("started only by palpate explore", done.stderr)
 
     def interrupted_twice(self, recording):
         terminal = self.terminal(*self.explore("-o", recording))
@@ -636,7 +636,7 @@ class Explore(cli.PalpateTest):
         plans.write_text("in the way")
         refused = control.ask(type="plan", version=2, save=True)
         self.assertEqual((refused["type"], refused["where"]), ("refused", ""), refused)
-        self.assertIn("a file and not a folder", refused["what"])
+        self.assertIn("a file, not a folder", refused["what"])
         offered = json.loads(http_get(control.address, "api/scene", roles["control"].split()[1])[1])["tasks"]
         self.assertEqual([one["name"] for one in offered], ["task"])
         answers = []
@@ -845,7 +845,7 @@ class Explore(cli.PalpateTest):
                                  says="cannot be written", by=cli.spawn, preexec_fn=limited,
                                  env=dict(os.environ, PALPATE_CACHE=""))
         self.assertEqual(SLOW_MACHINE.sub("", done.stderr).count("palpate: warning:"), 1, done.stderr)
-        self.assertIn("the session goes on", done.stderr)
+        self.assertIn("the session continues", done.stderr)
         self.assertLess(done.stderr.index("palpate: warning:"), done.stderr.index("palpate: error:"))
         ticks, skipped = (int(re.search(rf"(\d+) {word}", done.stdout).group(1)) for word in ("ticks", "skipped"))
         # the disk was full within the first milliseconds; a busy machine loses some of the last ones

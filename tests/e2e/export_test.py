@@ -80,7 +80,7 @@ class Export(cli.PalpateTest):
         # the study takes it for its own
         done = self.succeed("scene", "new", self.study, seg)
         self.assertIn("was made on volume 1", done.stderr)
-        self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", seg, says="which study")
+        self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", seg, says="no study is given")
         self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", self.folder / "x.nrrd",
                           says="only DICOM can keep identifiers")
 

@@ -92,7 +92,7 @@ class Failures(cli.PalpateTest):
 
     def test_where_no_thread_is_to_be_had_it_says_so(self):
         # each would need more stack than there is memory
-        self.fail_clearly(cli.UNAVAILABLE, "data", "keys", says="no thread is to be had",
+        self.fail_clearly(cli.UNAVAILABLE, "data", "keys", says="cannot start a thread",
                           by=cli.spawn, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 46, 1 << 46)))
 
     def writing_verbs(self, output):

@@ -68,8 +68,8 @@ class KneePhantom(cli.PalpateTest):
         self.assertLess(int(after["femur"]), int(before["femur"]))
 
         # what is protected is cut and that is said, or kept
-        for protection, said in [("alarm", r"ALARM: [\d.]+ mm3 of femur are gone, which is protected"),
-                                 ("keep", r"nearest to femur: 0\.\d\d mm; nothing of it is gone")]:
+        for protection, said in [("alarm", r"ALARM: [\d.]+ mm3 removed from femur, which is protected"),
+                                 ("keep", r"nearest distance to femur: 0\.\d\d mm; nothing was removed from it")]:
             spared = self.folder / f"{protection}.toml"
             spared.write_text(scene.read_text().replace('preset = "bone"', f'preset = "bone"\nprotection = "{protection}"', 1))
             done = self.succeed("simulate", spared, "--script", script)
@@ -119,7 +119,7 @@ class KneePhantom(cli.PalpateTest):
         text = scene.read_text()
         scene.write_text(re.sub(r"(?m)^sigma = .*$", "sigma = 1.25", text) if re.search(r"(?m)^sigma", text)
                          else text + "\n[preparation]\nsigma = 1.25\n")
-        self.fail_clearly(cli.BAD_INPUT, "replay", recording, scene, says="another scene")
+        self.fail_clearly(cli.BAD_INPUT, "replay", recording, scene, says="a different scene")
 
 
 if __name__ == "__main__":

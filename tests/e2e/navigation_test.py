@@ -61,7 +61,7 @@ class Navigation(cli.PalpateTest):
     def test_what_a_new_user_gets_wrong(self):
         scan = self.lines("scan.csv", POINTS)
         self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("two.csv", dict(list(POINTS.items())[:2])), says="three pairs")
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("other.csv", {"a": (1, 2, 3)}), says="other names")
+        self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("other.csv", {"a": (1, 2, 3)}), says="with other names")
         mirrored = {name: [-p[0], p[1], p[2]] for name, p in POINTS.items()}
         self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("mirrored.csv", mirrored), says="mirror images")
         some = self.lines("some.csv", {name: (*p, 0.5) if name == "fibula" else p for name, p in POINTS.items()})

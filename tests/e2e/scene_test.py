@@ -100,7 +100,7 @@ class SceneTest(cli.PalpateTest):
 
     def test_one_file_twice_and_labels_for_a_scan(self):
         labels = self.labels()
-        self.fail_clearly(cli.USAGE, "scene", "new", labels, labels, says="as its label map")
+        self.fail_clearly(cli.USAGE, "scene", "new", labels, labels, says="and as the label map")
         more = self.labels("more.nrrd")
         self.fail_clearly(cli.BAD_INPUT, "scene", "new", labels, more, says="two label maps")
         for arguments in (["--scan", labels], ["--scan", labels, "--labels", more]):

@@ -145,7 +145,7 @@ class Tasks(cli.PalpateTest):
         self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--script", script, "--no-viewer",
                           says="watched.toml:5: explore has no second hand")
         self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--task", "scope-and-probe", "--no-viewer",
-                          says="wants a scope in a second device")
+                          says="needs a second device for the scope")
 
     @cli.long
     def test_a_live_session_of_two_devices_is_what_its_recording_is_scored_as(self):

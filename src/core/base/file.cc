@@ -58,11 +58,11 @@ void describe_missing_path(Error& error, const std::filesystem::path& file, int 
   auto there = error_number == ENOTDIR ? file : folder;
   while (!there.empty() && !std::filesystem::exists(there, ignored)) there = there.parent_path();
   if (!there.empty() && !std::filesystem::is_directory(there, ignored)) {
-    error.what = "is a file and not a folder, so nothing can be written in it";
+    error.what = "is a file, not a folder, so nothing can be written in it";
     error.where = there.string();
     error.remedy = "choose a folder";
   } else if (there == folder) {
-    error.what = "cannot be written, this folder takes no files";
+    error.what = "cannot be written, this folder does not accept files";
     error.remedy = "choose another";
   } else {
     error.what = "cannot be written, the folder does not exist";
@@ -284,7 +284,7 @@ Error not_a_file(const std::filesystem::path& file, mode_t mode) {
     return {ErrorKind::kBadInput, "is a folder, not a file", file.string(), "name a file in it"};
   const char* kind = S_ISFIFO(mode) ? "a pipe" : S_ISSOCK(mode) ? "a socket" : "a device";
   return {ErrorKind::kBadInput, std::string("is ") + kind + ", not a file", file.string(),
-          "name an ordinary file; what a program puts out has to be saved first"};
+          "give a regular file; save the output of a program to a file first"};
 }
 
 Error cannot_be_read(const std::filesystem::path& file, int error_number) {
@@ -431,7 +431,7 @@ Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
   if (std::filesystem::is_directory(status)) return output_error(target, EISDIR);
   // renaming over a device would replace it
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    return Error{ErrorKind::kOutput, "cannot be written, it is not an ordinary file", target.string(),
+    return Error{ErrorKind::kOutput, "cannot be written, it is not a regular file", target.string(),
                  "name a file"};
   auto claim = OutputClaim::take(target);
   if (!claim) return claim.error();

@@ -109,7 +109,7 @@ Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
   return Error{ErrorKind::kBadInput,
                "needs " + memory_text(now + more_bytes) + " of memory, " + memory_text(most) + " are allowed",
                what,
-               "is it as large as it should be? then allow more with --memory " + std::to_string(mebibytes) +
+               "if the size is correct, allow more with --memory " + std::to_string(mebibytes) +
                    "M, or crop or resample it first"};
 }
 
@@ -122,8 +122,8 @@ Result<void> check_stays_in(const std::filesystem::path& folder, const std::file
   if (failed) return {};
   const auto [differs, ignored] = std::mismatch(home.begin(), home.end(), end.begin(), end.end());
   if (differs == home.end()) return {};
-  return Error{ErrorKind::kBadInput, "leads out of its folder by a link, to " + end.string(), file.string(),
-               "if that is meant, allow it with --follow-links"};
+  return Error{ErrorKind::kBadInput, "is a link that leads out of its folder, to " + end.string(),
+               file.string(), "if that is intended, allow it with --follow-links"};
 }
 
 std::string memory_text(std::uint64_t bytes) {

@@ -14,7 +14,7 @@ namespace {
 constexpr double kFlat_per_mm = 1e-6;
 
 Error nothing_felt() {
-  return {ErrorKind::kBadInput, "no structure is felt, so there is nothing for its spheres to meet", "",
+  return {ErrorKind::kBadInput, "no structure is felt, so the method has nothing to sample", "",
           "set felt = true on a tissue"};
 }
 

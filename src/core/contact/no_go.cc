@@ -194,7 +194,7 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
   };
   if (regions.size() > kMaxNoGo)
     return wrong(std::to_string(regions.size()) + " no-go regions",
-                 "a model has at most " + std::to_string(kMaxNoGo) + ": leave the others out");
+                 "a model has at most " + std::to_string(kMaxNoGo) + ": leave out the others");
   for (const NoGoRegion& region : regions) {
     const std::string name = "no-go region \"" + region.name + "\": ";
     const auto is_in = [](double value, const auto& range) {
@@ -208,13 +208,13 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
                    "give 0.01 to 20 N/mm");
     if (const auto* plane = std::get_if<NoGoPlane>(&region.place))
       if (!plane->point.all_finite() || !(std::abs(plane->outward.norm() - 1) < 1e-6))
-        return wrong(name + "a plane without a place or a direction",
-                     "give a point, and a direction of length 1 towards where the tool may be");
+        return wrong(name + "a plane without a point or a direction",
+                     "give a point, and a unit vector towards the permitted side");
     if (const auto* ball = std::get_if<NoGoSphere>(&region.place))
       if (!ball->centre.all_finite() || !is_in(ball->radius_mm, kNoGoRadius_mm))
-        return wrong(
-            name + "a sphere without a place, or with a radius of " + std::to_string(ball->radius_mm) + " mm",
-            "give a centre, and a radius of 0.1 to 500 mm");
+        return wrong(name + "a sphere without a centre, or with a radius of " +
+                         std::to_string(ball->radius_mm) + " mm",
+                     "give a centre, and a radius of 0.1 to 500 mm");
   }
   return {};
 }

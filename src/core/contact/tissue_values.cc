@@ -24,19 +24,19 @@ std::optional<TissueFault> friction_fault(const ContactProperties& properties) {
   if (properties.static_friction >= properties.friction) return std::nullopt;
   return TissueFault{text_of("static_friction = ", properties.static_friction,
                              " is less than friction = ", properties.friction),
-                     "what sticks holds at least as much as what slides"};
+                     "static friction must be at least as large as sliding friction"};
 }
 
 std::optional<TissueFault> support_fault(const SupportValues& tissue, const SupportValues& support) {
   if (!support.felt)
     return TissueFault{
         text_of("tissue \"", tissue.name, "\" rests on \"", support.name, "\", which is not felt"),
-        "the force would point inward where they meet; let both be felt, or take it out of rests_on"};
+        "the force would point inward where they meet; let both be felt, or remove it from rests_on"};
   if (tissue.stiffness_N_per_mm <= support.stiffness_N_per_mm) return std::nullopt;
   return TissueFault{
       text_of("tissue \"", tissue.name, "\" (", tissue.stiffness_N_per_mm, " N/mm) is stiffer than \"",
               support.name, "\" (", support.stiffness_N_per_mm, " N/mm), which it rests on"),
-      "the force would point inward where they meet; make the upper one at most as stiff"};
+      "the force would point inward where they meet; make the upper one no stiffer than the lower one"};
 }
 
 Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t index) {

@@ -19,7 +19,7 @@ Rotation<World, Device> haply_axes() {
 Result<void> require_consent(const DeviceInfo& info, bool may_move) {
   if (may_move || !info.moves_by_itself) return {};
   return Error{ErrorKind::kUsage, "the arm of " + info.name + " moves by itself to calibrate", info.name,
-               "clear the space around it and keep hands off, then allow it to move"};
+               "clear the space around it and keep your hands away, then allow it to move"};
 }
 
 }  // namespace palpate

@@ -34,10 +34,9 @@ double bound_of_stiffness_N_per_mm(const DeviceInfo& info) {
 std::string careful_bound_message(const DeviceInfo& info) {
   if (!bound_is_ours(info)) return "";
   char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "how stiff %s may be made is not known: nothing is felt stiffer than %.2g N/mm, which is careful",
-      info.name.c_str(), careful_bounds(info).stiffness_N_per_mm);
+  std::snprintf(text, sizeof text,
+                "the stable stiffness of %s is unknown: stiffness is limited to a conservative %.2g N/mm",
+                info.name.c_str(), careful_bounds(info).stiffness_N_per_mm);
   return text;
 }
 

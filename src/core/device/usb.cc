@@ -73,12 +73,12 @@ std::vector<DeviceCheck> usb_checks(const std::vector<UsbDevice>& plugged, const
 }
 
 std::string udev_cure() {
-  return "an administrator installs the rules that come with palpate, once:\n"
+  return "an administrator installs the rules included with palpate, once:\n"
          "  sudo groupadd -f haptics\n"
          "  sudo usermod -aG haptics NAME (the account that palpate is started from)\n"
          "  sudo cp 60-palpate-haptics.rules /etc/udev/rules.d/ (in data/system, or share/palpate/system)\n"
          "  sudo udevadm control --reload && sudo udevadm trigger\n"
-         "then log out and in again, and plug the device in once more";
+         "then log out and in again, and reconnect the device";
 }
 
 }  // namespace palpate

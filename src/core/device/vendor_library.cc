@@ -28,7 +28,7 @@ Result<std::filesystem::path> find_vendor_library(const VendorLibraryPlace& plac
     const auto file = std::filesystem::absolute(place.file, ignored);
     if (std::filesystem::is_regular_file(file, ignored)) return file;
     return Error{ErrorKind::kUnavailable, "there is no such file", printable_name(place.file.string()),
-                 "name the file of " + whose + "'s library, or leave it out to have it looked for"};
+                 "name the file of " + whose + "'s library, or leave it out to search for it"};
   }
   const auto folders = place.folders.empty() ? system_library_folders() : place.folders;
   std::string names, where;
@@ -48,8 +48,8 @@ Result<void> load_vendor_library(const std::filesystem::path& file, std::span<co
   if (!library) {
     const char* said = ::dlerror();
     return Error{ErrorKind::kUnavailable,
-                 "cannot be loaded: " + printable(said ? said : "the system says no reason"), name,
-                 "install what it names, or " + whose + " once more"};
+                 "cannot be loaded: " + printable(said ? said : "the system gives no reason"), name,
+                 "install the missing library, or install " + whose + " again"};
   }
   std::string missing;
   for (const VendorFunction& function : functions) {

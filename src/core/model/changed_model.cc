@@ -42,8 +42,8 @@ Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChan
   // a file may contain any value
   const double coarsened = change.contact.stiffness_N_per_mm;
   if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
-    return Error{ErrorKind::kBadInput,
-                 "no machine asks for cells " + std::to_string(coarsened) + " times as long", "", ""};
+    return Error{ErrorKind::kBadInput, "cells cannot be " + std::to_string(coarsened) + " times as long", "",
+                 ""};
   auto under = under_law(felt, law_of(change), preparing, progress);
   if (!under) return under.error();
   return with_law(felt, **under, change);
@@ -73,7 +73,7 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Mode
     return Error{ErrorKind::kBadInput,
                  "there is no tissue " + std::to_string(change.tissue) + ": the scene has " +
                      std::to_string(felt.tissues.size()),
-                 "tissue", "tissues are counted from 0, in the order of the scene"};
+                 "tissue", "tissues are numbered from 0, in the order of the scene"};
 
   auto next = std::make_shared<Model>(felt);
   next->version = change.version;
@@ -99,7 +99,8 @@ bool can_make_fields(const Model& model) {
 Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
                                                          const Progress& progress) {
   if (!can_make_fields(felt))
-    return Error{ErrorKind::kBadInput, "a union Gaussian is made once, for the scene's stiffnesses", "", ""};
+    return Error{ErrorKind::kBadInput,
+                 "a union Gaussian is prepared only once, for the stiffness values of the scene", "", ""};
   const double stiffest = felt.greatest_stiffness_N_per_mm();
   auto ramps = prepare_ramps(*felt.labels, ramp_structures(felt, *felt.labels),
                              {.stiffest_N_per_mm = stiffest, .width_mm = felt.ramp_width_mm}, progress);
@@ -163,19 +164,18 @@ Result<void> check_law(const Model& felt, TissueLaw law) {
     const bool yields = is_elastic(law);
     if (!felt.has(ForceMethod::kProxy))
       return Error{ErrorKind::kBadInput,
-                   "tissue yields to the proxy alone, and no surfaces are prepared for it", "",
-                   "write the law into the scene's [yielding], and method = \"proxy\" into [force]"};
+                   "tissue yields only with the proxy, and no surfaces are prepared for it", "",
+                   "set the law in the scene's [yielding], and method = \"proxy\" in [force]"};
     if (felt.carving != nullptr)
       return Error{ErrorKind::kBadInput,
-                   std::string("something was cut away, and tissue that ") +
+                   std::string("tissue was cut, and tissue that ") +
                        (yields ? "yields" : "is felt by layers") +
-                       " has other surfaces, which are made of what is whole",
-                   "", "begin with that law, or change to it before anything is cut"};
+                       " has other surfaces, which are prepared from uncut tissue",
+                   "", "start with that law, or change to it before cutting"};
   }
   if (is_moving(law) && felt.carving != nullptr && !felt.carving->records_fractions())
-    return Error{ErrorKind::kBadInput,
-                 "what was cut away from tissue that did not move was not counted in parts of voxels", "",
-                 "begin with the law by which it moves, or change to it before anything is cut"};
+    return Error{ErrorKind::kBadInput, "volume cut from fixed tissue was not counted in fractions of voxels",
+                 "", "start with a law under which it moves, or change to it before cutting"};
   return {};
 }
 
@@ -216,14 +216,12 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
                                    const Preparing& preparing) {
   if (change.tissue == ModelChange::kCut) {
     if (!now.felt->has(ForceMethod::kProxy))
-      return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model is prepared without", "",
-                   ""};
+      return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model has none", "", ""};
     return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
   }
   if (change.is_of_stroke()) {
     const auto carving = carving_after(now.felt->carving.get(), change);
-    if (carving == nullptr)
-      return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "", ""};
+    if (carving == nullptr) return Error{ErrorKind::kBadInput, "there is no stroke to undo or redo", "", ""};
     return ModelVersions{carving->taken_from(*now.felt), now.made};
   }
   if (change.is_of_law()) {

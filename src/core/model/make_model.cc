@@ -133,7 +133,7 @@ Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeo
   const bool is_tip = is_cone && !tip_fits;
   char what[200];
   std::snprintf(what, sizeof what,
-                "a %s of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
+                "a %s of %g mm%s is too small for voxels of %.3g mm: it must be at least two voxels wide",
                 cutter_name(tool).c_str(), 2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm),
                 is_tip ? " at its tip" : "", voxel_mm);
   return Error{ErrorKind::kBadInput, what, "",
@@ -156,15 +156,15 @@ Result<void> check_elastic(const ModelParts& parts) {
   const double cell_mm = parts.tissue_cell_mm;
   if (cell_mm == 0 || (std::isfinite(cell_mm) && cell_mm > 0)) return {};
   return Error{ErrorKind::kBadInput, "cells of " + std::to_string(cell_mm) + " mm", "",
-               "give their edge in millimetres, or 0 to have it chosen from the voxels"};
+               "give their edge in millimetres, or 0 to derive it from the voxel spacing"};
 }
 
 // relaxation series that are invalid
 Result<void> check_relaxation(const Relaxation& relaxation) {
   const auto wrong = [](std::string what) {
     return Error{ErrorKind::kBadInput, std::move(what), "",
-                 "give pairs of a part of the modulus, above 0 and together below 1, and a time of 0.01 to "
-                 "1000 s"};
+                 "give pairs of a fraction of the modulus, above 0 and with a sum below 1, and a time of "
+                 "0.01 to 1000 s"};
   };
   for (const RelaxationTerm& term : relaxation.term) {
     if (term.part == 0 && term.time_s == 0) continue;
@@ -173,8 +173,8 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
     if (!(term.time_s >= kRelaxationTimeRange.min_s && term.time_s <= kRelaxationTimeRange.max_s))
       return wrong("a relaxation time of " + std::to_string(term.time_s) + " s");
   }
-  if (!(relaxation.part() < 1)) return wrong("a relaxation that leaves nothing of its modulus");
-  if (!relaxation.relaxes() && relaxation.part() > 0) return wrong("a relaxation whose first term is none");
+  if (!(relaxation.part() < 1)) return wrong("a relaxation of the whole modulus");
+  if (!relaxation.relaxes() && relaxation.part() > 0) return wrong("a relaxation whose first term is empty");
   return {};
 }
 
@@ -225,7 +225,7 @@ Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, Tis
       return Error{
           ErrorKind::kBadInput,
           "the tissues relax with more than " + std::to_string(kMaxRelaxationTimes) + " different times", "",
-          "let some of them have the same `relaxation` times"};
+          "give some of them the same `relaxation` times"};
   }
   return times;
 }

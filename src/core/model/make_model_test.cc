@@ -70,8 +70,8 @@ TEST(MakeModel, ARelaxationThatNoneHasIsRefused) {
     EXPECT_THAT(complaint({{{{part, 1}, {}}}}), HasSubstr("tissue \"organ\" has a relaxation by")) << part;
   for (const double time_s : {-1.0, 0.0, 0.009, 1001.0, no_number})
     EXPECT_THAT(complaint({{{{0.5, time_s}, {}}}}), HasSubstr("a relaxation time of")) << time_s;
-  EXPECT_THAT(complaint({{{{0.5, 1}, {0.5, 2}}}}), HasSubstr("leaves nothing of its modulus"));
-  EXPECT_THAT(complaint({{{{}, {0.5, 2}}}}), HasSubstr("first term is none"));
+  EXPECT_THAT(complaint({{{{0.5, 1}, {0.5, 2}}}}), HasSubstr("a relaxation of the whole modulus"));
+  EXPECT_THAT(complaint({{{{}, {0.5, 2}}}}), HasSubstr("first term is empty"));
 }
 
 TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {

@@ -23,10 +23,9 @@ Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const G
     // the centre's distance is only valid if the voxels around it are in range too
     if (radius_mm + spacing_mm > kMaxSurfaceReach_mm) {
       char what[200];
-      std::snprintf(
-          what, sizeof what,
-          "a tool of %.3g mm radius is too wide for voxels of %.3g mm: together they are more than %g mm",
-          radius_mm, spacing_mm, kMaxSurfaceReach_mm);
+      std::snprintf(what, sizeof what,
+                    "a tool of %.3g mm radius is too wide for voxels of %.3g mm: the sum exceeds %g mm",
+                    radius_mm, spacing_mm, kMaxSurfaceReach_mm);
       return Error{ErrorKind::kBadInput, what, "",
                    std::string("set a smaller `radius` under [") + (number == 0 ? "tool" : "second_tool") +
                        "], or give labels with finer voxels"};

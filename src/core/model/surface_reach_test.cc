@@ -62,7 +62,7 @@ TEST(SurfaceReach, AToolThatIsTooWideForTheSlicesIsRefused) {
   ASSERT_FALSE(options.ok());
   EXPECT_EQ(options.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(options.error().what,
-            "a tool of 12 mm radius is too wide for voxels of 5 mm: together they are more than 15 mm");
+            "a tool of 12 mm radius is too wide for voxels of 5 mm: the sum exceeds 15 mm");
   EXPECT_THAT(options.error().remedy, HasSubstr("[second_tool]"));
 }
 

@@ -78,8 +78,8 @@ Result<GaussianSphere> GaussianSphere::make(LabelVoxels voxels, double sigma_vox
   if (!(sigma_voxels >= kMinSigmaVoxels && sigma_voxels <= kMaxSigmaVoxels)) {
     return Error{ErrorKind::kBadInput,
                  "the Gaussian sphere's sigma of " + std::to_string(sigma_voxels) +
-                     " voxels does not suit its 5x5x5 voxels",
-                 "", "choose a sigma of 0.5 to 2 voxels, or the smooth sphere for a wider one"};
+                     " voxels does not fit its 5x5x5 voxels",
+                 "", "choose a sigma of 0.5 to 2 voxels, or use the smooth sphere for a wider one"};
   }
   return GaussianSphere(std::move(voxels), sigma_voxels);
 }

@@ -40,8 +40,9 @@ Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_
       done.set_value();
     });
   } catch (const std::system_error& error) {
-    return Error{ErrorKind::kUnavailable, std::string("no thread for a bare loop: ") + error.what(), "",
-                 "close other programs, or raise the limit of processes (ulimit -u)"};
+    return Error{ErrorKind::kUnavailable,
+                 std::string("cannot start a thread for a bare loop: ") + error.what(), "",
+                 "close other programs, or raise the process limit (ulimit -u)"};
   }
   while (ended.wait_for(kBareLoopPoll) != std::future_status::ready)
     if (progress.stopped()) stop = true;

@@ -278,8 +278,9 @@ std::optional<Error> CompositeDriver::trouble() const {
   const std::lock_guard lock(mutex_);
   for (const auto& follower : followers_)
     if (follower->gone())
-      return Error{ErrorKind::kUnavailable, "its driver gave up, and it gets no force",
-                   infos_[follower->part().first].name, "look at its connection and power, then begin anew"};
+      return Error{ErrorKind::kUnavailable, "its driver has failed, and it gets no force",
+                   infos_[follower->part().first].name,
+                   "check its connection and power, then restart the session"};
   return std::nullopt;
 }
 

@@ -78,8 +78,8 @@ Result<void> Loop::begin() {
     started.wait();
     late_ticks_.begin(settings_.cpu);
   } catch (const std::system_error& error) {
-    return Error{ErrorKind::kUnavailable, std::string("no thread for the servo: ") + error.what(), "",
-                 "close other programs, or raise the limit of processes (ulimit -u)"};
+    return Error{ErrorKind::kUnavailable, std::string("cannot start the servo thread: ") + error.what(), "",
+                 "close other programs, or raise the process limit (ulimit -u)"};
   }
   return {};
 }
@@ -337,7 +337,7 @@ Error usage(const std::string& what, const std::string& remedy) {
 
 std::optional<Error> settings_error(const LoopSettings& settings) {
   if (!(settings.rate_hz >= kMinRate_hz && settings.rate_hz <= kMaxRate_hz))
-    return usage("a rate of " + std::to_string(settings.rate_hz) + " ticks a second",
+    return usage("a rate of " + std::to_string(settings.rate_hz) + " Hz",
                  "choose one from " + std::to_string(static_cast<int>(kMinRate_hz)) + " to " +
                      std::to_string(static_cast<int>(kMaxRate_hz)));
   if (!(settings.spin_s >= 0)) return usage("a negative time to spin", "0 never spins");

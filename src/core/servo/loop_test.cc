@@ -703,7 +703,8 @@ TEST(Loop, WhereNoThreadIsToBeHadItSaysSo) {
   const auto loop = ServoLoop::start(ball(), resting.driver, {}, {WorkspaceSettings{}}, {.realtime = false});
   ASSERT_FALSE(loop.ok());
   EXPECT_EQ(loop.error().kind, ErrorKind::kUnavailable);
-  EXPECT_NE(loop.error().what.find("no thread"), std::string::npos) << loop.error().message();
+  EXPECT_NE(loop.error().what.find("cannot start the servo thread"), std::string::npos)
+      << loop.error().message();
 }
 
 }  // namespace

@@ -48,10 +48,10 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
     return bad_input(text_of("the width of a ramp is ", options.width_mm, " mm"), "give 1 to 12 mm");
   if (!(options.stiffest_N_per_mm >= 0 && std::isfinite(options.stiffest_N_per_mm)))
     return bad_input(text_of("the greatest stiffness is ", options.stiffest_N_per_mm, " N/mm"),
-                     "give 0 for that of the structures, or at least theirs");
+                     "give 0 for that of the structures, or at least that value");
   if (options.threads < 0)
     return bad_input(text_of("the number of threads is ", options.threads, ""),
-                     "give 0 for as many as the machine has, or at least 1");
+                     "give 0 for all processors, or at least 1");
   for (const RampStructure& s : structures) {
     if (s.label == 0) return bad_input("label 0 is the background", "choose among the labels");
     if (!(s.stiffness_N_per_mm > 0 && std::isfinite(s.stiffness_N_per_mm)))
@@ -62,11 +62,10 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
       if (found == structures.end())
         return bad_input(text_of("label ", s.label, " rests on one that is not felt"), "let it be felt too");
       if (std::find(found->rests_on.begin(), found->rests_on.end(), s.label) != found->rests_on.end())
-        return bad_input(text_of("label ", s.label, " rests on one that rests on it"),
-                         "leave one of them out");
+        return bad_input(text_of("label ", s.label, " rests on one that rests on it"), "remove one of them");
       if (found->stiffness_N_per_mm < s.stiffness_N_per_mm)
         return bad_input(text_of("label ", s.label, " is stiffer than one that it rests on"),
-                         "make it at most as stiff");
+                         "make it no stiffer");
     }
   }
   return {};
@@ -143,7 +142,7 @@ class ChainTraversal {
   Result<void> climb(std::size_t structure, const ProgressSpan& stage) {
     if (++chains_ > kMaxRampChains)
       return bad_input(text_of("more than ", kMaxRampChains, " chains of structures that rest on each other"),
-                       "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
+                       "use fewer rests_on, or prepare with method = \"union-gaussian\"");
     const DepthOptions depth{std::min(full_force_N_ / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
                              options_.threads};
     const Span3 box = box_of(structure, depth);

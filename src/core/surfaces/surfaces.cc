@@ -52,15 +52,13 @@ Result<void> check(const SurfaceOptions& o) {
     }
   }
   if (o.threads < 0) {
-    return out_of_range("the number of threads", o.threads,
-                        "give 0 for as many as the machine has, or at least 1");
+    return out_of_range("the number of threads", o.threads, "give 0 for all processors, or at least 1");
   }
   return {};
 }
 
 Error no_voxels(LabelId label, const char* why) {
-  return {ErrorKind::kBadInput, "label " + std::to_string(label) + why, "",
-          "choose among the labels that the volume holds"};
+  return {ErrorKind::kBadInput, "label " + std::to_string(label) + why, "", "choose labels of the volume"};
 }
 
 StrayComponent to_stray(const Component& c, const GridGeometry& grid) {

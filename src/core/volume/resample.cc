@@ -12,7 +12,7 @@ constexpr double kReach = 0.5 + 1e-6;
 
 Error no_overlap() {
   return {ErrorKind::kBadInput, "the two volumes do not overlap in the patient", "",
-          "check that both come from the same patient and study, and that neither lost its geometry"};
+          "check that both come from the same patient and study, and that neither has lost its geometry"};
 }
 
 /// Calls take(offset in `grid`, position in `source`) for each voxel of `grid` whose centre lies within

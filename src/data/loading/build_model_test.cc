@@ -608,7 +608,7 @@ TEST(BuildModel, TissuesMergedIntoOneContactLayerAreACaveat) {
   ASSERT_EQ((*model)->caveats.size(), 1u);
   EXPECT_EQ(
       (*model)->caveats[0].text,
-      "tissues of 0.156 to 0.172 N/mm are felt as one where they touch, up to 9 % too soft: contact has "
+      "tissues of 0.156 to 0.172 N/mm share one layer where they touch, up to 9 % too soft: contact has "
       "at most 12 layers of stiffness");
   EXPECT_EQ(std::count(warnings.begin(), warnings.end(), (*model)->caveats[0].text), 1);
 }

@@ -33,7 +33,7 @@ Result<Volume<Out>> smooth(const Volume<In>& volume, const GaussianOptions& opti
   if (!sigma) return sigma.error();
   if (options.threads < 0) {
     return Error{ErrorKind::kBadInput, "the number of threads is " + std::to_string(options.threads), "",
-                 "give 0 for as many as the machine has, or at least 1"};
+                 "give 0 for all processors, or at least 1"};
   }
   if (!all_finite(volume)) {
     return Error{ErrorKind::kBadInput, "the volume has values that are not finite", "",

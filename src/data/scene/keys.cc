@@ -726,7 +726,7 @@ const ScriptKeys& script_key_tables() {
                 .unit = "Hz",
                 .min = 250,
                 .max = 10000,
-                .meaning = "Rate of the servo loop."},
+                .meaning = "Servo rate."},
                {.name = "delay",
                 .type = kNumber,
                 .default_text = "0",

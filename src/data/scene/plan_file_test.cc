@@ -164,7 +164,7 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
   EXPECT_THAT(refused_plan("[[trajectory]]\nname = \"a\"\nentry = [0,0,0]\ntarget = [0,0,9]\n"),
               AllOf(StartsWith("plan.toml:1: the plan has no title"), HasSubstr("title = ")));
   EXPECT_THAT(refused_plan("title = \"a\"\n"),
-              AllOf(HasSubstr("plans nothing"), HasSubstr("add a [[trajectory]]")));
+              AllOf(HasSubstr("the plan is empty"), HasSubstr("add a [[trajectory]]")));
   EXPECT_THAT(refused_plan(changed_plan("entry = [1, 2, 3.5]\n", "")),
               AllOf(StartsWith("plan.toml:2: "), HasSubstr("without entry")));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, 3.45]")),
@@ -189,7 +189,7 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
               AllOf(StartsWith("plan.toml:11: "), HasSubstr("\"cylinder\" without radius")));
   EXPECT_THAT(
       refused_plan(changed_plan("structures = [\"nodule\"]", "structures = [\"nodule\"]\nradius = 3")),
-      AllOf(HasSubstr("radius of a region whose shape is \"structures\""), HasSubstr("take it out")));
+      AllOf(HasSubstr("radius of a region whose shape is \"structures\""), HasSubstr("remove it")));
   EXPECT_THAT(refused_plan(changed_plan("structures = [\"nodule\"]\n", "")),
               HasSubstr("without structures and without a shape"));
   EXPECT_THAT(refused_plan(changed_plan("depth = 20", "depth = -3")),

@@ -102,44 +102,43 @@ struct DhdWords {
 DhdWords words_for(DhdTrouble trouble) {
   switch (trouble) {
     case DhdTrouble::kLost:
-      return {"the device is not there any more",
-              "look at its USB cable and power: it is looked for, and felt again when it is back"};
+      return {"the device was disconnected",
+              "check its USB cable and power: the session resumes when it is reconnected"};
     case DhdTrouble::kInUse:
-      return {"the device is there and cannot be opened",
-              "end the program that uses it; palpate doctor says whether this account may"};
+      return {"the device is connected but cannot be opened",
+              "close the program that uses it; palpate doctor checks the permissions of this account"};
     case DhdTrouble::kOther:
-      return {"another device is where it was", "plug the one in that the session began with"};
+      return {"a different device is connected", "connect the device with which the session started"};
     case DhdTrouble::kNoPower:
-      return {"the device has no power", "switch its power supply on"};
+      return {"the device has no power", "switch on its power supply"};
     case DhdTrouble::kNotInitialised:
-      return {
-          "the arm is not initialised and does not know where it is",
-          "keep clear of it and initialise it by the maker's program (HapticInit): the session goes on by "
-          "itself then. Or end the session and begin anew with --may-move"};
+      return {"the arm is not initialised, so its position is unknown",
+              "keep clear of it and initialise it with the vendor's program (HapticInit): the session then "
+              "resumes by itself. Or end the session and restart it with --may-move"};
     case DhdTrouble::kByHand:
-      return {"the device does not know yet where its grip is",
+      return {"the position of the grip is not calibrated yet",
               "pull the grip all the way out and push it all the way in, until the lights turn"};
     case DhdTrouble::kError:
-      return {"the device says that it has an error", "switch it off and on again"};
+      return {"the device reports an error", "switch it off and on again"};
     case DhdTrouble::kBroken:
-      return {"the device says a place that is none", "switch it off and on again"};
+      return {"the device reports an invalid position", "switch it off and on again"};
     case DhdTrouble::kButton:
-      return {"forces are switched off at the device", "press its force button"};
+      return {"forces are disabled at the device", "press its force button"};
     case DhdTrouble::kVelocity:
-      return {"the device was faster than it allows, and has switched its forces off",
-              "hold it still: they come back after a second"};
+      return {"the device exceeded its speed limit and has disabled its forces",
+              "hold it still: they return after a second"};
     case DhdTrouble::kWatchdog:
-      return {"the device has switched its forces off because nobody spoke to it",
-              "hold it still: they come back after a second. Is the machine overloaded?"};
+      return {"the device has disabled its forces because it received no commands",
+              "hold it still: they return after a second. Is the machine overloaded?"};
     case DhdTrouble::kUsb:
-      return {"the device has switched its forces off for a fault of its USB", "look at its USB cable"};
+      return {"the device has disabled its forces because of a USB error", "check its USB cable"};
     case DhdTrouble::kDeadman:
-      return {"nobody holds the device", "take hold of its grip"};
+      return {"the grip of the device is not held", "hold its grip"};
     case DhdTrouble::kForceOff:
-      return {"the device has its forces off, and does not say why",
-              "press its force button, or end the session and begin anew"};
+      return {"the device has disabled its forces without giving a reason",
+              "press its force button, or restart the session"};
     case DhdTrouble::kSilent:
-      return {"the device does not answer", "look at its USB cable"};
+      return {"the device does not answer", "check its USB cable"};
     case DhdTrouble::kNone:
       break;
   }
@@ -260,8 +259,8 @@ class ForceDimensionDriver::Core {
       finder_ = std::thread([this] { search_lost_devices(); });
     } catch (const std::system_error& error) {
       close_all();
-      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(),
-                   "force-dimension", "close other programs, or raise the limit of processes (ulimit -u)"};
+      return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(),
+                   "force-dimension", "close other programs, or raise the process limit (ulimit -u)"};
     }
     return {};
   }
@@ -313,16 +312,16 @@ class ForceDimensionDriver::Core {
     const int count = library_->dhdGetDeviceCount();
     if (count <= 0)
       return Error{ErrorKind::kUnavailable, "no device is connected", "force-dimension",
-                   "plug it in by USB and switch it on; palpate doctor --device force-dimension says whether "
-                   "the system sees one"};
+                   "plug it in by USB and switch it on; palpate doctor --device force-dimension shows "
+                   "whether the system detects one"};
     count_ = 0;
     for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
       DhdUnit& unit = units_[count_];
       const int id = open_device(*library_, index);
       if (id < 0)
-        return said_by(*library_, "device " + std::to_string(index + 1) + " cannot be opened",
-                       "force-dimension",
-                       "end the program that uses it; palpate doctor says whether this account may");
+        return said_by(
+            *library_, "device " + std::to_string(index + 1) + " cannot be opened", "force-dimension",
+            "close the program that uses it; palpate doctor checks the permissions of this account");
       unit.id.store(static_cast<char>(id));
       ++count_;
       unit.identity = identity_of(*library_, unit.id);
@@ -344,14 +343,14 @@ class ForceDimensionDriver::Core {
     if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
     if (library_->drdAutoInit(id) < 0) {
       const Error failed = said_by(*library_, "the arm could not be initialised", unit.info.name,
-                                   "see that nothing is in its way, and begin anew");
+                                   "make sure that nothing obstructs it, and try again");
       // the library's motion control may still be active
       library_->drdStop(false, id);
       return failed;
     }
     // ends the library's motion control, with forces enabled
     if (library_->drdStop(true, id) < 0)
-      return said_by(*library_, "the library goes on moving the arm", unit.info.name,
+      return said_by(*library_, "the library continues to move the arm", unit.info.name,
                      "switch the device off and on again");
     return {};
   }
@@ -364,14 +363,14 @@ class ForceDimensionDriver::Core {
     };
     // in addition to the limit of the output stage
     if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
-      return failed("it takes no limit of its force");
+      return failed("it does not accept a force limit");
     if (settings_.held_mass_kg) {
       if (!library_->dhdSetEffectorMass || library_->dhdSetEffectorMass(*settings_.held_mass_kg, id) < 0)
-        return failed("it takes no mass of what is held");
+        return failed("it does not accept the mass of the tool");
     }
     if (library_->dhdSetGravityCompensation &&
         library_->dhdSetGravityCompensation(settings_.gravity ? 1 : 0, id) < 0)
-      return failed("it does not carry its own weight");
+      return failed("it does not compensate its own weight");
     return {};
   }
 
@@ -700,18 +699,18 @@ DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
                            ""});
   const int count = library->dhdGetDeviceCount();
   if (count <= 0) {
-    std::ranges::copy(usb_checks(plugged, "a device of Force Dimension's or a Falcon"),
+    std::ranges::copy(usb_checks(plugged, "a Force Dimension device or a Falcon"),
                       std::back_inserter(report.checks));
     if (!plugged.empty() && std::ranges::all_of(plugged, &UsbDevice::may_use))
-      report.checks.push_back({"device", false, "the system sees one, and the library does not",
-                               "switch it off and on again; end programs that use it"});
+      report.checks.push_back({"device", false, "the system detects one, but the library does not",
+                               "switch it off and on again; close programs that use it"});
     return report;
   }
   for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
     const std::string place = "device " + std::to_string(index + 1);
     const int opened = open_device(*library, index);
     if (opened < 0) {
-      const Error error = said_by(*library, "cannot be opened", place, "end the program that uses it");
+      const Error error = said_by(*library, "cannot be opened", place, "close the program that uses it");
       report.connected.push_back({place, error.what});
       report.checks.push_back({place, false, error.what, error.remedy});
       continue;
@@ -733,7 +732,7 @@ DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
 
 DeviceVendor force_dimension_maker(const ForceDimensionSettings& settings) {
   return {"force-dimension",
-          "Force Dimension omega, sigma and delta, and Novint's Falcon, by the maker's library",
+          "Force Dimension omega, sigma and delta, and Novint Falcon, through the vendor's library",
           [settings] { return std::make_unique<ForceDimensionDriver>(settings); },
           [settings] { return look_for_dhd(settings); }};
 }

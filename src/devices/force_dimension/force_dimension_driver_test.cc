@@ -195,7 +195,7 @@ TEST(ForceDimension, AFalconIsInitialisedByHandWhileTheSessionWaits) {
   rig.device.initialised = false;
   ASSERT_TRUE(rig.driver->open(false).ok());
   rig.begin();
-  EXPECT_TRUE(rig.says("where its grip is"));
+  EXPECT_TRUE(rig.says("the position of the grip is not calibrated"));
   EXPECT_EQ(rig.device.force_N, 0);
   EXPECT_TRUE(rig.wall.fault);
   rig.device.initialised = true;
@@ -242,7 +242,7 @@ TEST(ForceDimension, AHandThatSwitchesForcesOnDuringAHaltDoesNotEndIt) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.trip = 1;
-  ASSERT_TRUE(rig.says("switched off at the device"));
+  ASSERT_TRUE(rig.says("disabled at the device"));
   rig.driver->halt();
   rig.device.restored = true;
   ASSERT_TRUE(soon([&] { return !rig.device.restored; }));
@@ -259,7 +259,7 @@ TEST(ForceDimension, ForcesThatAreOffAtTheBeginningByAHandAreNotAskedFor) {
   rig.device.trip = 1;
   ASSERT_TRUE(rig.driver->open(false).ok());
   rig.begin();
-  EXPECT_TRUE(rig.says("switched off at the device"));
+  EXPECT_TRUE(rig.says("disabled at the device"));
   EXPECT_FALSE(rig.device.forces_on);
   rig.device.restored = true;
   EXPECT_TRUE(rig.presses());
@@ -270,7 +270,7 @@ TEST(ForceDimension, ForcesThatAreOffWithoutACauseAreNotAskedFor) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.trip = 9;
-  ASSERT_TRUE(rig.says("does not say why"));
+  ASSERT_TRUE(rig.says("without giving a reason"));
   std::this_thread::sleep_for(std::chrono::duration<double>(ForceDimensionDriver::kCalm_s + 0.1));
   EXPECT_FALSE(rig.device.forces_on);
   EXPECT_TRUE(rig.driver->trouble().has_value());

@@ -114,10 +114,10 @@ TEST(DhdFaultsAlone, AnotherDeviceInItsPlaceIsNamedAndNotFelt) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.plugged = false;
-  ASSERT_TRUE(rig.says("not there"));
+  ASSERT_TRUE(rig.says("disconnected"));
   rig.device.serial = 99;
   rig.device.plugged = true;
-  EXPECT_TRUE(rig.says("another device"));
+  EXPECT_TRUE(rig.says("a different device"));
   EXPECT_EQ(rig.device.force_N, 0);
   rig.device.plugged = false;
   rig.device.serial = 117;
@@ -135,7 +135,7 @@ TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
   ASSERT_TRUE(rig.presses());
   rig.device.plugged = false;
   rig.device.initialised = false;
-  ASSERT_TRUE(rig.says("not there"));
+  ASSERT_TRUE(rig.says("disconnected"));
   rig.device.plugged = true;
   EXPECT_TRUE(rig.says("not initialised"));
   EXPECT_EQ(rig.device.auto_inits, 1);

@@ -148,8 +148,8 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
 Error not_there(const HaplySettings& settings) {
   const std::string place = settings.host + ":" + std::to_string(settings.port);
   return {ErrorKind::kUnavailable, "no Inverse Service answers at " + place, "haply",
-          "install the Inverse Service from Haply's pages for developers (develop.haply.co), start it, and "
-          "plug the Inverse3 in"};
+          "install the Inverse Service from Haply's developer site (develop.haply.co), start it, and connect "
+          "the Inverse3"};
 }
 
 }  // namespace
@@ -221,7 +221,7 @@ Result<std::unique_ptr<Connection>> Connection::open(const HaplySettings& settin
   if (!stream->open(settings, port)) return not_there(settings);
   return std::unique_ptr<Connection>(new Connection(std::move(stream)));
 } catch (const boost::system::system_error& error) {
-  return Error{ErrorKind::kUnavailable, std::string("no connection is to be had: ") + error.what(), "haply",
+  return Error{ErrorKind::kUnavailable, std::string("cannot open a connection: ") + error.what(), "haply",
                "close other programs, or raise the limit of open files (ulimit -n)"};
 }
 

@@ -97,32 +97,33 @@ Words words_for(Trouble trouble) {
   switch (trouble) {
     case Trouble::kLost:
       return {"the Inverse Service has closed the connection",
-              "nothing has to be done here: it is looked for, and felt again when it is back"};
+              "no action is needed: the session resumes when it is connected again"};
     case Trouble::kNoService:
-      return {"the Inverse Service does not answer", "start it again: the session goes on by itself then"};
+      return {"the Inverse Service does not answer", "restart it: the session then resumes by itself"};
     case Trouble::kOtherVersion:
-      return {"the Inverse Service that answers is of a version that palpate does not know",
-              "start 3.0, 3.1 or one from 3.5 on: the session goes on by itself then"};
+      return {"the version of the Inverse Service is not supported",
+              "start version 3.0, 3.1, or 3.5 or later: the session then resumes by itself"};
     case Trouble::kSilent:
-      return {"the Inverse Service is silent",
-              "is the machine overloaded? If it stays so, start the service again"};
+      return {"the Inverse Service sends no states",
+              "is the machine overloaded? If this persists, restart the service"};
     case Trouble::kBroken:
-      return {"the Inverse Service says what is no state of a device",
-              "does another program listen at its port? Start the service again"};
+      return {"the Inverse Service sends messages that are not device states",
+              "does another program listen on its port? Restart the service"};
     case Trouble::kBehind:
-      return {"the Inverse Service sends more states than usual, or has stood still: they may be old",
-              "wait a moment; if it stays so, end other programs that ask for states, or start it again"};
+      return {"the Inverse Service sends more states than usual, or stalled: states may be outdated",
+              "wait a moment; if this persists, close other programs that request states, or restart it"};
     case Trouble::kBrake:
       return {"the device's brake is on, or it was unplugged",
-              "release the brake and look at the USB cable: it is felt again a second later"};
+              "release the brake and check the USB cable: the session resumes a second later"};
     case Trouble::kGone:
-      return {"the service has lost the device", "look at its USB cable, and plug it in again"};
+      return {"the service has lost the device", "check its USB cable, and reconnect it"};
     case Trouble::kNoPower:
-      return {"the device has no power", "plug its power supply in"};
+      return {"the device has no power", "connect its power supply"};
     case Trouble::kNotCalibrated:
-      return {"the device is not calibrated", "move its arm as Haply's manual says, until it is"};
+      return {"the device is not calibrated",
+              "move its arm as described in Haply's manual until it is calibrated"};
     case Trouble::kNotReady:
-      return {"the device is not ready", "wait until its light says so, or plug it in again"};
+      return {"the device is not ready", "wait until its light shows that it is ready, or reconnect it"};
     case Trouble::kNone:
       break;
   }
@@ -246,12 +247,12 @@ class HaplyDriver::Core {
     if (const auto* none = std::get_if<NotFound>(&looked)) return none->error;
     Found* const found = std::get_if<Found>(&looked);
     if (found->inventory.devices.empty())
-      return Error{ErrorKind::kUnavailable, "the Inverse Service sees no Inverse3", "haply",
-                   "plug it in by USB and power it, and see that its light is on"};
+      return Error{ErrorKind::kUnavailable, "the Inverse Service detects no Inverse3", "haply",
+                   "connect it by USB, power it, and check that its light is on"};
     for (const Inverse3& device : found->inventory.devices) {
       if (device.status.in_use.value_or(false))
         return Error{ErrorKind::kUnavailable, name_of(device) + " is in use by another program", "haply",
-                     "end that program"};
+                     "close that program"};
       if (const Trouble trouble = trouble_of(device.status); trouble != Trouble::kNone)
         return error_for(trouble, name_of(device));
     }
@@ -266,8 +267,8 @@ class HaplyDriver::Core {
     try {
       finder_ = std::thread([this] { look_for_service(); });
     } catch (const std::system_error& error) {
-      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "haply",
-                   "close other programs, or raise the limit of processes (ulimit -u)"};
+      return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "haply",
+                   "close other programs, or raise the process limit (ulimit -u)"};
     }
     return {};
   }
@@ -588,15 +589,15 @@ DeviceReport look_for(const HaplySettings& settings) {
       {place, true,
        "version " + std::to_string(found->version.major) + "." + std::to_string(found->version.minor), ""});
   if (found->inventory.devices.empty())
-    report.checks.push_back({"Inverse3", false, "the service sees none",
-                             "plug it in by USB and power it, and see that its light is on"});
+    report.checks.push_back({"Inverse3", false, "the service detects none",
+                             "connect it by USB, power it, and check that its light is on"});
   for (const Inverse3& device : found->inventory.devices) {
     const Trouble trouble = trouble_of(device.status);
     const bool in_use = device.status.in_use.value_or(false);
     report.connected.push_back({device.id, state_in_words(device.status)});
     report.checks.push_back({name_of(device), trouble == Trouble::kNone && !in_use,
                              state_in_words(device.status),
-                             in_use ? "end the program that uses it" : words_for(trouble).cure});
+                             in_use ? "close the program that uses it" : words_for(trouble).cure});
   }
   return report;
 }

@@ -183,7 +183,7 @@ TEST(HaplyDriver, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
   service.stop();
   service.start("3.1.1");
   service.present = false;
-  EXPECT_NE(refusal().find("sees no Inverse3"), std::string::npos);
+  EXPECT_NE(refusal().find("detects no Inverse3"), std::string::npos);
   service.present = true;
   service.in_use = true;
   EXPECT_NE(refusal().find("another program"), std::string::npos);
@@ -195,7 +195,7 @@ TEST(HaplyDriver, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
   EXPECT_NE(refusal().find("no power"), std::string::npos);
   service.power = true;
   service.says_other = true;
-  EXPECT_NE(refusal().find("no state"), std::string::npos);
+  EXPECT_NE(refusal().find("not device states"), std::string::npos);
   service.says_other = false;
   EXPECT_TRUE(rig.driver->open(false).ok());
   EXPECT_TRUE(rig.driver->open(false).ok()) << "again";

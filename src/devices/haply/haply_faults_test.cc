@@ -204,8 +204,9 @@ TEST_F(HaplyPace, AQueueOfOldStatesGivesNoForceUntilItIsEmpty) {
 
 TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
   service_.answers_each = 3000;
-  EXPECT_TRUE(soon(
-      [&] { return driver_.trouble() && driver_.trouble()->what.find("may be old") != std::string::npos; }));
+  EXPECT_TRUE(soon([&] {
+    return driver_.trouble() && driver_.trouble()->what.find("may be outdated") != std::string::npos;
+  }));
   EXPECT_TRUE(soon([&] { return service_.force_N() == 0; }));
   service_.answers_each = 1;
   EXPECT_TRUE(becomes_fresh());

@@ -88,26 +88,27 @@ struct HdWords {
 HdWords words_for(HdTrouble trouble) {
   switch (trouble) {
     case HdTrouble::kLost:
-      return {"the library does not reach the device any more",
-              "look at its cable and power: it is begun anew, and felt again when it is back"};
+      return {"the library has lost the device",
+              "check its cable and power: it is restarted, and the session resumes when it is back"};
     case HdTrouble::kStalled:
-      return {"the library's scheduler stands still",
-              "it is begun anew. Is the machine overloaded? If it stays so, end the session and begin again"};
+      return {"the scheduler of the library has stalled",
+              "it is restarted. Is the machine overloaded? If this persists, restart the session"};
     case HdTrouble::kOther:
-      return {"another device is where it was", "connect the one that the session began with"};
+      return {"a different device is connected", "connect the device with which the session started"};
     case HdTrouble::kBroken:
-      return {"the device says a place that is none", "switch it off and on again"};
+      return {"the device reports an invalid position", "switch it off and on again"};
     case HdTrouble::kReset:
-      return {"the device is not calibrated", "hold the arm as its manual says for a reset, and begin anew"};
+      return {"the device is not calibrated",
+              "hold the arm as its manual describes for a reset, and try again"};
     case HdTrouble::kInkwell:
       return {"the device is not calibrated",
               "put the stylus into its inkwell for a moment, and take it out again"};
     case HdTrouble::kWarm:
-      return {"the motors are warm", "let them rest for some minutes, then press less hard"};
+      return {"the motors are warm", "let them cool for some minutes, then press less hard"};
     case HdTrouble::kForce:
-      return {"the device says that the force was too high", "let go for a second: it comes back"};
+      return {"the device reports that the force was too high", "release it for a second: the force returns"};
     case HdTrouble::kVelocityTrip:
-      return {"the device was faster than it allows", "hold it still for a second: the force comes back"};
+      return {"the device exceeded its speed limit", "hold it still for a second: the force returns"};
     case HdTrouble::kNone:
       break;
   }
@@ -170,11 +171,11 @@ unsigned drain(const hd::Library& library) {
 Error refused(const hd::Library& library, unsigned code, const std::string& where) {
   const char* said = library.hdGetErrorString(code);
   std::string cure =
-      "is it plugged in, and set up by the maker's program? palpate doctor --device touch looks at what the "
-      "library needs";
-  if (code == hd::kLicence) cure = "install the licence of OpenHaptics, as its manual says";
+      "is it connected and configured with the vendor's program? palpate doctor --device touch checks the "
+      "requirements of the library";
+  if (code == hd::kLicence) cure = "install the OpenHaptics licence as described in its manual";
   return {ErrorKind::kUnavailable,
-          "the library cannot begin with it" +
+          "the library cannot initialise it" +
               (said && *said ? " (" + printable_name(said) + ")" : std::string()),
           where, cure};
 }
@@ -257,8 +258,8 @@ class OpenHapticsDriver::Core {
       });
     } catch (const std::system_error& error) {
       disable_all();
-      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "touch",
-                   "close other programs, or raise the limit of processes (ulimit -u)"};
+      return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "touch",
+                   "close other programs, or raise the process limit (ulimit -u)"};
     }
     return {};
   }
@@ -351,10 +352,10 @@ class OpenHapticsDriver::Core {
       if (!*limit_N) continue;
       if (weight_N >= **limit_N)
         return Error{ErrorKind::kUsage,
-                     "what is held weighs " + newtons(weight_N) + ", and the device can hold " +
+                     "the tool weighs " + newtons(weight_N) + ", and the device can carry " +
                          newtons(**limit_N) +
-                         (limit_N == &info.continuous_force_N ? " without growing warm" : ""),
-                     info.name, "name a mass that it can carry, or none: --held-mass touch=KG"};
+                         (limit_N == &info.continuous_force_N ? " without overheating" : ""),
+                     info.name, "give a mass that it can carry, or none: --held-mass touch=KG"};
       **limit_N -= weight_N;
     }
     return {};
@@ -375,7 +376,7 @@ class OpenHapticsDriver::Core {
     if (const unsigned error = drain(*library_); error != hd::kNoError && !is_warning(error)) {
       const char* said = library_->hdGetErrorString(error);
       return Error{ErrorKind::kUnavailable,
-                   "the library's own guards of force cannot be switched on" +
+                   "the force limits of the library cannot be enabled" +
                        (said && *said ? " (" + printable_name(said) + ")" : std::string()),
                    unit.info.name, "switch the device off and on again; install the newest OpenHaptics"};
     }
@@ -753,14 +754,13 @@ DeviceCheck setup_check() {
   const std::filesystem::path folder = home && *home ? home : "/usr/share/3DSystems";
   std::error_code ignored;
   const bool there = std::filesystem::is_directory(folder, ignored);
-  return {"the maker's setup", there,
+  return {"the vendor's configuration", there,
           there ? printable_name(folder.string())
                 : "there is no folder " + printable_name(folder.string()) +
-                      (home && *home ? "" : ", and GTDD_HOME names none"),
-          there
-              ? ""
-              : "run the maker's setup program (Touch_Setup), and set GTDD_HOME to the folder that it wrote "
-                "its configuration to"};
+                      (home && *home ? "" : ", and GTDD_HOME is not set to one"),
+          there ? ""
+                : "run the vendor's setup program (Touch_Setup), and set GTDD_HOME to the folder of its "
+                  "configuration"};
 }
 
 // a Touch is connected as a USB serial port
@@ -804,7 +804,7 @@ DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
     library->hdDisableDevice(handle);
     drain(*library);
     const std::string id = model + " no. " + serial;
-    const std::string state = calibrated ? "ready" : "not calibrated yet: the session will say how";
+    const std::string state = calibrated ? "ready" : "not calibrated yet: the session will show how";
     report.connected.push_back({id, state});
     report.checks.push_back({id, true, state, ""});
   }
@@ -818,7 +818,7 @@ DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
 }  // namespace
 
 DeviceVendor openhaptics_maker(const OpenHapticsSettings& settings) {
-  return {"touch", "3D Systems Touch, Touch X and Phantom Premium, by OpenHaptics",
+  return {"touch", "3D Systems Touch, Touch X and Phantom Premium, through OpenHaptics",
           [settings] { return std::make_unique<OpenHapticsDriver>(settings); },
           [settings] { return look_for_hd(settings); }};
 }

@@ -194,7 +194,7 @@ TEST(OpenHaptics, WhatIsTooHeavyIsNotCarried) {
     const auto refused = rig.driver->open(false);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().kind, ErrorKind::kUsage);
-    EXPECT_THAT(refused.error().message(), HasSubstr("what is held weighs"));
+    EXPECT_THAT(refused.error().message(), HasSubstr("the tool weighs"));
     EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
   }
 }

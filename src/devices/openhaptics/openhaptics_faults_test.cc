@@ -75,10 +75,10 @@ TEST(HdFaultsAlone, AnotherDeviceByTheNameIsNotFelt) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.plugged = false;
-  ASSERT_TRUE(rig.says("not reach"));
+  ASSERT_TRUE(rig.says("has lost the device"));
   rig.device.serial = "another";
   rig.device.plugged = true;
-  EXPECT_TRUE(rig.says("another device"));
+  EXPECT_TRUE(rig.says("a different device"));
   EXPECT_EQ(rig.device.force_N, 0);
   rig.device.serial = "4711";
   EXPECT_TRUE(rig.presses());

@@ -74,7 +74,7 @@ Result<FoundMouse> choose_mouse(const SpaceMouseSettings& settings) {
   const auto found = find_mice(settings.root);
   if (found.empty())
     return Error{ErrorKind::kUnavailable, "no SpaceMouse is connected", "spacemouse",
-                 "plug it in, or its receiver; end 3Dconnexion's own driver, which would keep it to itself"};
+                 "connect it or its receiver; stop 3Dconnexion's own driver, which uses it exclusively"};
   const auto readable = std::ranges::find_if(found, &FoundMouse::may_read);
   return readable == found.end() ? found.front() : *readable;
 }
@@ -134,7 +134,7 @@ class SpaceMouseDriver::Core {
     if (file_ < 0) {
       if (errno == EACCES || errno == EPERM) return may_not(*mouse);
       return Error{ErrorKind::kUnavailable, std::string("cannot be opened: ") + std::strerror(errno),
-                   printable_name(mouse->file.string()), "plug the SpaceMouse in once more"};
+                   printable_name(mouse->file.string()), "reconnect the SpaceMouse"};
     }
     info_.name = mouse->name;
     try {
@@ -142,8 +142,8 @@ class SpaceMouseDriver::Core {
     } catch (const std::system_error& error) {
       ::close(file_);
       file_ = -1;
-      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(),
-                   "spacemouse", "close other programs, or raise the limit of processes (ulimit -u)"};
+      return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(),
+                   "spacemouse", "close other programs, or raise the process limit (ulimit -u)"};
     }
     return {};
   }
@@ -162,8 +162,8 @@ class SpaceMouseDriver::Core {
 
   std::optional<Error> trouble() const {
     if (!lost_.load()) return std::nullopt;
-    return Error{ErrorKind::kUnavailable, "the SpaceMouse is not there any more", info_.name,
-                 "plug it in again, or charge it: it is looked for, and goes on by itself"};
+    return Error{ErrorKind::kUnavailable, "the SpaceMouse was disconnected", info_.name,
+                 "reconnect or charge it: the session resumes by itself"};
   }
 
  private:
@@ -291,7 +291,7 @@ DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings) {
     report.checks.push_back({mouse->name, mouse->may_read, state, mouse->may_read ? "" : udev_cure()});
     return report;
   };
-  return {"spacemouse", "3Dconnexion SpaceMouse: moves and turns the tip, and gives no force",
+  return {"spacemouse", "3Dconnexion SpaceMouse: moves and turns the tip, without force",
           [settings] { return std::make_unique<SpaceMouseDriver>(settings); }, look};
 }
 

@@ -193,7 +193,7 @@ TEST_F(SpaceMouse, LostItIsAFaultUntilItIsBack) {
   const char half[5] = {};
   ASSERT_EQ(::write(events_, half, sizeof half), 5);
   EXPECT_TRUE(soon([&] { return seen_.last().fault && driver_->trouble(); }));
-  EXPECT_THAT(driver_->trouble()->what, HasSubstr("not there"));
+  EXPECT_THAT(driver_->trouble()->what, HasSubstr("was disconnected"));
   EXPECT_FALSE(driver_->trouble()->remedy.empty());
   EXPECT_TRUE(soon([&] { return !driver_->trouble() && !seen_.last().fault; }));
   const double x = seen_.last().tip.x();

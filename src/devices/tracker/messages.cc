@@ -159,8 +159,8 @@ Result<void> Reader::begin_body() {
   // bounds the length, since a wrong one would swallow the following poses
   const std::uint64_t max_bytes = is_kept_ ? kMaxBody_bytes : is_image ? kMaxImage_bytes : kMaxOther_bytes;
   if (version < 1 || version > 3 || !is_type || missing_ > max_bytes)
-    return Error{ErrorKind::kBadInput, "sends what is no OpenIGTLink", "",
-                 "look whether the address is that of a tracker's server (PLUS: port 18944)"};
+    return Error{ErrorKind::kBadInput, "does not send OpenIGTLink messages", "",
+                 "check that the address is that of a tracking server (PLUS: port 18944)"};
   is_in_body_ = true;
   return {};
 }

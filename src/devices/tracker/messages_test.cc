@@ -199,10 +199,10 @@ TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
   EXPECT_EQ(read(lying).damaged, 1u);
 
   const std::string page = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: 100000\r\n\r\n";
-  EXPECT_THAT(read(MessageBytes(page.begin(), page.end())).refused, HasSubstr("no OpenIGTLink"));
+  EXPECT_THAT(read(MessageBytes(page.begin(), page.end())).refused, HasSubstr("does not send OpenIGTLink"));
   MessageBytes endless = fine;
   for (std::size_t n = 0; n < 8; ++n) endless[42 + n] = 0xff;
-  EXPECT_THAT(read(endless).refused, HasSubstr("no OpenIGTLink"));
+  EXPECT_THAT(read(endless).refused, HasSubstr("does not send OpenIGTLink"));
 }
 
 // otherwise the following poses would be taken for its body
@@ -215,14 +215,15 @@ TEST(IgtlMessages, AWrongLengthEndsItAtOnce) {
   };
   // any single bit that makes it longer than a pose
   for (int bit = 17; bit < 64; ++bit)
-    EXPECT_THAT(read(head_of(pose, 48 | std::uint64_t{1} << bit)).refused, HasSubstr("no OpenIGTLink"))
+    EXPECT_THAT(read(head_of(pose, 48 | std::uint64_t{1} << bit)).refused,
+                HasSubstr("does not send OpenIGTLink"))
         << bit;
   const MessageBytes image = message_bytes("IMAGE", "Image", {}),
                      status = message_bytes("STATUS", "PLUS", {});
   EXPECT_EQ(read(head_of(image, std::uint64_t{1} << 28)).refused, "");
-  EXPECT_THAT(read(head_of(image, std::uint64_t{1} << 33)).refused, HasSubstr("no OpenIGTLink"));
+  EXPECT_THAT(read(head_of(image, std::uint64_t{1} << 33)).refused, HasSubstr("does not send OpenIGTLink"));
   EXPECT_EQ(read(head_of(status, std::uint64_t{1} << 24)).refused, "");
-  EXPECT_THAT(read(head_of(status, std::uint64_t{1} << 30)).refused, HasSubstr("no OpenIGTLink"));
+  EXPECT_THAT(read(head_of(status, std::uint64_t{1} << 30)).refused, HasSubstr("does not send OpenIGTLink"));
 }
 
 TEST(IgtlMessages, APoseWhereNoTrackerSeesIsNone) {

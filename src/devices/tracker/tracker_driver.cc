@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-constexpr const char* kSayWhere = "give its address: --tracker HOST:PORT (of PLUS: port 18944)";
+constexpr const char* kSayWhere = "give its address: --tracker HOST:PORT (port 18944 for PLUS)";
 // time limit of look()
 constexpr double kLook_s = 1;
 
@@ -43,15 +43,15 @@ class TrackerDriver::Core {
   Result<void> open() {
     if (is_known_) return stream_.open();
     return Error{
-        ErrorKind::kUsage, "nobody said which tracked tool", kTracker,
+        ErrorKind::kUsage, "no tracked tool is given", kTracker,
         "give --tracker HOST:PORT, --transform, --tip and --registration (docs/guide/navigation.md)"};
   }
   std::optional<Error> trouble() const {
     if (const auto of_the_stream = stream_.trouble()) return of_the_stream;
     if (!is_far_) return std::nullopt;
     return Error{ErrorKind::kUnavailable,
-                 "the tool's tip is more than a metre from the points by which the patient was registered",
-                 kTracker, "bring it to the patient, or register the patient anew"};
+                 "the tip of the tool is more than a metre from the registration points of the patient",
+                 kTracker, "move it to the patient, or register the patient again"};
   }
 
   void run(ServoFunction& servo, ServoClock& clock) {
@@ -108,7 +108,7 @@ DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
   const auto look = [address = settings.stream.address] {
     DeviceReport report;
     if (address.host.empty()) {
-      report.checks.push_back({"a tracker's server", false, "nobody said where it is", kSayWhere});
+      report.checks.push_back({"a tracking server", false, "no address is given", kSayWhere});
       return report;
     }
     const std::string what = "server at " + address.text();
@@ -121,7 +121,7 @@ DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
     for (const std::string& name : stream.heard()) report.connected.push_back({name, "ready"});
     return report;
   };
-  return {kTracker, "a tracked tool in a registered patient, by a tracker's stream (OpenIGTLink): no force",
+  return {kTracker, "a tracked tool in a registered patient, from a tracker's stream (OpenIGTLink): no force",
           [settings] { return std::make_unique<TrackerDriver>(settings); }, look};
 }
 

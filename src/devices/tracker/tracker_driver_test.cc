@@ -175,7 +175,7 @@ TEST_F(TrackedTip, AConnectionThatIsLostComesBack) {
   EXPECT_TRUE(is_well());
   // data that are not OpenIGTLink, and damaged messages
   server_.send_instead(test::MessageBytes(500, 'x'));
-  EXPECT_TRUE(says("no OpenIGTLink"));
+  EXPECT_TRUE(says("does not send OpenIGTLink"));
   test::MessageBytes damaged = test::transform_message(kTool, kToolPose);
   damaged.back() ^= 1;
   server_.send_instead(damaged);
@@ -188,10 +188,10 @@ TEST_F(TrackedTip, WhatIsMissingIsSaidAtTheBeginning) {
   settings_.stream.transform = "ProbeToTracker";
   EXPECT_THAT(refused(), HasSubstr("sends no ProbeToTracker\n  it sends: StylusToTracker"));
   settings_.stream.transform.clear();
-  EXPECT_THAT(refused(), HasSubstr("nobody said which tracked tool"));
+  EXPECT_THAT(refused(), HasSubstr("no tracked tool is given"));
   settings_.stream.transform = kTool;
   settings_.stream.address.host.clear();
-  EXPECT_THAT(refused(), HasSubstr("nobody said which tracked tool"));
+  EXPECT_THAT(refused(), HasSubstr("no tracked tool is given"));
   const auto lost = tracker_maker().look();
   EXPECT_FALSE(lost.checks[0].fine);
 

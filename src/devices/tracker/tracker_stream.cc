@@ -105,8 +105,8 @@ class TrackerStream::Core {
     try {
       reader_ = std::thread([this] { follow(); });
     } catch (const std::system_error& error) {
-      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "tracker",
-                   "close other programs, or raise the limit of processes (ulimit -u)"};
+      return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "tracker",
+                   "close other programs, or raise the process limit (ulimit -u)"};
     }
     const auto patience_ns = std::llround(patience_s * 1e9);
     std::int64_t until_ns = monotonic_ns() + patience_ns;
@@ -121,7 +121,9 @@ class TrackerStream::Core {
     return {};
   }
 
-  std::optional<Error> trouble() const { return missing_pose("; it is tried again, and goes on by itself"); }
+  std::optional<Error> trouble() const {
+    return missing_pose("; the connection is retried and resumes by itself");
+  }
 
   std::vector<std::string> heard() const {
     const std::lock_guard lock(mutex_);
@@ -150,7 +152,7 @@ class TrackerStream::Core {
     if (now_ns - pose_ns_ <= kUnseen_ns) return std::nullopt;
     if (applied_arming_.empty())
       return unavailable("sends no transforms",
-                         "let its server send TRANSFORM messages, and start the tracking");
+                         "make its server send TRANSFORM messages, and start tracking");
     for (const std::string& wanted : {settings_.transform, settings_.reference}) {
       if (wanted.empty()) continue;
       if (std::ranges::none_of(applied_arming_,
@@ -164,14 +166,14 @@ class TrackerStream::Core {
     // no pose is expected
     if (settings_.transform.empty()) return std::nullopt;
     if (now_ns - tool_.at_ns > kUnseen_ns)
-      return unavailable(printable_name(settings_.transform) + " is not seen",
+      return unavailable(printable_name(settings_.transform) + " is not visible",
                          "turn the tool's markers towards the tracker, and clear the view");
     if (now_ns - reference_.at_ns > kUnseen_ns)
-      return unavailable(printable_name(settings_.reference) + " is not seen",
+      return unavailable(printable_name(settings_.reference) + " is not visible",
                          "turn the patient's markers towards the tracker, and clear the view");
     return unavailable("tells " + printable_name(settings_.transform) + " and " +
-                           printable_name(settings_.reference) + " of different moments",
-                       "let its server send both of one frame (of PLUS: from one data collection device)");
+                           printable_name(settings_.reference) + " of different times",
+                       "make its server send both from one frame (in PLUS: from one data collection device)");
   }
 
   bool is_connected() const {
@@ -208,7 +210,7 @@ class TrackerStream::Core {
   }
 
   Socket connect() {
-    const char* look = "look at the address, and whether the tracker's server runs";
+    const char* look = "check the address, and whether the tracking server is running";
     addrinfo hints{};
     hints.ai_socktype = SOCK_STREAM;
     FoundAddresses found;
@@ -245,7 +247,7 @@ class TrackerStream::Core {
     const auto greeting = igtl::greeting();
     // fits into the send buffer of a new connection
     if (::send(file, greeting.data(), greeting.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(greeting.size()))
-      return not_connected("has closed the connection", "look whether the tracker's server still runs");
+      return not_connected("has closed the connection", "check whether the tracking server is still running");
     {
       const std::lock_guard lock(mutex_);
       is_connected_ = true;
@@ -257,11 +259,13 @@ class TrackerStream::Core {
     std::vector<std::uint8_t> bytes(1 << 16);
     while (!end_.load()) {
       if (!await(file, POLLIN, monotonic_ns() + kSilent_ns))
-        return not_connected("says nothing for 5 s", "look whether the tracker's server still runs");
+        return not_connected("has sent nothing for 5 s",
+                             "check whether the tracking server is still running");
       const ssize_t got = ::recv(file, bytes.data(), bytes.size(), 0);
       if (got < 0 && (errno == EAGAIN || errno == EINTR)) continue;
       if (got <= 0)
-        return not_connected("has closed the connection", "look whether the tracker's server still runs");
+        return not_connected("has closed the connection",
+                             "check whether the tracking server is still running");
       const std::int64_t now_ns = monotonic_ns();
       const std::uint64_t damaged_before = messages.damaged();
       const auto taken = messages.take(std::span(bytes).first(static_cast<std::size_t>(got)),
@@ -269,7 +273,7 @@ class TrackerStream::Core {
       if (!taken) return not_connected(taken.error().what, taken.error().remedy);
       if (messages.damaged() > damaged_before && messages.damaged() >= kMaxDamaged)
         return not_connected("sends damaged messages: their checksums are wrong",
-                             "look at its connection; begin its server anew");
+                             "check its connection; restart its server");
     }
   }
 
@@ -312,7 +316,7 @@ class TrackerStream::Core {
   // guarded by mutex_
   bool is_connected_ = false;
   std::string why_not_ = "is not connected yet",
-              why_not_cure_ = "look at the address, and whether the tracker's server runs";
+              why_not_cure_ = "check the address, and whether the tracking server is running";
   std::set<std::string> applied_arming_;
   Seen tool_, reference_;
   std::int64_t pose_ns_ = 0;  // time of the last pose passed on; 0: none yet

@@ -196,7 +196,7 @@ TEST_F(CacheTest, AFolderThatOthersMayWriteToIsNotUsedAndToldOnce) {
   cache::keep(key_of(2), bytes_of("two"));
   EXPECT_EQ(cache_contents().entries, 0u);
   ASSERT_EQ(warnings_.size(), 1u);
-  EXPECT_NE(warnings_[0].find("others may write to it"), std::string::npos) << warnings_[0];
+  EXPECT_NE(warnings_[0].find("other accounts may write to it"), std::string::npos) << warnings_[0];
 }
 
 TEST_F(CacheTest, AnEntryThatOthersMayWriteToIsNotTaken) {

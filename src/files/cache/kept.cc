@@ -107,8 +107,8 @@ std::uint64_t max_bytes_of(const CacheSettings& settings, std::uint64_t taken) {
 void warn_once(const std::string& why) {
   Cache& cache = the_cache();
   if (std::exchange(cache.warned, true) || !cache.settings.warn) return;
-  cache.settings.warn("what is prepared is not kept for the next start, " + cache.settings.folder.string() +
-                      " " + why + " (--no-cache does without it, PALPATE_CACHE names another folder)");
+  cache.settings.warn("prepared scenes are not cached, " + cache.settings.folder.string() + " " + why +
+                      " (--no-cache turns the cache off, PALPATE_CACHE sets another folder)");
 }
 
 bool is_ours_alone_to_write(const struct stat& status) {
@@ -120,16 +120,16 @@ bool folder_is_ours(const fs::path& folder) {
   std::error_code ignored;
   fs::create_directories(folder.parent_path(), ignored);
   if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
-    warn_once(std::string("cannot be made: ") + std::strerror(errno));
+    warn_once(std::string("cannot be created: ") + std::strerror(errno));
     return false;
   }
   struct stat status {};
   if (::stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
-    warn_once("is no folder");
+    warn_once("is not a folder");
     return false;
   }
   if (!is_ours_alone_to_write(status)) {
-    warn_once("belongs to somebody else, or others may write to it");
+    warn_once("belongs to another account, or other accounts may write to it");
     return false;
   }
   return true;
@@ -189,7 +189,7 @@ Result<CacheSettings> cache_settings_of_environment() {
   if (const auto limit = environment_text("PALPATE_CACHE_LIMIT"); limit && !limit->empty()) {
     settings.max_bytes = memory_bytes(*limit);
     if (settings.max_bytes == 0)
-      return Error{ErrorKind::kUsage, "'" + *limit + "' is no amount of memory", "PALPATE_CACHE_LIMIT",
+      return Error{ErrorKind::kUsage, "'" + *limit + "' is not an amount of memory", "PALPATE_CACHE_LIMIT",
                    "give one such as 800M or 8G, or leave it unset"};
   }
   return settings;
@@ -287,13 +287,13 @@ void keep(const Digest& key, std::span<const std::byte> payload) {
   // another process may be writing the same entry
   auto pending = PendingFile::create(settings.folder / name_of_entry(key));
   if (!pending) {
-    if (::access(settings.folder.c_str(), W_OK) != 0) warn_once("takes no files");
+    if (::access(settings.folder.c_str(), W_OK) != 0) warn_once("does not accept files");
     return;
   }
   const int failure = write_entry(pending->path(), head_of(key, payload), payload);
-  if (failure != 0) return warn_once(std::string("takes nothing: ") + std::strerror(failure));
+  if (failure != 0) return warn_once(std::string("cannot be written: ") + std::strerror(failure));
   // not flushed: the checksum detects an entry damaged by a power cut
-  if (!pending->commit(Flush::kNot)) warn_once("takes nothing");
+  if (!pending->commit(Flush::kNot)) warn_once("cannot be written");
 }
 
 }  // namespace cache

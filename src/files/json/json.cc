@@ -117,7 +117,7 @@ std::string Json::dump(int indent) const {
 
 const std::string& Json::text() const {
   if (const std::string* text = std::get_if<std::string>(&value_)) return *text;
-  throw JsonError("not a text");
+  throw JsonError("not a string");
 }
 
 bool Json::operator==(const Json& other) const {
@@ -153,7 +153,7 @@ const Json* Json::end() const {
 }
 
 const Json& Json::value(std::size_t n) const {
-  if (n >= values().size()) throw JsonError("no value of this index");
+  if (n >= values().size()) throw JsonError("no value at this index");
   return values()[n];
 }
 

@@ -20,8 +20,8 @@ namespace {
 constexpr std::chrono::milliseconds kPoll{100};
 
 Error no_process() {
-  return {ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno), "",
-          "close other programs, or raise the limits of processes and files (ulimit -u, ulimit -n)"};
+  return {ErrorKind::kUnavailable, std::string("cannot start a process to read it: ") + std::strerror(errno),
+          "", "close other programs, or raise the limits of processes and files (ulimit -u, ulimit -n)"};
 }
 
 [[noreturn]] void run(int parent, ParentEnd& end, std::span<const int> keep, std::span<const int> files,

@@ -111,7 +111,7 @@ TEST_F(ReaderProcessTest, WhereNoProcessIsToBeHadItSaysSo) {
     const auto process = ReaderProcess::start(
         {}, [](ParentEnd&) { return true; }, kSilent);
     const bool told = !process.ok() && process.error().kind == ErrorKind::kUnavailable &&
-                      process.error().what.find("no process to read it in") != std::string::npos &&
+                      process.error().what.find("cannot start a process to read it") != std::string::npos &&
                       process.error().remedy.find("ulimit -u") != std::string::npos;
     if (!told) ::_exit(1);
   });

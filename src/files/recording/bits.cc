@@ -107,11 +107,11 @@ const char* name_of(SettingBit bit) {
     case kSettingPaused:
       return "paused";
     case kSettingMaxForce:
-      return "limit of force";
+      return "force limit";
     case kSettingRotation:
       return "rotation";
     case kSettingPointer:
-      return "tip taken or left";
+      return "tip taken or released";
   }
   return nullptr;
 }
@@ -147,9 +147,9 @@ const char* name_of(Asker asker) {
     case Asker::kControlViewer:
       return "viewer with control";
     case Asker::kLookingViewer:
-      return "viewer that may look";
+      return "viewer with view";
     case Asker::kAgreedViewer:
-      return "viewer with control, agreed to by a key";
+      return "viewer with control, accepted by a key";
   }
   return nullptr;
 }

@@ -45,7 +45,7 @@ bool is_there(hid_t parent, const std::string& name) {
 Handle open_group(hid_t parent, const std::string& name) {
   require(is_there(parent, name), "it has no group /" + name);
   Handle group(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), H5Gclose);
-  require(group.ok(), "the group /" + name + " does not open");
+  require(group.ok(), "the group /" + name + " cannot be opened");
   return group;
 }
 
@@ -126,7 +126,7 @@ class DataSet {
       : name_("the data set /" + group_name + "/" + name) {
     require(is_there(group, name), name_ + " is missing");
     data_set_ = Handle(H5Dopen2(group, name.c_str(), H5P_DEFAULT), H5Dclose);
-    require(data_set_.ok(), name_ + " does not open");
+    require(data_set_.ok(), name_ + " cannot be opened");
     type_ = Handle(H5Dget_type(data_set_.get()), H5Tclose);
     space_ = Handle(H5Dget_space(data_set_.get()), H5Sclose);
     properties_ = Handle(H5Dget_create_plist(data_set_.get()), H5Pclose);
@@ -223,8 +223,8 @@ class DataSet {
   void check_layout() {
     const H5D_layout_t layout = H5Pget_layout(properties_.get());
     require(layout == H5D_CHUNKED || layout == H5D_CONTIGUOUS || layout == H5D_COMPACT,
-            name_ + " is stored elsewhere");
-    require(H5Pget_external_count(properties_.get()) == 0, name_ + " is stored elsewhere");
+            name_ + " is stored in another file");
+    require(H5Pget_external_count(properties_.get()) == 0, name_ + " is stored in another file");
     if (layout != H5D_CHUNKED) return;
     require(H5Pget_chunk(properties_.get(), 2, chunk_.data()) == rank_,
             name_ + " has chunks of another shape");
@@ -248,7 +248,7 @@ struct StoredColumn {
 void check_format(hid_t file) {
   if (H5Aexists(file, "format") <= 0 || Attribute(file, "format").text() != kFormat)
     throw Refusal{"is an HDF5 file, but not a recording of palpate",
-                  "name a file that palpate simulate or explore wrote"};
+                  "give a file written by palpate simulate or explore"};
   const auto major = Attribute(file, "format_major").number<std::uint32_t>(H5T_STD_U32LE);
   if (major > kFormatMajor)
     throw Refusal{"was written by a newer palpate: format " + std::to_string(major) +
@@ -292,7 +292,7 @@ RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
   require(header.devices >= 1, "it names 0 devices");
   require(header.tissue_coarsened >= 1 && header.tissue_coarsened <= kMaxTissueCoarsening,
-          "its soft tissue was solved in cells of no length that there is");
+          "the cell size of its soft tissue is invalid");
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);
   header.script_text = script.texts(kMaxScript).front();

@@ -24,7 +24,7 @@ std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::pa
     if (const auto got = opened.read_at(at, bytes); !got) return got.error();
     if (std::memcmp(bytes.data(), "\x89HDF\r\n\x1a\n", bytes.size()) == 0) return std::nullopt;
   }
-  return Error{ErrorKind::kBadInput, "is not a recording: it is no HDF5 file", file.string(),
+  return Error{ErrorKind::kBadInput, "is not a recording: it is not an HDF5 file", file.string(),
                "name a file that palpate simulate or explore wrote"};
 }
 
@@ -35,8 +35,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& fil
   const int descriptor = file.descriptor();
   reader::ReaderProcess::Job job;
   job.files = {&descriptor, 1};
-  job.died = "the recording is damaged: HDF5 fails on it";
-  job.endless = "the recording is damaged: HDF5 does not come to an end with it";
+  job.died = "the recording is damaged: HDF5 fails to read it";
+  job.endless = "the recording is damaged: HDF5 does not finish reading it";
   const auto name = file.name_for_libraries();
   const Hdf5Section section;
   return reader::ReaderProcess::start(
@@ -109,8 +109,8 @@ Result<void> read_beside_writer(const std::filesystem::path& file,
 }
 
 Error replaced(const std::filesystem::path& file) {
-  return {ErrorKind::kBadInput, "another recording has taken its place while it was read", file.string(),
-          "try again when nothing writes to it"};
+  return {ErrorKind::kBadInput, "the recording was replaced while it was read", file.string(),
+          "try again when no program writes to it"};
 }
 
 }  // namespace

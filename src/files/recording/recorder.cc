@@ -201,8 +201,9 @@ Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
   try {
     recorder->start();
   } catch (const std::system_error& refused) {
-    return Error{ErrorKind::kUnavailable, std::string("no thread to record on: ") + refused.what(), "",
-                 "close other programs, or raise the limit of processes (ulimit -u)"};
+    return Error{ErrorKind::kUnavailable,
+                 std::string("cannot start the recorder's thread: ") + refused.what(), "",
+                 "close other programs, or raise the process limit (ulimit -u)"};
   }
   return std::unique_ptr<Recorder>(std::move(recorder));
 }

@@ -174,7 +174,7 @@ TEST(RecordingSource, ReadsTicksAtAnyPlace) {
   write_recording(folder / "run.h5", test::example_header(1), test::example_ticks(10000, 1, 1000), 37, {});
   const auto read = opened->read_at(0, 3);
   ASSERT_FALSE(read);
-  EXPECT_NE(read.error().what.find("taken its place"), std::string::npos);
+  EXPECT_NE(read.error().what.find("was replaced"), std::string::npos);
 }
 
 TEST(RecordingSource, EndsWhereWhoReadsWantsIt) {
@@ -224,7 +224,7 @@ TEST(RecordingSource, ReadsAsFarAsItWasOpenedAndNothingElse) {
   write_recording(folder / "run.h5", header, ticks);
   const auto other = source->read(count);
   ASSERT_FALSE(other);
-  EXPECT_THAT(other.error().what, HasSubstr("another recording"));
+  EXPECT_THAT(other.error().what, HasSubstr("the recording was replaced"));
   EXPECT_EQ(other.error().where, (folder / "run.h5").string());
 }
 
@@ -302,17 +302,18 @@ TEST(Recording, DescribesEveryBit) {
   };
   EXPECT_EQ(
       description(internal::tick_columns(), "switches"),
-      "what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity, 32 motor");
+      "switches that are on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity, 32 motor");
   EXPECT_EQ(description(internal::device_columns(), "status"),
-            "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
+            "input: reasons why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
-            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 motor, 6 tissue solved");
-  EXPECT_EQ(description(internal::event_columns(), "asked_by"),
-            "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
-            "may look, 5 viewer with control, agreed to by a key");
+            "kind of request: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 motor, 6 tissue solved");
+  EXPECT_EQ(
+      description(internal::event_columns(), "asked_by"),
+      "source of the request: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer with "
+      "view, 5 viewer with control, accepted by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
-              ::testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
-                                  "force, 64 rotation, 128 tip taken or left"));
+              ::testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 force "
+                                  "limit, 64 rotation, 128 tip taken or released"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, ::testing::EndsWith(", 4194304 no-go region, 8388608 release"));

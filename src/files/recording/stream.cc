@@ -29,7 +29,7 @@ Error receive_refusal(Receiver& in) {
   Error error{ErrorKind::kBadInput, "", "", ""};
   in.get(error.what);
   in.get(error.remedy);
-  if (error.what.empty()) in.fail("HDF5 fails on it");
+  if (error.what.empty()) in.fail("HDF5 fails to read it");
   if (!in.ok()) return in.error();
   error.what = printable(error.what);
   error.remedy = printable(error.remedy);
@@ -96,7 +96,7 @@ RecordingHead receive_accepted(Receiver& in) {
   if (header.clock != kVirtualClock && header.clock != kRealClock)
     in.fail("its clock is neither virtual nor real");
   if (head.summary && head.summary->ticks != head.ticks)
-    in.fail("its summary counts " + std::to_string(head.summary->ticks) + " ticks, the data sets hold " +
+    in.fail("its summary counts " + std::to_string(head.summary->ticks) + " ticks, but the data sets have " +
             std::to_string(head.ticks));
   return head;
 }
@@ -146,12 +146,11 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
   for (const Column& column : event_columns())
     receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
   for (RecordingEvent& event : events) {
-    if (event.kind > RecordingEvent::Kind::kYield) in.fail("an event is of no kind that there is");
-    if (event.by.asker > Asker::kAgreedViewer) in.fail("an event was asked for by nobody that there is");
+    if (event.kind > RecordingEvent::Kind::kYield) in.fail("an event has an unknown kind");
+    if (event.by.asker > Asker::kAgreedViewer) in.fail("an event has an unknown source");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;
-    if (event.kind == RecordingEvent::Kind::kSweep && !is_sweep(event.sweep))
-      in.fail("a sweep is none that a burr leaves");
+    if (event.kind == RecordingEvent::Kind::kSweep && !is_sweep(event.sweep)) in.fail("a sweep is invalid");
     event.change.version = event.kind == RecordingEvent::Kind::kModel ? event.number : 0;
   }
 }
@@ -266,7 +265,7 @@ Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
     in.get(event_count);
     in.get(tick_count);
     if (event_count > kBlockRows || tick_count > std::min(kBlockRows, left) || event_count + tick_count == 0)
-      in.fail("a part of it has no size that it may have");
+      in.fail("a part of it has an invalid size");
     if (!in.ok()) return in.error();
 
     events.assign(event_count, {});
@@ -274,7 +273,7 @@ Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
     ticks.assign(tick_count, {});
     receive_ticks(in, head.header.devices, ticks, buffer);
     for (const TickRecord& tick : ticks) seen.see(tick.tick, tick.time_s, tick.method);
-    if (!seen.agrees_with(head)) in.fail("its ticks are not what its beginning says");
+    if (!seen.agrees_with(head)) in.fail("its ticks contradict its header");
     if (!in.ok()) return in.error();
     if (auto taken = take({ticks, events}); !taken) return taken;
     left -= tick_count;

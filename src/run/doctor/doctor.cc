@@ -31,16 +31,16 @@ Result<RealtimeGrant> try_rights() try {
              [] { return make_this_thread_realtime({.priority = kHighestAsked, .name = "palpate-doctor"}); })
       .get();
 } catch (const std::system_error& error) {
-  return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "",
-               "close other programs, or raise the limit of processes (ulimit -u)"};
+  return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "",
+               "close other programs, or raise the process limit (ulimit -u)"};
 }
 
 Result<TimerFigures> measure_timer(double seconds, const Progress& progress) {
   LatencyHistogram lateness;
-  progress.report("listening to the clock", 0);
+  progress.report("measuring the clock", 0);
   const auto loop = measure_empty_loop(kTimerRate_hz, seconds, 0, {}, lateness, progress);
   if (!loop) return loop.error();
-  progress.report("listening to the clock", 1);
+  progress.report("measuring the clock", 1);
   const auto late = lateness.summary();
   const std::int64_t half_period_ns = std::llround(0.5e9 / kTimerRate_hz);
   const double points = static_cast<double>(loop->ticks + loop->skipped);
@@ -105,7 +105,7 @@ Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& 
                   kernel_line(settings.root)};
   // the same lines of limits.conf give both rights
   if (report.lines[0].finding == Finding::kMissing && !report.lines[1].cure.empty())
-    report.lines[1].cure = "the three lines above, for the priority, give this, too: nothing more to enter";
+    report.lines[1].cure = "the three lines above, for the priority, also grant this: nothing more to enter";
   const auto timer = measure_timer(settings.timer_s, progress);
   if (!timer) return timer.error();
   report.timer = *timer;

@@ -384,27 +384,27 @@ Error ended_by(GripTrial::Ended why, const DeviceDriver& driver, const std::stri
     case Ended::kMoved:
       return error("the tip was moved away", "hold it at one place, lightly, and try again");
     case Ended::kFast:
-      return error("the tip was too fast", "hold it a little firmer, and try again");
+      return error("the tip was too fast", "hold it a little more firmly, and try again");
     case Ended::kOld:
-      return error("the device's states came too late", "see what palpate doctor says of this computer");
+      return error("the device's states came too late", "run palpate doctor to check this computer");
     case Ended::kTimes:
-      return error("the times of the device's states go back, or are from the future",
-                   "restart the maker's service, or this computer");
+      return error("the timestamps of the device's states run backwards, or lie in the future",
+                   "restart the vendor's service, or this computer");
     case Ended::kSwung:
-      return error("it swung with the softest spring", "hold still, in free air, and try again");
+      return error("it oscillated with the softest spring", "hold still, in free air, and try again");
     case Ended::kNotReady:
       if (auto trouble = driver.trouble()) return *trouble;
-      return error("the device was not ready when it was armed", "see what it shows, and try again");
+      return error("the device was not ready when it was armed", "check its indicator, and try again");
     case Ended::kNoNumber:
-      return error("the device said a place that is none", "switch it off and on again");
+      return error("the device reported an invalid position", "switch it off and on again");
     case Ended::kLate:
-      return error("a tick came too late, and the device was halted",
-                   "see what palpate doctor says of this computer");
+      return error("a tick was too late, and the device was halted",
+                   "run palpate doctor to check this computer");
     default:
       break;
   }
   if (auto trouble = driver.trouble()) return *trouble;
-  return error("the device has withheld its force", "see what it shows, and try again");
+  return error("the device has withheld its force", "check its indicator, and try again");
 }
 
 /// The watchdog. Returns false if interrupted.
@@ -470,8 +470,8 @@ Result<HeldHandFigures> run_grip_trial(DeviceDriver& driver, const HeldHandSetti
       gone.store(true);
     });
   } catch (const std::system_error& error) {
-    return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), info.name,
-                 "close other programs, or raise the limit of processes (ulimit -u)"};
+    return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), info.name,
+                 "close other programs, or raise the process limit (ulimit -u)"};
   }
   const bool interrupted = !watch(driver, trial, gone, settings.heartbeat, progress, info.name);
   // the forces are already zero; the driver is halted as well
@@ -486,7 +486,7 @@ Result<HeldHandFigures> run_grip_trial(DeviceDriver& driver, const HeldHandSetti
   progress.report("holding " + info.name, 1);
   auto figures = trial.figures();
   if (!figures)
-    return Error{ErrorKind::kUnavailable, "the tip moved too little to tell the delay", info.name,
+    return Error{ErrorKind::kUnavailable, "the tip moved too little to measure the delay", info.name,
                  "hold it more lightly, at one place, and try again"};
   figures->device = printable_name(info.name);
   return *std::move(figures);

@@ -115,12 +115,12 @@ Result<HeldHands> parse_held_hands(std::string_view text, const std::string& whe
     if (line.empty() || line[0] == '#') continue;
     const auto bad = [&](const char* what) {
       return Error{ErrorKind::kBadInput, what, where + ":" + std::to_string(number),
-                   "run palpate doctor --hold NAME once more, or take the line out"};
+                   "run palpate doctor --hold NAME again, or remove the line"};
     };
     auto figures = figures_of(line);
-    if (!figures) return bad("is no line of what a device held");
+    if (!figures) return bad("is not a valid measurement");
     const std::string name = figures->device;
-    if (!hands.emplace(name, *std::move(figures)).second) return bad("is of a device that was there already");
+    if (!hands.emplace(name, *std::move(figures)).second) return bad("repeats a device");
   }
   return hands;
 }

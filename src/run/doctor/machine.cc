@@ -48,34 +48,34 @@ DoctorLine priority_line(const RealtimeGrant& grant, const std::string& user) {
   }
   line.finding = Finding::kMissing;
   line.found = grant.fifo ? "granted in part only (" + grant.scheduler + ")"
-                          : "this account may not have it, so other programs can hold the force up (" +
+                          : "this account may not use it, so other programs can delay the force (" +
                                 grant.scheduler + ")";
   line.cure = rights_cure(user);
   return line;
 }
 
 DoctorLine memory_line(const RealtimeGrant& grant, const std::string& user) {
-  DoctorLine line{kComputer, "memory that stays", Finding::kFine, grant.memory, ""};
+  DoctorLine line{kComputer, "locked memory", Finding::kFine, grant.memory, ""};
   if (grant.memory_locked && grant.memory == "locked") {
     line.found = "granted";
     return line;
   }
   line.finding = grant.memory_locked ? Finding::kAdvice : Finding::kMissing;
-  line.found = (grant.memory_locked ? "granted in part only (" : "this account may not keep its memory (") +
+  line.found = (grant.memory_locked ? "granted in part only (" : "this account may not lock its memory (") +
                grant.memory + ")";
   line.cure = rights_cure(user);
   return line;
 }
 
 DoctorLine governor_line(const std::filesystem::path& root) {
-  DoctorLine line{kComputer, "speed of the processor", Finding::kFine, "", ""};
+  DoctorLine line{kComputer, "processor speed", Finding::kFine, "", ""};
   std::map<std::string, int> governors;
   std::error_code none;
   for (const auto& cpu : std::filesystem::directory_iterator(root / "sys/devices/system/cpu", none))
     if (const std::string governor = line_of(cpu.path() / "cpufreq/scaling_governor"); !governor.empty())
       ++governors[governor];
   if (governors.empty()) {
-    line.found = "not set by programs here, as in most virtual machines: nothing to do";
+    line.found = "not controlled by programs here, as in most virtual machines: nothing to do";
     return line;
   }
   for (const auto& [governor, count] : governors)
@@ -85,23 +85,22 @@ DoctorLine governor_line(const std::filesystem::path& root) {
   line.finding = Finding::kAdvice;
   line.found += ": cores that slow down to save power wake up late";
   line.cure =
-      "before a session an administrator enters: sudo cpupower frequency-set -g performance (the program "
-      "comes "
-      "with: sudo apt install linux-cpupower)";
+      "before a session an administrator enters: sudo cpupower frequency-set -g performance (to install the "
+      "program: sudo apt install linux-cpupower)";
   return line;
 }
 
 DoctorLine kernel_line(const std::filesystem::path& root) {
   const std::string version = line_of(root / "proc/sys/kernel/version");
   DoctorLine line{kComputer, "kernel", Finding::kFine, line_of(root / "proc/sys/kernel/osrelease"), ""};
-  if (line.found.empty()) line.found = "not told";
+  if (line.found.empty()) line.found = "unknown";
   const bool realtime =
       line_of(root / "sys/kernel/realtime") == "1" || version.find("PREEMPT_RT") != std::string::npos;
-  line.found += realtime ? ", made for real time" : ", not made for real time";
+  line.found += realtime ? ", real-time" : ", not real-time";
   if (realtime) return line;
   line.finding = Finding::kAdvice;
   line.cure =
-      "it works; where forces feel rough now and then, one that is made for it helps: sudo apt install "
+      "it works; if forces feel rough at times, a real-time kernel helps: sudo apt install "
       "linux-image-rt-amd64, then restart the computer";
   return line;
 }
@@ -109,16 +108,16 @@ DoctorLine kernel_line(const std::filesystem::path& root) {
 DoctorLine timer_line(const TimerFigures& timer, bool realtime) {
   char text[260];
   std::snprintf(text, sizeof text,
-                "%.2f %% of the beats came in time (%.0f are due a second, listened for %.1f s); those that "
-                "came were late by %.0f microseconds in the middle, %.0f or more in 1 of 100, %.0f at most",
+                "%.2f %% of the ticks were on time (%.0f per second, measured for %.1f s); lateness: median "
+                "%.0f microseconds, 99th percentile %.0f, maximum %.0f",
                 100 * timer.on_time, timer.rate_hz, timer.seconds, timer.p50_us, timer.p99_us, timer.max_us);
   DoctorLine line{kComputer, "punctuality", Finding::kFine, text, ""};
   if (timer.on_time >= kMinOnTime) return line;
   line.finding = Finding::kMissing;
   line.cure = realtime
-                  ? "close other programs, and look whether the computer is a virtual machine: use one of "
-                    "its own for a device"
-                  : "first give the account its rights (above), close other programs, and try again";
+                  ? "close other programs, and check whether this is a virtual machine: use a physical "
+                    "computer for a device"
+                  : "first grant the account its permissions (above), close other programs, and try again";
   return line;
 }
 

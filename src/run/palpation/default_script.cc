@@ -144,8 +144,8 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
   std::string why;
   for (std::size_t n = 0; n < std::min<std::size_t>(3, script.limitations.size()); ++n)
     why += (n == 0 ? ": " : "; ") + script.limitations[n];
-  return Error{ErrorKind::kBadInput, "the tool can reach no felt structure" + why, model.title,
-               "take away what covers them (felt = false), or write a script (--script)"};
+  return Error{ErrorKind::kBadInput, "the tool cannot reach any felt structure" + why, model.title,
+               "set felt = false on the structures that cover them, or write a script (--script)"};
 }
 
 }  // namespace palpate

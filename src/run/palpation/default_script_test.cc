@@ -78,7 +78,7 @@ TEST(DefaultScript, AStructureWithoutAFreeWayIsNamedWithWhatIsInFront) {
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_EQ(result->failed_steps, 0u);
   EXPECT_THAT(result->trouble,
-              ElementsAre("brain is not palpated: there is no free way to it: skull is in front of it"));
+              ElementsAre("brain is not palpated: there is no free path to it: skull is in front of it"));
 }
 
 TEST(DefaultScript, ANoGoRegionThatKeepsTheToolAwayIsNamed) {
@@ -122,8 +122,9 @@ TEST(DefaultScript, WhereNothingIsReachedTheErrorSaysWhy) {
   for (LabelId& label : labels.layers[0].voxels()) label = 1;
   const auto result = palpated(labels);
   ASSERT_FALSE(result.ok());
-  EXPECT_THAT(result.error().what, HasSubstr("the tool can reach no felt structure: brain is not palpated: "
-                                             "the scan cuts it off on all sides"));
+  EXPECT_THAT(result.error().what,
+              HasSubstr("the tool cannot reach any felt structure: brain is not palpated: "
+                        "the scan cuts it off on all sides"));
 }
 
 }  // namespace

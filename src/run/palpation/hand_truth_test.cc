@@ -138,7 +138,7 @@ TEST_F(HandTruth, ThroughAShellThereIsNoWayAndNoneIsMade) {
   }});
   run(scene, touch_named("b"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(HasSubstr("approach to b failed: there is no free way to it")));
+  EXPECT_THAT(result_.trouble, Each(HasSubstr("approach to b failed: there is no free path to it")));
   for (const TickRecord& t : recording_.ticks) ASSERT_EQ(t.device[0].label, 0) << "nothing is touched";
   EXPECT_TRUE(result_.touches.empty());
 }

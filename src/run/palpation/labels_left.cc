@@ -71,8 +71,7 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
           if (!event.change.is_of_stroke()) continue;
           auto other = carving_after(carving.get(), event.change);
           if (other == nullptr)
-            return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "",
-                         ""};
+            return Error{ErrorKind::kBadInput, "there is no stroke to undo or redo", "", ""};
           carving = std::move(other);
         }
         ticks += part.ticks.size();

@@ -130,7 +130,7 @@ class Replayer {
     }
     if (changes_.size() > kMaxPendingChanges || cuts_.size() > kMaxPendingChanges ||
         solutions_.size() > kMaxPendingChanges)
-      return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
+      return Error{ErrorKind::kBadInput, "the recording has more changes of the model than a run can have",
                    "", ""};
     for (const TickRecord& recorded : part.ticks) {
       if (!result_.difference.empty()) return {};
@@ -195,8 +195,8 @@ Result<void> Replayer::advance_to(const TickRecord& recorded) {
   }
   if (recorded.model_version == model_.felt->version) return {};
   return Error{ErrorKind::kBadInput,
-               "tick " + std::to_string(recorded.tick) + " felt version " +
-                   std::to_string(recorded.model_version) + " of the model, which the file does not hold",
+               "tick " + std::to_string(recorded.tick) + " used version " +
+                   std::to_string(recorded.model_version) + " of the model, which is missing from the file",
                "", "only runs whose changes of the model were recorded can be replayed"};
 }
 
@@ -204,23 +204,23 @@ Result<void> Replayer::advance_to(const TickRecord& recorded) {
 Result<void> Replayer::solve_until(const TickRecord& recorded) {
   const auto missing = [&](const std::string& how) {
     return Error{ErrorKind::kBadInput,
-                 "tick " + std::to_string(recorded.tick) + " felt solution " +
+                 "tick " + std::to_string(recorded.tick) + " used solution " +
                      std::to_string(recorded.yield_frame) + " of the tissue, " + how,
                  "", "only runs whose solutions were recorded can be replayed"};
   };
   while (yields_.frame().number < recorded.yield_frame) {
-    if (solutions_.empty()) return missing("which the file does not hold");
+    if (solutions_.empty()) return missing("which is missing from the file");
     const Solution solution = solutions_.front();
     solutions_.pop_front();
     while (!inputs_.empty() && inputs_.front().tick.tick < solution.input_tick) inputs_.pop_front();
     if (inputs_.empty() || inputs_.front().tick.tick != solution.input_tick ||
         solution.number != yields_.frame().number + 1)
-      return missing("which was solved from a tick that is not there");
+      return missing("which was solved for a tick that is missing");
     const Input& input = inputs_.front();
     if (yields_.solve(*input.model, input.tick).hash() == solution.hash) continue;
     result_.first_difference = recorded.tick;
     result_.difference = "the tissue's solution " + std::to_string(solution.number) + " of tick " +
-                         std::to_string(solution.input_tick) + " is another one";
+                         std::to_string(solution.input_tick) + " differs";
     return {};
   }
   if (recorded.yield_frame != yields_.frame().number) return missing("which is not the newest");
@@ -264,11 +264,10 @@ void Replayer::run_again(const TickRecord& recorded) {
 
 Result<void> check_recorded_model(const RecordingHeader& recording, const Model& model) {
   if (recording.model_hash == model.content_hash) return {};
-  return Error{
-      ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
-      "name the scene file or data set that it was made with; a changed scene is another model, and so "
-      "may be the same scene to another version: this one was recorded by palpate " +
-          recording.palpate_version + ", commit " + recording.commit};
+  return Error{ErrorKind::kBadInput, "the recording was made with a different scene or different volumes", "",
+               "give the scene file or data set that it was made with, unchanged; the same scene may also "
+               "give a different model with another version: this one was recorded by palpate " +
+                   recording.palpate_version + ", commit " + recording.commit};
 }
 
 std::shared_ptr<const Model> solved_as_recorded(std::shared_ptr<const Model> model,
@@ -311,7 +310,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
   if (replayer.differs()) {
     const std::string other = head.header.feel.empty() ? "" : first_feel_difference(head.header.feel);
     if (!other.empty())
-      result.difference += "; it was recorded with other settings: " + printable_name(other);
+      result.difference += "; it was recorded with different settings: " + printable_name(other);
     return result;
   }
   if (!read) return read.error();
@@ -321,7 +320,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
       !head.summary || (head.summary->run_hash == result.run_hash && head.summary->dropped == 0);
   if (!result.identical) {
     result.first_difference = result.ticks;
-    result.difference = "the recording's ticks are not all there";
+    result.difference = "ticks of the recording are missing";
   }
   return result;
 }

@@ -78,7 +78,7 @@ TEST_F(ReplayTest, NamesTheFirstTickThatDiffers) {
   EXPECT_FALSE(result->identical);
   EXPECT_EQ(result->first_difference, 777u);
   EXPECT_FALSE(result->difference.empty());
-  EXPECT_EQ(result->difference.find("other settings"), std::string::npos) << result->difference;
+  EXPECT_EQ(result->difference.find("different settings"), std::string::npos) << result->difference;
 }
 
 TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
@@ -92,7 +92,8 @@ TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
   recording_.ticks[777].device[0].force_N[0] += 1;
   const auto result = replay(recording_, loaded_.model);
   ASSERT_TRUE(result.ok());
-  EXPECT_THAT(result->difference, HasSubstr("recorded with other settings: output.ramp_in_s 0.4, here 0.5"));
+  EXPECT_THAT(result->difference,
+              HasSubstr("recorded with different settings: output.ramp_in_s 0.4, here 0.5"));
 }
 
 TEST_F(ReplayTest, EveryInputOfATickMatters) {

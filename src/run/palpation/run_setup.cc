@@ -54,7 +54,7 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
     if (!press || press->force_N <= std::min(setup.limit_N, max_N)) continue;
     char text[120];
     std::snprintf(text, sizeof text,
-                  "script line %d: asks for %.2f N, where at most %.2f N are allowed and %.2f N can be given",
+                  "script line %d: asks for %.2f N, but at most %.2f N are allowed and %.2f N are possible",
                   setup.script.lines[s], press->force_N, setup.limit_N, max_N);
     trouble.push_back(text);
   }
@@ -68,8 +68,8 @@ Result<void> check_burr(const Model& model, const RunSetup& setup) {
     if (method != ForceMethod::kProxy)
       return Error{ErrorKind::kUsage,
                    "a tool of the scene is a " + cutter_name(model) + ", and " +
-                       std::string(name_of(method)) + " does not feel what it takes away",
-                   "", "use the proxy: leave --method and the script's method steps out"};
+                       std::string(name_of(method)) + " cannot cut",
+                   "", "use the proxy: leave out --method and the method steps of the script"};
   return {};
 }
 

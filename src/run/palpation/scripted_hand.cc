@@ -79,7 +79,7 @@ Result<LabelId> find_structure(const Model& model, const std::string& name, cons
       if (is_named(segment)) ids += (ids.empty() ? "\"#" : ", \"#") + std::to_string(segment.id) + "\"";
     return Error{ErrorKind::kBadInput,
                  std::to_string(count) + " structures of this scene are named '" + name + "'", where,
-                 "say which by its number: " + ids};
+                 "choose one by its number: " + ids};
   }
   const auto one = std::find_if(model.segments.begin(), model.segments.end(), is_named);
   const Segment* segment = one != model.segments.end() ? &*one : model.find(name);
@@ -129,13 +129,12 @@ Point<World> tip_of(const TickRecord& felt) {
 // happens.
 Result<void> check_law(const Model& model, TissueLaw law, const std::string& where) {
   if (model.cuts() && has_other_surfaces(model, law))
-    return Error{
-        ErrorKind::kBadInput,
-        "a scene with a tool that cuts cannot change between tissue that yields and tissue that does not",
-        where, "write the law into the scene's [yielding], so that it holds from the start"};
+    return Error{ErrorKind::kBadInput,
+                 "soft tissue cannot change between yielding and not yielding in a scene with a cutting tool",
+                 where, "set the law in the scene's [yielding], so that it applies from the start"};
   if (model.cuts() && is_moving(law) && !is_moving(model.tissue_law))
-    return Error{ErrorKind::kBadInput, "a scene with a tool that cuts cannot begin to move its soft tissue",
-                 where, "write the law into the scene's [yielding], so that it moves from the start"};
+    return Error{ErrorKind::kBadInput, "soft tissue cannot start to move in a scene with a cutting tool",
+                 where, "set the law in the scene's [yielding], so that it moves from the start"};
   const auto fine = palpate::check_law(model, law);
   if (fine) return {};
   Error error = fine.error();
@@ -201,7 +200,7 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
     if (step.structure == 0)
       return Error{ErrorKind::kBadInput,
                    "no felt structure within 5 mm of the point " + place_text(*approach->point), where,
-                   "give a point of a surface, in the patient's millimetres (LPS), or name a structure"};
+                   "give a point on a surface, in patient coordinates (mm, LPS), or name a structure"};
     wish.near = {*approach->point};
   } else {
     const auto label = find_structure(*model_, approach->structure, where);
@@ -385,7 +384,7 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
     const TouchPlace& place = places[place_];
     way_in_ = free_space_.path(X.inverse() * intention_, place.before);
     if (way_in_.empty()) {
-      refusal_ = "there is no free way from where the hand is";
+      refusal_ = "there is no free path from the position of the hand";
       continue;
     }
     way_in_.push_back(place.in_front);
@@ -416,8 +415,9 @@ void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt
   const bool inside = (felt.device[0].flags & kFlagInside) != 0;
   met_s_ = met != 0 || inside ? met_s_ + dt_s : 0;
   if (const auto over = excess_depth(felt, dt_s); over || met_s_ > kEncounter_s)
-    return try_next_place(felt, "on the way the hand met " + (met != 0 ? model_->name_of(met) : "something") +
-                                    " at " + place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
+    return try_next_place(felt, "on the way the hand touched " +
+                                    (met != 0 ? model_->name_of(met) : "something") + " at " +
+                                    place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
   if (stuck_s_ > kStuck_s) return try_next_place(felt, "the hand got stuck on the way");
   walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
 }
@@ -451,7 +451,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double
   }
   if (excess_depth(felt, dt_s)) {
     try_next_place(felt,
-                   "the tip went in without a touch at " + place_text(point<Patient>(device.tip_patient_mm)));
+                   "the tip entered without contact at " + place_text(point<Patient>(device.tip_patient_mm)));
     return false;
   }
   const double max_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
@@ -534,7 +534,7 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double
   const double speed_mm_s = std::min(action.speed_mm_s, careful_speed_mm_s(step.structure, felt));
   intention_ += along.normalized() * (speed_mm_s * dt_s);
   if (step_time_s_ < action.distance_mm / speed_mm_s + kPatience_s) return false;
-  return fail(step, felt, text_of("it got %.1f mm far", slid_mm_));
+  return fail(step, felt, text_of("it advanced %.1f mm", slid_mm_));
 }
 
 bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, double dt_s,
@@ -548,7 +548,7 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, doubl
   } else if (!turning_) {
     // step back, so that the rotating object does not hit the hand
     if (step_time_s_ == 0 && !begin_step_back(felt))
-      return fail(step, felt, "there is no free way to step back");
+      return fail(step, felt, "there is no free path to move back");
     if (!walk(kSteppingBack_mm_s, felt, dt_s))
       return stuck_s_ > kStuck_s && fail(step, felt, "the hand got stuck");
   }
@@ -584,7 +584,7 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, d
     commands.law = law;
     return false;
   }
-  if (commands.law_version == 0u) return fail(step, felt, "its surfaces could not be made");
+  if (commands.law_version == 0u) return fail(step, felt, "its surfaces could not be prepared");
   if (commands.law_version && felt.model_version >= *commands.law_version) {
     law_ = law;
     settled_s_ += dt_s;
@@ -592,7 +592,7 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, d
     (void)excess_depth(felt, dt_s);
     return settled_s_ >= kBriefly_s && over_s_ == 0;
   }
-  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not made in time");
+  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not prepared in time");
 }
 
 // the second hand moves while this one rests
@@ -605,7 +605,7 @@ bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& felt, d
     return false;
   }
   if (commands.scope_is_there) return true;
-  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "it did not get there in time");
+  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "it did not arrive in time");
 }
 
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
@@ -621,13 +621,13 @@ bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt
                                  HandCommands& commands) {
   constexpr double kCarved_s = 0.2, kLongest_s = 2;
   if (touching_) regulate_contact(felt, dt_s);
-  if (cutting_) return fail(step, felt, "the motor runs");
+  if (cutting_) return fail(step, felt, "the motor is running");
   const double now_s = step_time_s_ + dt_s;
   if (step_time_s_ < kCarved_s) {
     if (now_s >= kCarved_s) commands.stroke = std::get<StrokeStep>(step.action).action;
     return false;
   }
-  if (commands.stroke_version == 0u) return fail(step, felt, "there is none");
+  if (commands.stroke_version == 0u) return fail(step, felt, "there is no stroke");
   if (commands.stroke_version && felt.model_version >= *commands.stroke_version) return true;
   return now_s >= kLongest_s && fail(step, felt, "it was not done in time");
 }
@@ -685,22 +685,22 @@ std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& felt, do
   over_s_ = over ? over_s_ + dt_s : 0;
   if (over_s_ < kOver_s) return std::nullopt;
   if (force_N < wanted_N_) return text_of("the limit is %.2f N", force_N);
-  if (std::isnan(device.depth_mm)) return "the tip went in";
-  return text_of("the tip was %.1f mm deep, where %.2f N explain %.1f mm", device.depth_mm, force_N,
+  if (std::isnan(device.depth_mm)) return "the tip penetrated the surface";
+  return text_of("the tip was %.1f mm deep, but %.2f N explain only %.1f mm", device.depth_mm, force_N,
                  explained_mm);
 }
 
 std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   off_s_ = device.label == step.structure ? 0 : off_s_ + dt_s;
-  if ((device.flags & kFlagRuptured) != 0) return "the tool went through a surface";
+  if ((device.flags & kFlagRuptured) != 0) return "the tool punctured a surface";
   if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : wrong_contact(felt);
 
   // the tip is farther from the intended position than force and friction explain
   const double lag_mm = (tip_of(felt) - intention_).norm();
   const double force_mm = 1.5e3 * std::max(wanted_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
   if (lag_mm > force_mm + tracking_tolerance_mm(felt) + kPushedAway_mm)
-    return text_of("the tip was pushed %.0f mm from where the hand would be", lag_mm);
+    return text_of("the tip was pushed %.0f mm away from the position of the hand", lag_mm);
   // a person who perceives the loss of contact stops pushing
   if (device.label == 0 && lag_mm > tracking_tolerance_mm(felt)) intention_ = tip_of(felt);
   return std::nullopt;
@@ -710,7 +710,7 @@ std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const Tic
 std::optional<std::string> ScriptedHand::force_deviation(double time_s) const {
   const double mean_N = sum_Ns_ / time_s;
   if (asked_N_ == 0 || cutting_ || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
-  return text_of("%.2f N in the mean, asked for %.2f N", mean_N, asked_N_);
+  return text_of("mean force %.2f N, asked for %.2f N", mean_N, asked_N_);
 }
 
 // reports the reason, and retreats along the path; the following steps are skipped
@@ -743,7 +743,7 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
     std::string operator()(const LawStep&) const { return "change of soft tissue's law"; }
     std::string operator()(const MotorStep& s) const { return s.on ? "motor on" : "motor off"; }
     std::string operator()(const StrokeStep& s) const {
-      return s.action == StrokeAction::kUndo ? "undoing a stroke" : "doing a stroke again";
+      return s.action == StrokeAction::kUndo ? "undoing a stroke" : "redoing a stroke";
     }
     std::string operator()(const ScopeStep&) const { return "scope"; }
     std::string operator()(const LeaveStep&) const { return "leaving " + structure; }

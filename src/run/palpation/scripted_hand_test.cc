@@ -152,7 +152,7 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   felt.model_version = 9;
   (void)hand->next(felt, 1e-3, commands);
   ASSERT_EQ(hand->trouble().size(), 1u);
-  EXPECT_NE(hand->trouble()[0].find("there is none"), std::string::npos) << hand->trouble()[0];
+  EXPECT_NE(hand->trouble()[0].find("there is no stroke"), std::string::npos) << hand->trouble()[0];
 }
 
 // Regression: the hand leads the tip by a millimetre or two, so its return path has to start behind the tip,

@@ -77,7 +77,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
     }
     if (run.time_s() > kMaxSeconds)
       return Error{ErrorKind::kBadInput, "the script has not ended after an hour of simulated time",
-                   setup->script.source, "look at its speeds, distances and seconds"};
+                   setup->script.source, "check its speeds, distances and durations"};
     stopped = progress.stopped();
   } while (!stopped && run.act());
 

@@ -222,12 +222,10 @@ Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, d
                  "set felt = true on its [[tissue]], or choose another structure"};
   const auto candidates = surface_candidates(model, structure, border_voxels(model, structure), clearance_mm);
   if (candidates.empty())
-    return Error{
-        ErrorKind::kBadInput,
-        "no surface of " + name + " can be touched: it is covered, or thinner than the smoothing leaves it",
-        "",
-        model.ramp_width_mm > 0 ? "choose another structure"
-                                : "lower sigma in [preparation], or choose another structure"};
+    return Error{ErrorKind::kBadInput,
+                 "no surface of " + name + " can be touched: it is covered, or too thin after smoothing", "",
+                 model.ramp_width_mm > 0 ? "choose another structure"
+                                         : "lower sigma in [preparation], or choose another structure"};
   return candidates.front().surface;
 }
 

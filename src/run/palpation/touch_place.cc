@@ -178,7 +178,7 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
   std::vector<SurfaceCandidate> candidates = surface_candidates(model, structure, border, wish.clearance_mm);
   if (candidates.empty()) {
     found.why_none = anywhere ? "it is covered, or too thin to be pressed"
-                              : "nothing within 5 mm of the place asked for is a surface that can be pressed";
+                              : "there is no surface that can be pressed within 5 mm of the requested place";
     return found;
   }
   if (!anywhere) {
@@ -226,13 +226,13 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
     }
   }
   if (!found.places.empty()) return found;
-  const std::string what = anywhere ? "it" : "a place within 5 mm of the one asked for";
+  const std::string what = anywhere ? "it" : "a place within 5 mm of the requested one";
   if (no_go != nullptr) {
     found.why_none = "the no-go region " + no_go->name + " keeps the tool away from " + what;
     return found;
   }
   const LabelId obstacle = in_front_of(model, structure, candidates);
-  found.why_none = "there is no free way to " + what + (wish.from ? " from that direction" : "") +
+  found.why_none = "there is no free path to " + what + (wish.from ? " from that direction" : "") +
                    (obstacle != 0 ? ": " + model.name_of(obstacle) + " is in front of it" : "");
   return found;
 }

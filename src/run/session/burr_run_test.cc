@@ -468,7 +468,7 @@ TEST(BurrScene, AsManyEditsAsAnybodyWantsReplayToTheSameHash) {
 TEST(BurrScene, AStrokeThatIsNotThereIsAFailedStep) {
   const std::string none = "[[step]]\nstroke = \"undo\"\n";
   const std::string running = "[[step]]\nmotor = true\n[[step]]\nstroke = \"redo\"\n";
-  for (const auto& [text, why] : {std::pair{none, "there is none"}, {running, "the motor runs"}}) {
+  for (const auto& [text, why] : {std::pair{none, "there is no stroke"}, {running, "the motor is running"}}) {
     const auto simulated = simulate(testing::loaded_burr(), parse_script(text, "script").value(), {}, {});
     ASSERT_TRUE(simulated.ok()) << simulated.error().message();
     EXPECT_EQ(simulated->failed_steps, 1u);

@@ -19,7 +19,9 @@ void Consent::tell(const Waiting& waiting, Result<void> outcome) {
 void Consent::drop_old(Clock::time_point now) {
   std::erase_if(waiting_, [&](const Waiting& waiting) {
     const bool old = now >= waiting.until;
-    if (old) tell(waiting, not_agreed("nobody agreed to it where palpate runs", "ask there, then try again"));
+    if (old)
+      tell(waiting, not_agreed("the request was not accepted at the terminal of palpate",
+                               "ask the operator there, then try again"));
     return old;
   });
 }
@@ -33,7 +35,7 @@ void Consent::ask(const ViewerIdentity& who, std::int64_t id, std::string what,
   if (own == waiting_.end())
     own = waiting_.emplace(waiting_.end());
   else
-    tell(*own, not_agreed("another request took its place before anybody agreed to it", ""));
+    tell(*own, not_agreed("the request was replaced by another one before it was accepted", ""));
   *own = {++questions_, who, id, std::move(what), std::move(grant), now + kPatience};
 }
 
@@ -57,7 +59,8 @@ void Consent::answer(std::uint64_t number, bool agreed, Clock::time_point now) {
     asked.splice(asked.end(), waiting_, it);
   }
   Result<void> outcome =
-      agreed ? asked.front().grant() : Result<void>(not_agreed("it was declined where palpate runs", ""));
+      agreed ? asked.front().grant()
+             : Result<void>(not_agreed("the request was declined at the terminal of palpate", ""));
   const std::lock_guard lock(mutex_);
   tell(asked.front(), std::move(outcome));
 }

@@ -53,7 +53,7 @@ TEST(Consent, DecliningAndSilenceAreToldInWords) {
   Asked asked;
   asked.ask(1, 5, "pause the force");
   asked.consent.answer(asked.number(), false, asked.now);
-  asked.ask(2, 6, "end the pause");
+  asked.ask(2, 6, "resume the force");
   asked.now += Consent::kPatience - 1s;
   EXPECT_NE(asked.shown(), "");
   const std::uint64_t last = asked.number();
@@ -62,8 +62,8 @@ TEST(Consent, DecliningAndSilenceAreToldInWords) {
   asked.consent.answer(last, true, asked.now);
   const auto answers = asked.consent.take_answers(asked.now);
   ASSERT_EQ(answers.size(), 2u);
-  EXPECT_THAT(answers[0].outcome.error().what, HasSubstr("declined where palpate runs"));
-  EXPECT_THAT(answers[1].outcome.error().what, HasSubstr("nobody agreed"));
+  EXPECT_THAT(answers[0].outcome.error().what, HasSubstr("declined at the terminal of palpate"));
+  EXPECT_THAT(answers[1].outcome.error().what, HasSubstr("was not accepted at the terminal"));
   EXPECT_EQ(asked.granted, 0);
 }
 
@@ -79,7 +79,7 @@ TEST(Consent, AnAnswerIsToWhatWasShown) {
   const auto answers = asked.consent.take_answers(asked.now);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].id, 5);
-  EXPECT_THAT(answers[0].outcome.error().what, HasSubstr("took its place"));
+  EXPECT_THAT(answers[0].outcome.error().what, HasSubstr("was replaced by another one"));
   asked.consent.answer(0, true, asked.now);
   asked.consent.answer(asked.number() + 1, true, asked.now);
   EXPECT_EQ(asked.granted, 0) << "no such question";
@@ -104,7 +104,7 @@ TEST(Consent, EachViewerHasOnePlaceInTheOrderOfTheFirstQuestion) {
 
 TEST(Consent, WhatCannotBeGrantedAnyMoreIsRefused) {
   Consent consent;
-  consent.ask({4, true}, 9, "feel by the method trilinear", []() -> Result<void> {
+  consent.ask({4, true}, 9, "use the method trilinear", []() -> Result<void> {
     return Error{ErrorKind::kUsage, "it has changed meanwhile", "method", ""};
   });
   consent.answer(consent.question()->number, true);

@@ -289,12 +289,11 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
 Result<void> check_script(const Script& script) {
   for (std::size_t n = 0; n < script.steps.size(); ++n)
     if (std::holds_alternative<ScopeStep>(script.steps[n]))
-      return Error{
-          ErrorKind::kUsage,
-          "explore has no second hand that could lead a scope: on the real clock a script moves one tip",
-          script.source + ":" + std::to_string(script.lines[n]),
-          "run the script by palpate simulate, or take the step out and hold the scope by a second device: "
-          "--device simulated --device NAME"};
+      return Error{ErrorKind::kUsage,
+                   "explore has no second hand to move a scope: on the real clock a script moves one tip",
+                   script.source + ":" + std::to_string(script.lines[n]),
+                   "run the script with palpate simulate, or remove the step and hold the scope with a "
+                   "second device: --device simulated --device NAME"};
   return {};
 }
 

@@ -37,8 +37,9 @@ Result<void> HandThread::begin() try {
   thread_ = std::thread([this] { run(); });
   return {};
 } catch (const std::system_error& error) {
-  return Error{ErrorKind::kUnavailable, std::string("no thread for the simulated hand: ") + error.what(), "",
-               "close other programs, or raise the limit of processes (ulimit -u)"};
+  return Error{ErrorKind::kUnavailable,
+               std::string("cannot start the thread of the simulated hand: ") + error.what(), "",
+               "close other programs, or raise the process limit (ulimit -u)"};
 }
 
 void HandThread::end() {

@@ -149,7 +149,7 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
   });
   EXPECT_TRUE(result.stopped_by_user);
   ASSERT_GE(refused.size(), 1u);
-  EXPECT_EQ(refused[0], "there is no stroke that can be undone");
+  EXPECT_EQ(refused[0], "there is no stroke to undo");
   std::vector<std::uint32_t> strokes;
   std::vector<bool> motor;
   std::size_t sweeps = 0;

@@ -97,8 +97,8 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
   }
   char told[256];
   std::snprintf(told, sizeof told,
-                "soft tissue is solved in cells of %.3g mm and not of %.3g: a solution in these takes this "
-                "machine %.3g ms, and one is made every %.3g",
+                "soft tissue is solved in cells of %.3g mm instead of %.3g: with these a solution takes %.3g "
+                "ms on this machine, but one is due every %.3g",
                 yield_cell_mm(*coarser), yield_cell_mm(*model), 1e3 * *made_s, 1e3 * kYieldFrame_s);
   return {std::move(coarser), told};
 }

@@ -34,8 +34,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 Error is_a_recording() {
-  return {ErrorKind::kUsage, "this is a recording: what was felt cannot be changed", "",
-          "palpate explore feels the scene anew"};
+  return {ErrorKind::kUsage, "this is a recording and cannot be changed", "",
+          "to feel the scene, run palpate explore"};
 }
 
 /// Playback position in a recording. Not thread-safe.
@@ -137,7 +137,7 @@ Result<void> compute_removed_volumes(const Model& model, const Progress& progres
     removed.add({&cut, 1});
     if (n + 1 < sweeps.size() && versions[n + 1] == versions[n]) continue;
     if (progress.stopped()) return Progress::interrupted();
-    progress.report("reckoning what was removed",
+    progress.report("computing the removed volume",
                     static_cast<double>(n + 1) / static_cast<double>(sweeps.size()));
     edits.gone.push_back({versions[n], removed.by_label_mm3()});
   }
@@ -359,10 +359,9 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   const RecordingHead& head = recording.head();
   if (auto same = check_recorded_model(head.header, *model); !same) return same.error();
   if (head.ticks == 0)
-    return Error{ErrorKind::kBadInput, "the recording has no ticks", "", "record for longer than an instant"};
+    return Error{ErrorKind::kBadInput, "the recording has no ticks", "", "record a longer run"};
   if (!head.is_clock_monotonic)
-    return Error{ErrorKind::kBadInput,
-                 "the recording's clock does not rise, so that there is no time to look at", "",
+    return Error{ErrorKind::kBadInput, "the clock of the recording does not advance", "",
                  "palpate replay without --view compares its ticks"};
 
   // the distances of a burr and the deformation of tissue are computed with the proxy's surfaces
@@ -394,8 +393,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   std::uint64_t row = 0;
   const auto seen = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
-        progress.report("looking through the recording",
-                        static_cast<double>(row) / static_cast<double>(head.ticks));
+        progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(head.ticks));
         line.see(part);
         nearest.see(part.ticks, part.events);
         for (const RecordingEvent& event : part.events) edits.hear(event);
@@ -426,7 +424,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   }
   if (played)
     if (auto any = played->finish(head.summary.has_value()); !any) return any.error();
-  progress.report("looking through the recording", 1);
+  progress.report("scanning the recording", 1);
 
   if (auto reckoned = compute_removed_volumes(*model, progress, edits); !reckoned) return reckoned.error();
 
@@ -446,8 +444,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
         std::move(edits), std::move(nearest), std::move(*yields), std::move(played), std::move(plan)));
   } catch (const std::system_error&) {
-    return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
-                 "end other programs"};
+    return Error{ErrorKind::kUnavailable, "cannot start a thread to read the recording", "",
+                 "close other programs"};
   }
 }
 

@@ -44,8 +44,8 @@ void PlayedTask::keep(double time_s) {
 Result<void> PlayedTask::finish(bool is_whole) {
   const TaskEvaluator& run = reader_.run();
   if (run.ticks() == 0)
-    return Error{ErrorKind::kBadInput, "the recording has no tick of those that are to be looked at", "",
-                 "leave out --from-tick and --to-tick, or give those of a run that palpate explore told"};
+    return Error{ErrorKind::kBadInput, "the recording has none of the selected ticks", "",
+                 "leave out --from-tick and --to-tick, or give those of a run as printed by palpate explore"};
   keep(end_s_);
   trace_.finish(run);
   score_ = reader_.score(is_whole);

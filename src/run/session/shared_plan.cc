@@ -31,7 +31,7 @@ Result<void> remove_trajectory(PlanFile& plan, std::size_t place) {
     if (region.shape == PlanShape::kStructures) continue;
     if (region.trajectory == place)
       return cannot_change("the region \"" + region.name + "\" lies on this trajectory", "trajectory",
-                           "take the region out of the plan's file first");
+                           "remove the region from the plan's file first");
     if (region.trajectory > place) --region.trajectory;
   }
   plan.trajectories.erase(plan.trajectories.begin() + static_cast<std::ptrdiff_t>(place));
@@ -42,14 +42,14 @@ Result<PlanFile> changed_plan(PlanFile plan, const PlanRequest& request) {
   const std::size_t place = *request.trajectory;
   const std::size_t count = plan.trajectories.size();
   if (place > count || (request.remove && place == count))
-    return cannot_change("the plan has no such trajectory", "trajectory", "look at the plan again");
+    return cannot_change("the plan has no such trajectory", "trajectory", "reload the plan");
   if (request.remove) {
     if (auto removed = remove_trajectory(plan, place); !removed) return removed.error();
   } else {
     if (place == count) {
       if (!request.name || !request.entry_mm || !request.target_mm)
-        return cannot_change("a new trajectory has a name, an entry and a target", "trajectory",
-                             "give it all three");
+        return cannot_change("a new trajectory needs a name, an entry and a target", "trajectory",
+                             "give all three");
       plan.trajectories.emplace_back();
     }
     PlanTrajectory& trajectory = plan.trajectories[place];
@@ -122,10 +122,11 @@ void SharedPlan::show() {
 Result<void> SharedPlan::change(const PlanRequest& request) {
   const std::lock_guard lock(mutex_);
   if (!may_change_)
-    return cannot_change("the plan of a recording is looked at", "", "palpate explore --plan changes one");
+    return cannot_change("the plan of a recording cannot be changed", "",
+                         "to change a plan, run palpate explore --plan");
   if (request.version != viewed_->version)
-    return cannot_change("the plan has been changed by somebody else since", "version",
-                         "look at it again, and change that");
+    return cannot_change("the plan has been changed by another viewer since", "version",
+                         "reload it, and change the new version");
   if (request.save) {
     if (auto saved = save(); !saved) return saved;
   } else {
@@ -141,12 +142,12 @@ Result<void> SharedPlan::change(const PlanRequest& request) {
 Result<PlanFile> SharedPlan::as_it_was(std::uint32_t version) const {
   const auto kept = std::ranges::find(before_, version, &std::pair<std::uint32_t, PlanFile>::first);
   if (kept != before_.end()) return kept->second;
-  return cannot_change("the plan as it was then is not kept", "back_to", "change it by hand");
+  return cannot_change("that version of the plan is not stored", "back_to", "change it by hand");
 }
 
 Result<void> SharedPlan::save() {
   if (plans_nothing(plan_))
-    return cannot_change("the plan plans nothing", "", "add a trajectory, or leave its file as it is");
+    return cannot_change("the plan is empty", "", "add a trajectory, or do not save it");
   std::error_code ignored;
   std::optional<std::string> now;
   if (std::filesystem::exists(file_, ignored)) {
@@ -156,7 +157,7 @@ Result<void> SharedPlan::save() {
   }
   if (now != in_file_)
     return cannot_change("the plan's file has been changed since it was read", "",
-                         "download this plan, and bring the two together by hand");
+                         "download this plan, and merge the two by hand");
   const std::string text = plan_text(plan_);
   if (auto written = write_file(file_, text); !written) return written;
   in_file_ = saved_ = text;

@@ -110,8 +110,8 @@ void TickBlocks::read() {
     // times are looked up by binary search in the block
     if (ticks->empty() || !std::ranges::is_sorted(*ticks, {}, &TickRecord::time_s) ||
         ticks->front().time_s != begins_s_[*block]) {
-      failure_ = Error{ErrorKind::kBadInput, "the recording has changed while it was looked at", "",
-                       "open it again when nothing writes to it"};
+      failure_ = Error{ErrorKind::kBadInput, "the recording changed while it was open", "",
+                       "open it again when no program writes to it"};
       continue;
     }
     kept_.push_front({*block, *std::move(ticks)});

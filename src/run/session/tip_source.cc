@@ -229,7 +229,7 @@ Result<void> check_devices(const std::vector<std::string>& names, const DeviceRe
         names.begin() + static_cast<std::ptrdiff_t>(n))
       return fault("'" + names[n] + "' is named twice", "name each device once");
     if (n > 0 && names[n] == kSimulatedHand)
-      return fault("the simulated hand feels with the first device", "name 'simulated' first");
+      return fault("the simulated hand must be the first device", "give 'simulated' first");
   }
   if (names.empty()) return fault("a session needs a device", "there are: simulated, pointer");
   if (names.size() > static_cast<std::size_t>(kMaxDevices))
@@ -250,7 +250,7 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
   for (const auto& source : sources) count += source->driver().devices().size();
   if (count > static_cast<std::size_t>(kMaxDevices))
     return Error{ErrorKind::kUsage, std::to_string(count) + " devices are connected", "--device",
-                 "a session has " + std::to_string(kMaxDevices) + " at most: name fewer"};
+                 "a session has " + std::to_string(kMaxDevices) + " at most: give fewer"};
   std::unique_ptr<TipSource> all;
   if (sources.size() == 1)
     all = std::move(sources[0]);

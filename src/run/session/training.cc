@@ -17,8 +17,8 @@ Error cannot_train(std::string what, std::string where, std::string remedy) {
 }
 
 Error lacks_scope(const TaskFile& task) {
-  return {ErrorKind::kUsage, "the task wants a scope in a second device, and the session has one",
-          task.where(task.scope->line), "name another --device: the second one holds the scope"};
+  return {ErrorKind::kUsage, "the task needs a second device for the scope, but the session has one device",
+          task.where(task.scope->line), "add another --device: the second one holds the scope"};
 }
 
 }  // namespace
@@ -70,8 +70,9 @@ Result<std::unique_ptr<Training>> Training::start(const TrainingOptions& options
   }
   return std::unique_ptr<Training>(new Training(std::move(fitting), std::move(in_scene), std::move(viewed)));
 } catch (const std::system_error& error) {
-  return Error{ErrorKind::kUnavailable, std::string("no thread to keep runs of tasks: ") + error.what(), "",
-               "close other programs, or raise the limit of processes (ulimit -u)"};
+  return Error{ErrorKind::kUnavailable,
+               std::string("cannot start the thread that stores runs of tasks: ") + error.what(), "",
+               "close other programs, or raise the process limit (ulimit -u)"};
 }
 
 void Training::begin_session(const RecordingHeader& header) {
@@ -87,8 +88,8 @@ void Training::begin_session(const RecordingHeader& header) {
 Result<void> Training::begin(const std::string& name, const std::string& learner) {
   const auto found = std::ranges::find(options_.tasks, name, &OfferedTask::name);
   if (found == options_.tasks.end())
-    return Error{ErrorKind::kBadInput, "this session has no task of that name", "begin",
-                 "the scene lists those that can be begun"};
+    return Error{ErrorKind::kBadInput, "this session has no task with that name", "begin",
+                 "choose a task of the scene's list"};
   const auto place = static_cast<std::size_t>(found - options_.tasks.begin());
   // allocate and copy the patches before locking, so that the recorder's thread does not wait for it
   auto live = std::make_unique<Live>(Live{place,
@@ -100,19 +101,19 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
                                           learner});
   const std::lock_guard lock(mutex_);
   if (ending_) return cannot_train("the session is over", "", "");
-  if (live_) return cannot_train("a run is under way", "begin", "end it first");
-  if (keeping_) return cannot_train("the last run is still being kept", "begin", "ask again in a moment");
+  if (live_) return cannot_train("a run is in progress", "begin", "end it first");
+  if (keeping_) return cannot_train("the last run is still being stored", "begin", "try again in a moment");
   if (runs_ == kMaxRunsOfSession)
     return cannot_train("this session has had " + std::to_string(runs_) + " runs", "begin",
-                        "start another one");
+                        "start a new session");
   if (!lesson_.task.empty() && name != lesson_.task)
-    return cannot_train("another task is chosen for now", "begin",
-                        "begin that one, or ask a teacher for this one");
+    return cannot_train("the teacher has chosen another task", "begin",
+                        "start that one, or ask a teacher for this one");
   if (learner.empty()) live->learner = lesson_.learner;
   if (in_scene_[place].plan) {
     if (!gone_->removed().by_label_mm3().empty())
-      return cannot_train("something is taken off already", "begin",
-                          "undo the strokes, or start another session");
+      return cannot_train("tissue has already been removed", "begin",
+                          "undo the strokes, or start a new session");
     live->evaluator.set_initial_removal(*gone_);
   }
   live->number = ++runs_;
@@ -124,7 +125,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
 
 Result<void> Training::end_run() {
   const std::lock_guard lock(mutex_);
-  if (!live_) return cannot_train("no run is under way", "end", "");
+  if (!live_) return cannot_train("no run is in progress", "end", "");
   over(RunEnd::kAsked);
   return {};
 }
@@ -138,7 +139,7 @@ Result<void> Training::begin_or_end() {
       return {};
     }
     if (options_.tasks.empty())
-      return cannot_train("there is no task to be begun", "", "start palpate explore with --task");
+      return cannot_train("there is no task to start", "", "start palpate explore with --task");
     name = lesson_.task.empty() ? options_.tasks[last_task_].name : lesson_.task;
   }
   return begin(name);
@@ -149,10 +150,10 @@ Result<void> Training::teach(const LessonRequest& request) {
     if (auto named = check_learner(*request.learner); !named) return named;
   const std::lock_guard lock(mutex_);
   if (live_ && (request.learner || request.task))
-    return cannot_train("a run is under way", request.learner ? "learner" : "task", "end it first");
+    return cannot_train("a run is in progress", request.learner ? "learner" : "task", "end it first");
   if (request.task && !request.task->empty() &&
       std::ranges::find(options_.tasks, *request.task, &OfferedTask::name) == options_.tasks.end())
-    return cannot_train("this session has no task of that name", "task", "choose one of those that it has");
+    return cannot_train("this session has no task with that name", "task", "choose a task of this session");
   lesson_.learner = request.learner.value_or(lesson_.learner);
   lesson_.task = request.task.value_or(lesson_.task);
   return {};
@@ -242,8 +243,8 @@ void Training::keep() {
         finished.history.not_kept = history.not_kept;
       }
     } catch (const std::exception& why) {
-      finished.history.not_kept =
-          Error{ErrorKind::kUnavailable, std::string("the run could not be kept: ") + reason_of(why), "", ""};
+      finished.history.not_kept = Error{
+          ErrorKind::kUnavailable, std::string("the run could not be stored: ") + reason_of(why), "", ""};
     }
     try {
       finished.history.best.resize(task.metrics.size(), kNotKnown);

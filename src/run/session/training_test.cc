@@ -199,8 +199,8 @@ TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
     EXPECT_EQ(host.debriefing(), nullptr) << "it is another run's";
   });
   ASSERT_EQ(result.runs.size(), 2u);
-  EXPECT_THAT(refusals, ElementsAre(HasSubstr("under way"), HasSubstr("no task of that name"),
-                                    HasSubstr("no run is under way")));
+  EXPECT_THAT(refusals, ElementsAre(HasSubstr("in progress"), HasSubstr("no task with that name"),
+                                    HasSubstr("no run is in progress")));
   for (const FinishedRun& finished : result.runs) {
     EXPECT_GT(finished.run.score.ticks, 0u);
     expect_same(finished.run.score, scored(task, finished.run.ticks));
@@ -265,7 +265,7 @@ TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
   const auto later = opened({live.ticks.first + 200, live.ticks.last});
   ASSERT_TRUE(later.ok());
   EXPECT_EQ((*later)->training().phase, Phase::kNone);
-  EXPECT_THAT(opened({1'000'000'000, 1'000'000'001}).error().what, HasSubstr("no tick of those"));
+  EXPECT_THAT(opened({1'000'000'000, 1'000'000'001}).error().what, HasSubstr("none of the selected ticks"));
 }
 
 TEST_F(LiveTask, ATaskThatDoesNotFitIsLeftOutOrRefused) {
@@ -411,7 +411,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   may_go = false;
   do_run(0.4);
   EXPECT_EQ(training->state().phase, Phase::kKeeping);
-  EXPECT_THAT(training->begin("ball").error().message(), HasSubstr("still being kept"));
+  EXPECT_THAT(training->begin("ball").error().message(), HasSubstr("still being stored"));
   may_go = true;
   wait_until_kept(*training);
   EXPECT_EQ(training->debriefing()->runs, 7);
@@ -631,7 +631,7 @@ TEST_F(TakeOffLive, IsToldAsItGoesAndCountsWhatIsGone) {
   EXPECT_NEAR(volume_of(0), 268, 5);
 
   // material removed before a run begins would be attributed to that run
-  EXPECT_THAT(training_->begin("take-off").error().message(), HasSubstr("taken off already"));
+  EXPECT_THAT(training_->begin("take-off").error().message(), HasSubstr("tissue has already been removed"));
   ticks(10, {change(ModelChange::kUndo)});
   ASSERT_TRUE(training_->begin("take-off").ok());
   ticks(10);

@@ -42,7 +42,7 @@ AskedBy asked_by(const ViewerIdentity& viewer) {
   return {viewer.control ? Asker::kControlViewer : Asker::kLookingViewer, viewer.number};
 }
 Error not_running() {
-  return {ErrorKind::kUnavailable, "the session does not run yet", "", "ask again in a moment"};
+  return {ErrorKind::kUnavailable, "the session is not running yet", "", "try again in a moment"};
 }
 
 std::string number_text(double value) {
@@ -67,14 +67,13 @@ StoppedBy stopped_by(Asker asker) {
 }
 
 Error made_for_others() {
-  return refused(
-      "the fields of the direct methods were made for other stiffnesses than are felt now", "method",
-      "give the tissues back the stiffness that they began with, or let the scene prepare inward ramps");
+  return refused("the fields of the direct methods were prepared for other stiffness values", "method",
+                 "restore the initial stiffness of the tissues, or use inward ramps in the scene");
 }
 Error not_made(const std::exception& why) {
   return {ErrorKind::kUnavailable,
-          std::string("the fields of the direct methods could not be made: ") + reason_of(why), "",
-          "go on by the proxy, or end other programs for their memory"};
+          std::string("the fields of the direct methods could not be prepared: ") + reason_of(why), "",
+          "continue with the proxy, or close other programs to free memory"};
 }
 
 // force methods that viewers may choose, by index; a method that does not suit the volume is excluded
@@ -136,12 +135,12 @@ std::string words_for(const SettingsRequest& wanted, const Parameters& now) {
     const double by = now.rotation_target.angularDistance(quaternion(*wanted.rotation_wxyz).normalized());
     words.add("turn the object by " + number_text(std::round(by * kDegrees * 10) / 10) + " degrees");
   }
-  if (wanted.paused) words.add(*wanted.paused ? "pause the force" : "end the pause");
+  if (wanted.paused) words.add(*wanted.paused ? "pause the force" : "resume the force");
   if (wanted.max_force_N)
-    words.add("set the limit of the force to " + number_text(*wanted.max_force_N) + " N, now " +
+    words.add("set the force limit to " + number_text(*wanted.max_force_N) + " N, now " +
               number_text(now.max_force_N));
-  if (wanted.method) words.add("feel by the method " + *wanted.method);
-  if (wanted.law) words.add("let soft tissue go by the law " + *wanted.law);
+  if (wanted.method) words.add("use the method " + *wanted.method);
+  if (wanted.law) words.add("use the soft-tissue law " + *wanted.law);
   switched(wanted.friction, "friction");
   switched(wanted.viscosity, "viscosity");
   switched(wanted.passivity, "the passivity controller");
@@ -254,8 +253,8 @@ void ViewedSession::prepare_law(std::unique_lock<std::mutex>& lock, const Progre
       return parts_.other_law(*of, law, parts_.devices.size(), progress);
     } catch (const std::exception& why) {
       return Error{ErrorKind::kUnavailable,
-                   std::string("soft tissue's surfaces could not be made: ") + reason_of(why), "",
-                   "go on by this law, or end other programs for their memory"};
+                   std::string("the surfaces of soft tissue could not be prepared: ") + reason_of(why), "",
+                   "continue with this law, or close other programs to free memory"};
     }
   }();
   lock.lock();
@@ -473,14 +472,14 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
   if (request.method) {
     const auto method = find_force_method(*request.method);
     if (!method || !is_choosable(*method))
-      return bad("this session has no force method of that name", "method",
-                 "the scene lists those that can be chosen");
+      return bad("this session has no force method with that name", "method",
+                 "choose one of the scene's list");
     if (!can_be_prepared(*method)) return made_for_others();
   }
   if (request.law) {
     const auto law = std::ranges::find(kTissueLaws, *request.law, &Word<TissueLaw>::name);
     if (law == kTissueLaws.end())
-      return bad("soft tissue knows no law of that name", "law", "the scene lists those that can be chosen");
+      return bad("there is no soft-tissue law with that name", "law", "choose one of the scene's list");
     if (auto fine = check_law(*model_.felt, law->value); !fine)
       return refused(fine.error().what, "law", fine.error().remedy);
   }
@@ -489,12 +488,12 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
     if (!(asked_N >= min_N && asked_N <= most_force_N()))
       return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(min_N) + " ... " +
                      number_text(most_force_N()) + " N",
-                 "max_force_N", "the device and the scene allow no more");
+                 "max_force_N", "the device and the scene allow no higher limit");
   }
   if (request.rotation_wxyz) {
     const double norm = quaternion(*request.rotation_wxyz).norm();
     if (!(norm > 0.5 && norm < 2))
-      return bad("the rotation is no unit quaternion", "rotation_wxyz", "send w, x, y, z of length 1");
+      return bad("the rotation is not a unit quaternion", "rotation_wxyz", "send w, x, y, z of length 1");
   }
   return {};
 }
@@ -508,8 +507,8 @@ bool ViewedSession::wants_consent(bool feels_more) const {
 template <class Request>
 Result<Grant> ViewedSession::ask(const Request& request, std::string what) {
   if (!parts_.asks_here)
-    return refused("nobody can be asked whether this may be while a device may push", "",
-                   "start palpate in a terminal, where somebody sees the question");
+    return refused("the request cannot be confirmed while a device may give force", "",
+                   "start palpate in a terminal, where the operator can accept it");
   consent_.ask(request.by, request.id, std::move(what), [this, request]() -> Result<void> {
     ServoLoop* loop = loop_.load();
     if (!loop) return not_running();
@@ -559,23 +558,23 @@ Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double 
   if (to_N_per_mm == from_N_per_mm) return {};
   if (method != ForceMethod::kProxy || !model_.felt->has(method))
     return refused(
-        "the field that " + std::string(name_of(method)) + " reads was made for the stiffness that is felt",
-        "stiffness_N_per_mm", "choose the proxy, which feels a new stiffness at once");
+        "the field that " + std::string(name_of(method)) + " reads was prepared for the current stiffness",
+        "stiffness_N_per_mm", "choose the proxy, which applies a new stiffness at once");
   return {};
 }
 
 // returns the resulting change; it may be empty
 Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Parameters& now) const {
   if (request.tissue < 0 || static_cast<std::size_t>(request.tissue) >= model_.felt->tissues.size())
-    return bad("there is no such tissue", "tissue", "tissues are counted from 0, in the order of the scene");
+    return bad("there is no such tissue", "tissue", "tissues are numbered from 0, in the order of the scene");
   const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
   ModelChange change = before;
   change.contact = request.changes.applied_to(before.contact);
   if (change == before) return change;
   const Tissue& tissue = model_.felt->tissues[static_cast<std::size_t>(request.tissue)];
   if (model_.felt->yields(tissue) && change.contact.stiffness_N_per_mm != before.contact.stiffness_N_per_mm)
-    return refused("this tissue yields, and how hard it is its Young's modulus says", "stiffness_N_per_mm",
-                   "change youngs_modulus in the scene file, and open it again");
+    return refused("this tissue yields, and its stiffness follows from its Young's modulus",
+                   "stiffness_N_per_mm", "change youngs_modulus in the scene file, and open it again");
   if (auto next = changed_model(*model_.felt, *model_.made, change); !next) return next.error();
   if (auto fine = check_stiffness_change(before.contact.stiffness_N_per_mm, change.contact.stiffness_N_per_mm,
                                          now.method);
@@ -622,21 +621,19 @@ std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
 }
 
 Result<void> ViewedSession::check(const LastStrokeRequest& request, const Parameters& now) const {
-  if (!cuts()) return bad("no device has a tool that cuts", "", "");
+  if (!cuts()) return bad("no device has a cutting tool", "", "");
   const ServoLoop& loop = *loop_.load();
   if (now.motor || motor_was_on(*parts_.model, loop.snapshot()))
-    return refused("the motor runs, and the stroke is not over", "motor",
-                   "switch the motor off, or let go of its pedal, first");
+    return refused("the motor is running, and the stroke is not finished", "motor",
+                   "switch off the motor, or release its pedal, first");
   if (loop.strokes() != request.strokes)
-    return refused("another stroke was begun after that was asked for", "",
-                   "ask again, where that one is meant");
+    return refused("another stroke was started after the request", "", "repeat the request for that stroke");
   if (strokes_left(request.action) > 0) return {};
   return request.action == StrokeAction::kUndo
-             ? refused("there is no stroke that can be undone", "",
-                       "a stroke is what is cut from the motor's start to its stop; the last " +
+             ? refused("there is no stroke to undo", "",
+                       "a stroke is everything cut between start and stop of the motor; the last " +
                            std::to_string(kMaxUndoneStrokes) + " are kept")
-             : refused("no stroke was undone that can be done again", "",
-                       "what was cut after an undo takes its place");
+             : refused("there is no stroke to redo", "", "cutting after an undo discards the undone strokes");
 }
 
 Result<Grant> ViewedSession::set(const StrokeRequest& request) {
@@ -646,10 +643,9 @@ Result<Grant> ViewedSession::set(const StrokeRequest& request) {
   const LastStrokeRequest wanted{request, loop->strokes()};
   if (auto fine = check(wanted, loop->parameters()); !fine) return fine.error();
   if (wants_consent(true))
-    return ask(wanted,
-               request.action == StrokeAction::kUndo
-                   ? "put back what was cut last: keep the " + cutter_name(*parts_.model) + " out of it"
-                   : std::string("take away again what was put back last"));
+    return ask(wanted, request.action == StrokeAction::kUndo
+                           ? "undo the last stroke: keep the " + cutter_name(*parts_.model) + " out of it"
+                           : std::string("redo the last undone stroke"));
   if (auto applied = apply(wanted, asked_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }
@@ -774,11 +770,11 @@ std::optional<std::uint32_t> ViewedSession::current_stop() const {
 
 Result<void> ViewedSession::rearm(const RearmRequest& request) {
   if (physical() && request.code.empty())
-    return refused("a device that may push is armed at the device, not from afar", "",
-                   "press r where palpate runs, with the tip free, or enter the code that is shown there");
+    return refused("a force-feedback device must be rearmed at the device, not remotely", "",
+                   "press r at the terminal of palpate with the tip free, or enter the code shown there");
   if (physical() && !arming_code_.take(request.stop, request.code))
-    return refused("the code is not the one that is shown where palpate runs", "code",
-                   "each is good once, for a minute and for the last stop: enter the one that is shown now");
+    return refused("the code differs from the one shown at the terminal of palpate", "code",
+                   "each code is valid once, for a minute and for the last stop: enter the current one");
   return rearm(request.stop, asked_by(request.by));
 }
 
@@ -789,7 +785,8 @@ std::string ViewedSession::arming_code() {
 
 Result<void> ViewedSession::rearm_here(std::uint32_t stop) {
   if (rearmed_in_page())
-    return refused("the force of a pointer is given back by whoever moves it", "", "press Rearm in the page");
+    return refused("a pointer can be rearmed only by the viewer that moves it", "",
+                   "press Rearm in the page");
   return rearm(stop, {Asker::kKey});
 }
 
@@ -800,12 +797,12 @@ Result<void> ViewedSession::rearm(std::uint32_t stop, AskedBy by) {
     case RearmResult::kNotStopped:
       return refused("the force is not stopped", "stop", "");
     case RearmResult::kStoppedAgain:
-      return refused("there was another stop after the one that this answers", "stop",
-                     "see why, and rearm again");
+      return refused("there was another stop after the one to rearm from", "stop",
+                     "check the reason, and rearm again");
     case RearmResult::kNotApplied:
-      return refused("the stop has not taken hold yet", "stop", "ask again in a moment");
+      return refused("the stop has not taken effect yet", "stop", "try again in a moment");
     case RearmResult::kTouching:
-      return refused("the tip touches something", "", "lead it to where it is free, then rearm");
+      return refused("the tip touches something", "", "move it to free space, then rearm");
     case RearmResult::kDone:
       break;
   }
@@ -886,8 +883,9 @@ Result<void> ViewedSession::start_maker() try {
   if (!maker_.joinable()) maker_ = std::thread([this] { run_maker(); });
   return {};
 } catch (const std::system_error& error) {
-  return Error{ErrorKind::kUnavailable, std::string("no thread to make what is wanted: ") + error.what(), "",
-               "close other programs, or raise the limit of processes (ulimit -u)"};
+  return Error{ErrorKind::kUnavailable,
+               std::string("cannot start the thread for model changes: ") + error.what(), "",
+               "close other programs, or raise the process limit (ulimit -u)"};
 }
 
 void ViewedSession::run_maker() {
@@ -1045,8 +1043,7 @@ Result<void> ViewedSession::train(const TaskRequest& request) {
 Result<void> ViewedSession::teach(const LessonRequest& request) {
   if (request.learner || request.task) {
     if (parts_.training == nullptr)
-      return refused("there is no task here that a lesson could be of", "",
-                     "start palpate explore with --task");
+      return refused("there is no task for a lesson", "", "start palpate explore with --task");
     if (auto taught = parts_.training->teach(request); !taught) return taught;
   }
   if (request.end) is_over_ = true;
@@ -1059,7 +1056,7 @@ Result<std::string> ViewedSession::curves(const std::string& learner) const {
 
 Result<void> ViewedSession::task_here() {
   if (parts_.training == nullptr)
-    return refused("there is no task to be begun", "", "start palpate explore with --task");
+    return refused("there is no task to start", "", "start palpate explore with --task");
   if (!loop_.load()) return not_running();
   return parts_.training->begin_or_end();
 }
@@ -1093,8 +1090,7 @@ Result<void> ViewedSession::change(const PlanRequest& request) {
 }
 
 Result<void> ViewedSession::play(const PlayRequest& /*request*/) {
-  return refused("a session runs: there is no recording to be looked at", "",
-                 "palpate replay RECORDING --view shows one");
+  return refused("this is a live session, not a recording", "", "palpate replay RECORDING --view shows one");
 }
 
 }  // namespace palpate

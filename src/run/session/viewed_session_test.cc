@@ -790,7 +790,7 @@ TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
   viewed_->follow_script();
   ASSERT_TRUE(viewed_->method_failure());
   EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
-  EXPECT_THAT(viewed_->method_failure()->what, HasSubstr("other stiffnesses"));
+  EXPECT_THAT(viewed_->method_failure()->what, HasSubstr("other stiffness values"));
   EXPECT_EQ(viewed_->state().method, "proxy");
 }
 
@@ -814,9 +814,9 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
        }),
        "viewer 3 wants to turn the object by 22.9 degrees"},
       {one([](auto& r) { r.paused = true; }), "viewer 3 wants to pause the force"},
-      {one([](auto& r) { r.max_force_N = 2; }), "viewer 3 wants to set the limit of the force to 2 N, now 3"},
-      {one([](auto& r) { r.max_force_N = 4; }), "viewer 3 wants to set the limit of the force to 4 N, now 3"},
-      {one([](auto& r) { r.method = "trilinear"; }), "viewer 3 wants to feel by the method trilinear"},
+      {one([](auto& r) { r.max_force_N = 2; }), "viewer 3 wants to set the force limit to 2 N, now 3"},
+      {one([](auto& r) { r.max_force_N = 4; }), "viewer 3 wants to set the force limit to 4 N, now 3"},
+      {one([](auto& r) { r.method = "trilinear"; }), "viewer 3 wants to use the method trilinear"},
       {one([](auto& r) {
          r.friction = false;
          r.viscosity = false;
@@ -895,7 +895,7 @@ TEST_F(Viewed, WithoutAnybodyToAskNothingIsChangedFromAfar) {
   start(false);
   SettingsRequest request;
   request.rotation_wxyz = {std::cos(0.2), 0, 0, std::sin(0.2)};
-  EXPECT_THAT(error_of(request).what, HasSubstr("nobody can be asked"));
+  EXPECT_THAT(error_of(request).what, HasSubstr("cannot be confirmed"));
   EXPECT_FALSE(error_of(request).remedy.empty());
   EXPECT_EQ(loop_->parameters().rotation_target.z(), 0);
   // a stop needs no consent
@@ -1399,7 +1399,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   without.events.clear();
   again = replay(without, loaded_.model);
   ASSERT_FALSE(again.ok());
-  EXPECT_THAT(again.error().what, HasSubstr("of the model, which the file does not hold"));
+  EXPECT_THAT(again.error().what, HasSubstr("of the model, which is missing from the file"));
   Recording wild = recording;
   first_change(wild).contact.stiffness_N_per_mm = 1e9;
   again = replay(wild, loaded_.model);

@@ -431,8 +431,8 @@ TEST_F(YieldRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
   Model soft = *cut.model;
   soft.tissues[1].elastic = ElasticConstants{20, 0.45};
   cut.model = std::make_shared<const Model>(std::move(soft));
-  EXPECT_THAT(error_of(cut, "chainmail"), HasSubstr("cannot begin to move"));
-  EXPECT_THAT(error_of(cut, "elastic"), HasSubstr("a tool that cuts"));
+  EXPECT_THAT(error_of(cut, "chainmail"), HasSubstr("cannot start to move"));
+  EXPECT_THAT(error_of(cut, "elastic"), HasSubstr("a cutting tool"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "none.h5"));
 }
 
@@ -516,7 +516,7 @@ TEST_F(YieldRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
   other.events[rows[50]].input_tick = ~std::uint64_t{0};
   result = replay(other, loaded_.model);
   ASSERT_FALSE(result.ok());
-  EXPECT_THAT(result.error().message(), HasSubstr("a tick that is not there"));
+  EXPECT_THAT(result.error().message(), HasSubstr("a tick that is missing"));
 }
 
 TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {

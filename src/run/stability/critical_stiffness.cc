@@ -28,13 +28,13 @@ std::optional<Error> fault_of(const StabilityCase& held) {
   };
   // written such that NaN is out of range
   if (!(held.rate_hz >= kSlowest_hz && held.rate_hz <= kFastest_hz))
-    return bad("no wall is tried at this rate", "choose from 100 to 20000 Hz");
+    return bad("the stiffness cannot be determined at this rate", "choose from 100 to 20000 Hz");
   if (!(held.delay_s >= 0 && held.delay_s <= SimulatedDevice::kMaxDelay_s))
-    return bad("no wall is tried with this delay", "choose from 0 to 20 ms");
+    return bad("the stiffness cannot be determined with this delay", "choose from 0 to 20 ms");
   if (!(held.device.mass_kg + held.hand.mass_kg > 0))
-    return bad("device and hand have no mass", "give them some");
+    return bad("device and hand have no mass", "give at least one of them a mass");
   if (!(held.hand.stiffness_N_per_m > 0))
-    return bad("the hand '" + held.hand.name + "' has no stiffness and holds nothing", "give it some");
+    return bad("the hand '" + held.hand.name + "' has no stiffness", "give it a stiffness");
   if (!(held.device.encoder_step_m > 0))
     return bad("the device '" + held.device.name + "' has no encoder step to measure a limit cycle by",
                "give it one");

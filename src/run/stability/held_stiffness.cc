@@ -36,9 +36,10 @@ std::string loop_text(double rate_hz, double delay_s) {
 
 std::string held_by_hand(const PlantDevice& device, double rate_hz, double delay_s) {
   char margin[120];
-  std::snprintf(margin, sizeof margin, ", %.1f of where a grip begins to swing (passive with any hand: %.3g)",
+  std::snprintf(margin, sizeof margin,
+                ", %.1f of the stiffness at which a grip starts to oscillate (passive with any hand: %.3g)",
                 kStiffnessMargin, passivity_bound_N_per_mm(device, rate_hz));
-  return "a hand holds with " + device.name + loop_text(rate_hz, delay_s) + margin;
+  return "is stable with " + device.name + loop_text(rate_hz, delay_s) + margin;
 }
 
 }  // namespace
@@ -55,10 +56,10 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   double by_hand = held_by_theory(device, rate_hz, delay_s);
   // beyond the vendor's specification no stability is needed
   if (std::min(all_points, vouched) > by_hand) {
-    progress.report("how stiff a wall the device holds", 0);
+    progress.report("stable stiffness of the device", 0);
     const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
     if (!most) return most.error();
-    progress.report("how stiff a wall the device holds", 1);
+    progress.report("stable stiffness of the device", 1);
     by_hand = *most;
   }
   held.max_N_per_mm = std::min(by_hand, vouched);
@@ -66,15 +67,14 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
 
   const auto points = static_cast<int>(std::lround(held.asked_N_per_mm / one_point));
   char text[400];
-  std::snprintf(
-      text, sizeof text,
-      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as "
-      "%.3g, the most that %s",
-      stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
-      workspace.force_gain, points, points == 1 ? "" : "s", held.max_N_per_mm,
-      (vouched < by_hand ? "the maker of " + device.name + " vouches for"
-                         : held_by_hand(device, rate_hz, delay_s))
-          .c_str());
+  std::snprintf(text, sizeof text,
+                "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): "
+                "limited to %.3g, the maximum that %s",
+                stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
+                workspace.force_gain, points, points == 1 ? "" : "s", held.max_N_per_mm,
+                (vouched < by_hand ? "the vendor of " + device.name + " guarantees"
+                                   : held_by_hand(device, rate_hz, delay_s))
+                    .c_str());
   held.clamped = text;
   return held;
 }
@@ -95,9 +95,8 @@ HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace,
 
   char text[400];
   std::snprintf(text, sizeof text,
-                "%s asks for %.3g N s/mm of damping (%.3g x scale %.3g x force gain %.3g): felt as %.2g, the "
-                "most that %s "
-                "bears%s, %.1f of where it begins to swing by itself",
+                "%s asks for %.3g N s/mm of damping (%.3g x scale %.3g x force gain %.3g): limited to %.2g, "
+                "the maximum for %s%s, %.1f of the damping at which it starts to oscillate by itself",
                 of.c_str(), felt_N_s_per_mm, asked_N_s_per_mm, workspace.scale, workspace.force_gain,
                 held.max_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
                 kStiffnessMargin);

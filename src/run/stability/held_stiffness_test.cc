@@ -36,7 +36,7 @@ TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) 
   ASSERT_TRUE(held.ok());
   EXPECT_EQ(held->asked_N_per_mm, 6);
   EXPECT_EQ(held->max_N_per_mm, *recommended_stiffness_N_per_mm(premium, 1000, 1e-3));
-  for (const char* part : {"'bone' asks for 6 N/mm", "scale 2 x force gain 0.5", "felt as 0.713",
+  for (const char* part : {"'bone' asks for 6 N/mm", "scale 2 x force gain 0.5", "limited to 0.713",
                            "premium-1.5 at 1000 Hz with 1 ms of delay", "any hand: 0.01"})
     EXPECT_NE(held->clamped.find(part), std::string::npos) << held->clamped;
 }
@@ -49,7 +49,7 @@ TEST(HeldStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
   const auto by_proxy = held_stiffness(model, {}, ForceMethod::kProxy, premium, 1000, 0);
   ASSERT_TRUE(directly.ok() && by_proxy.ok());
   EXPECT_EQ(directly->asked_N_per_mm, 6);
-  EXPECT_NE(directly->clamped.find("4 points): felt as 2.04"), std::string::npos) << directly->clamped;
+  EXPECT_NE(directly->clamped.find("4 points): limited to 2.04"), std::string::npos) << directly->clamped;
   EXPECT_EQ(by_proxy->asked_N_per_mm, 1.5);
   EXPECT_EQ(by_proxy->clamped, "");
   EXPECT_EQ(by_proxy->max_N_per_mm, directly->max_N_per_mm) << "the method may change";
@@ -64,10 +64,10 @@ TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
     const char* says;
   };
   for (const Case& one :
-       {Case{0.5, 6, 0.5, "felt as 0.5, the most that the maker of premium-1.5 vouches for"},
+       {Case{0.5, 6, 0.5, "limited to 0.5, the maximum that the vendor of premium-1.5 guarantees"},
         Case{0.5, 0.6, 0.5, "'bone' asks for 0.6 N/mm"}, Case{0.5, 0.4, 0.5, nullptr},
-        Case{50, 6, by_hand, "the most that a hand holds"}, Case{1e-3, 6, 1e-3, "felt as 0.001"},
-        Case{kNotKnown, 6, by_hand, "the most that a hand holds"}}) {
+        Case{50, 6, by_hand, "the maximum that is stable with"}, Case{1e-3, 6, 1e-3, "limited to 0.001"},
+        Case{kNotKnown, 6, by_hand, "the maximum that is stable with"}}) {
     SCOPED_TRACE(one.vouched);
     premium.stiffness_N_per_mm = one.vouched;
     for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
@@ -104,8 +104,8 @@ TEST(HeldDamping, IsWhatADeviceBearsByItselfAndSaysSoWithTheNumbers) {
   EXPECT_EQ(held().max_N_s_per_mm, recommended_damping_N_s_per_mm(premium, 1000, 1e-3));
   EXPECT_EQ(held().clamped, "");
   model.tissues[0].viscosity_N_s_per_mm = 0.05;
-  for (const char* part : {"'bone' asks for 0.1 N s/mm", "0.05 x scale 2 x force gain 1", "felt as 0.014",
-                           "premium-1.5 bears at 1000 Hz with 1 ms of delay"})
+  for (const char* part : {"'bone' asks for 0.1 N s/mm", "0.05 x scale 2 x force gain 1", "limited to 0.014",
+                           "the maximum for premium-1.5 at 1000 Hz with 1 ms of delay"})
     EXPECT_NE(held().clamped.find(part), std::string::npos) << held().clamped;
   model.tissues[0].felt = false;
   EXPECT_EQ(held().clamped, "") << "what is not felt";
@@ -149,7 +149,7 @@ TEST(HeldStiffness, AStiffWallIsFeltAsTheDeviceHoldsIt) {
     const auto result = simulate(loaded, script, options, folder / "stiff.h5");
     ASSERT_TRUE(result.ok()) << result.error().message();
     ASSERT_FALSE(result->trouble.empty());
-    EXPECT_NE(result->trouble.front().find("felt as 0.713"), std::string::npos) << result->trouble.front();
+    EXPECT_NE(result->trouble.front().find("limited to 0.713"), std::string::npos) << result->trouble.front();
     const auto recording = read_recording(folder / "stiff.h5");
     ASSERT_TRUE(recording.ok());
     double deepest_mm = 0, max_N = 0;

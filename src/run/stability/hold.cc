@@ -16,9 +16,11 @@ constexpr int kTicksBetweenLooks = 1000;
 std::optional<Error> fault_of(const Hold& hold) {
   // written such that NaN is out of range
   if (!(hold.rate_hz >= kLowestHold_hz && hold.rate_hz <= kHighestHold_hz))
-    return Error{ErrorKind::kBadInput, "no tip is held at this rate", "", "choose from 250 to 10000 Hz"};
+    return Error{ErrorKind::kBadInput, "holding cannot be simulated at this rate", "",
+                 "choose from 250 to 10000 Hz"};
   if (!(hold.delay_s >= 0 && hold.delay_s <= SimulatedDevice::kMaxDelay_s))
-    return Error{ErrorKind::kBadInput, "no tip is held with this delay", "", "choose from 0 to 20 ms"};
+    return Error{ErrorKind::kBadInput, "holding cannot be simulated with this delay", "",
+                 "choose from 0 to 20 ms"};
   return std::nullopt;
 }
 

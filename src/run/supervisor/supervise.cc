@@ -244,7 +244,7 @@ int supervise(const std::vector<std::string>& arguments) {
   const auto numbers = numbers_in(arguments);
   SharedBlock* block = numbers ? shared_block() : nullptr;
   if (block == nullptr) {
-    std::fprintf(stderr, "palpate: error: supervise is called by palpate explore alone\n");
+    std::fprintf(stderr, "palpate: error: supervise is started only by palpate explore\n");
     return 2;
   }
   const auto [halt_files, kill_frozen, record, realtime, session] = *numbers;
@@ -280,7 +280,8 @@ int supervise(const std::vector<std::string>& arguments) {
   const auto events = block->all();
   const auto first = std::ranges::find(events, events.back().last_beat_ns, &SupervisorEvent::last_beat_ns);
   std::fprintf(stderr, "palpate: the session's process died; %s %.1f ms after the last tick\n",
-               halt_files > 0 ? "its devices were told to give no force" : "its hold on its devices was gone",
+               halt_files > 0 ? "its devices were commanded to give no force"
+                              : "its devices had already been released",
                static_cast<double>(first->halted_ns - first->last_beat_ns) * 1e-6);
   return 0;
 }

@@ -148,7 +148,7 @@ Result<void> SupervisorProcess::begin() {
     if (block_.watching.load(std::memory_order_acquire)) return {};
     if (::poll(&ended, 1, 1) > 0) break;
   }
-  return Error{ErrorKind::kUnavailable, "no supervisor: its process did not begin to watch", words.front(),
+  return Error{ErrorKind::kUnavailable, "no supervisor: its process did not start to monitor", words.front(),
                "close other programs, and try again"};
 }
 
