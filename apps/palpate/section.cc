@@ -43,7 +43,7 @@ Result<OutputClaim> check_section(const SectionOptions& options) {
   const auto extension = options.output.extension();
   if (!extension.empty() && extension != ".png" && extension != ".dcm")
     return usage("the output is a PNG picture or a DICOM Secondary Capture", options.output.string(),
-                 "give it a name that ends with .png or .dcm");
+                 "give it a name that ends in .png or .dcm");
   if (options.keep_identifiers && extension != ".dcm")
     return usage("only DICOM can keep identifiers", "--keep-identifiers",
                  "write a file that ends in .dcm, or leave it out");

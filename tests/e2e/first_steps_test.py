@@ -191,13 +191,13 @@ class FirstSteps(cli.PalpateTest):
         for verb in ("info", "simulate", "scene new"):
             done = self.run_verb(verb, masks)
             self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)
-            self.assertIn("scan.nrrd: has several values besides 0, and in a folder of masks each file is one structure", done.stderr)
-            self.assertIn("a folder of their own", done.stderr)
+            self.assertIn("scan.nrrd: has several values besides 0, but in a folder of masks each file is one structure", done.stderr)
+            self.assertIn("a separate folder", done.stderr)
 
     @cli.long
     def test_shared_dicom_is_named(self):
         root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent
-        for name, what in (("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/bad_sequence.dcm", "a single slice is no volume")):
+        for name, what in (("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/bad_sequence.dcm", "a single slice is not a volume")):
             with self.subTest(name):
                 self.fail_clearly(cli.BAD_INPUT, "section", root / name, "-o", self.folder / "x.png", says=what)
         for path in sorted((root / "edge").rglob("*.dcm")):

@@ -92,7 +92,7 @@ class Lint(cli.KneeTest):
                 (cli.USAGE, [self.labels, "--fix", self.labels], self.labels.name),
                 (cli.USAGE, [self.labels, "--fix", link], "link.seg.nrrd"),
                 (cli.USAGE, [self.labels, "--page", self.labels], self.labels.name),
-                (cli.USAGE, [self.labels, "--page", self.folder / "one", "--json", self.folder / "one"], "of its own"),
+                (cli.USAGE, [self.labels, "--page", self.folder / "one", "--json", self.folder / "one"], "give each output a different file"),
                 (cli.USAGE, [self.labels, "--tool-radius", "0"], "--tool-radius"),
                 (cli.USAGE, ["knee-phantom", self.scan], "a segmentation needs a scan"),
                 (cli.OUTPUT, [self.labels, "--fix", self.folder / "none" / "new.nrrd"], "none"),

@@ -82,13 +82,13 @@ class Meshes(cli.PalpateTest):
         self.fail_clearly(cli.BAD_INPUT, "scene", "new", centred, femur, says="--mesh-space")
         scene = self.folder / "scene.toml"
         done = self.succeed("scene", "new", centred, femur, "--mesh-space", "ras", "-o", scene)
-        self.assertIn("RAS (as was asked for)", done.stderr)
+        self.assertIn("RAS (as requested)", done.stderr)
         # the scene keeps it
         self.assertIn('mesh_space = "ras"', scene.read_text())
         self.assertIn("a valid scene", self.succeed("scene", "check", scene).stdout)
         # 3D Slicer says it
         write_stl(femur, sphere((3, 4, 5), 12), b"3D Slicer output. SPACE=LPS")
-        self.assertIn("LPS (as the file says)", self.succeed("scene", "new", centred, femur).stderr)
+        self.assertIn("LPS (as stated in the file)", self.succeed("scene", "new", centred, femur).stderr)
         # alone: on a grid of its own, without sides
         write_stl(femur, sphere((3, 4, 5), 12))
         done = self.succeed("info", femur)
@@ -105,7 +105,7 @@ class Meshes(cli.PalpateTest):
         femur = self.folder / "femur.stl"
         write_stl(femur, holed)
         done = self.succeed("scene", "new", self.scan, femur)
-        self.assertIn("is no closed surface everywhere", done.stderr)
+        self.assertIn("is not closed everywhere", done.stderr)
         self.assertIn("edges", done.stderr)
 
     def test_damage_is_one_error(self):

@@ -70,7 +70,7 @@ class Names(cli.PalpateTest):
         self.assertIn(f"{table} was not used", done.stderr)
         self.assertIn("knee.nrrd", done.stderr)
         self.assertIn("no name for its 2 labels", done.stdout)
-        self.assertIn("a table that was given", " ".join(self.succeed("info", labels, "--names", table).stdout.split()))
+        self.assertIn("the given table", " ".join(self.succeed("info", labels, "--names", table).stdout.split()))
         # what a scene names is used
         self.assertNotIn("not used", self.succeed("scene", "check", scene).stderr)
 
@@ -105,7 +105,7 @@ class Names(cli.PalpateTest):
 
     def test_the_evidence_is_said(self):
         labels = write_nrrd(self.folder / "labels.nrrd", blocks)
-        self.assertIn("kind        labels: its 2 values lie in patches", self.succeed("info", labels).stdout)
+        self.assertIn("kind        labels: its 2 values form patches", self.succeed("info", labels).stdout)
         self.assertIn("is taken as labels, because its 2 values", self.succeed("scene", "new", labels).stderr)
         noise = write_nrrd(self.folder / "noise.nrrd", lambda i, j, k: (i * 79 + j * 1047 + k * 129) % 205)
         self.assertIn("scan: its 204 values change from voxel to voxel", self.succeed("info", noise).stdout)

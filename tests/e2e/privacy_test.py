@@ -241,7 +241,7 @@ class Privacy(cli.PalpateTest):
             scene = named / "scene.toml"
             placed = () if labels in (mask, tidy) else ("--mesh-space", "lps")
             done = self.succeed("scene", "new", scan, labels, *placed, "--force", "-o", scene, env=environment)
-            self.assertIn("known to be anatomy", done.stderr)
+            self.assertIn("known anatomical word", done.stderr)
             # the scene names its data, and nothing else of the patient
             told = [line for line in scene.read_text().splitlines() if not re.match(r"(scan|labels|#)", line)]
             self.assertNotIn("canary", "\n".join(told).lower())

@@ -51,7 +51,7 @@ class Render(cli.KneeTest):
         self.assertEqual(len({frame.read_bytes() for frame in frames}), 4)
         done = cli.run("render", self.scene, "--orbit", "4", "-o", folder)
         self.assertEqual(done.returncode, cli.OUTPUT)
-        self.assertIn("a folder of their own", done.stderr)
+        self.assertIn("need a new or empty folder", done.stderr)
 
     def test_an_orbit_is_an_animated_png(self):
         animated, frames = self.folder / "orbit.png", self.folder / "orbit-frames"

@@ -40,7 +40,7 @@ class SceneTest(cli.PalpateTest):
         self.assertIn("liver.dcm was made on volume 1 (series 1: CT, axial, 512 x 512 x 3", said)
         self.assertIn("scan_volume = 1", scene.read_text())
         self.succeed("scene", "check", scene)
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", other, segmentation, says="another frame of reference")
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", other, segmentation, says="a different frame of reference")
         # one folder with both
         whole = self.folder / "whole"
         whole.mkdir()

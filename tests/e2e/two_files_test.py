@@ -145,7 +145,7 @@ class TwoFiles(cli.PalpateTest):
         # by its position, whatever it looks like
         self.assertIn("threshold", self.succeed("scene", "new", "--scan", self.other_labels).stdout)
         self.succeed("section", self.other_labels, self.labels, "--scan", "-o", self.out / "x.png")
-        self.fail_clearly(cli.USAGE, "section", self.scan, self.scan, "-o", self.out / "y.png", says="one file given as the scan")
+        self.fail_clearly(cli.USAGE, "section", self.scan, self.scan, "-o", self.out / "y.png", says="the same file is given as the scan")
         self.fail_clearly(cli.USAGE, "section", self.scan, "--names", self.names, "-o", self.out / "y.png",
                           says="a table of names needs a label map")
         for target in ("knee-phantom", self.folder / "scene.toml"):

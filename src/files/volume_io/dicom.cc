@@ -118,7 +118,7 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   std::sort(found.files.begin(), found.files.end());
   if (more)
     found.notes.push_back("holds more than " + std::to_string(kMaxDicomFiles) +
-                          " files, of which no more were looked at");
+                          " files; the others were ignored");
   if (led_out > 0)
     found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
                           " out of the folder and was not followed (--follow-links allows it)");
@@ -233,7 +233,7 @@ Result<DicomContent> look_at(DicomLibrary& library, const FoundFiles& found, con
     std::string front(kKindBytes, '\0');
     const auto got = opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
     if (!got) {
-      leave_out(bad_input("", "cannot be read", "see to it that you may read it"));
+      leave_out(bad_input("", "cannot be read", "check that you have permission to read it"));
       continue;
     }
     front.resize(*got);
@@ -257,14 +257,13 @@ Result<DicomContent> look_at(DicomLibrary& library, const FoundFiles& found, con
   std::vector<DicomFrame> frames = frames_of(std::move(images), content.identifiers);
   content.notes = found.notes;
   if (copies > 0)
-    content.notes.push_back(counted(copies, "file is a copy of another one, value by value, and was",
-                                    "files are copies of others, value by value, and were") +
+    content.notes.push_back(counted(copies, "file is an exact copy of another one and was",
+                                    "files are exact copies of others and were") +
                             " left out");
   for (const auto& [what, count] : damages)
-    content.notes.push_back(
-        "left out: " + counted(count, "file that ", "files of which each ") + what +
-        "; where that was the first or the last slice of a volume, the volume lacks it and "
-        "nothing else says so");
+    content.notes.push_back("left out: " + counted(count, "file that ", "files of which each ") + what +
+                            "; if one was the first or the last slice of a volume, that slice is missing "
+                            "without another message");
   for (const auto& [what, count] : kinds)
     content.others.push_back(count == 1 ? what : what + ", " + std::to_string(count) + " files");
   if (pictureless > 0)
@@ -319,8 +318,7 @@ VolumeFile volume_of(const DicomVolume& volume, const fs::path& named, std::vect
                             [](const DicomFrame& frame) { return frame.padding.has_value(); });
   file.notes = std::move(notes);
   if (is_lossy(volume))
-    file.notes.push_back(
-        "was compressed with a loss: its values are near those that were measured, and not the same");
+    file.notes.push_back("was compressed with loss: its values only approximate the measured ones");
   return file;
 }
 
@@ -367,7 +365,7 @@ Result<void> send_slices(DicomLibrary& library, const DicomVolume& volume, const
       pixels.reset();
       auto input = InputFile::open(found.files[frame.file]);
       if (!input)
-        return here(bad_input("", "cannot be read any more", "leave the files alone while they are read"));
+        return here(bad_input("", "can no longer be read", "do not change the files while they are read"));
       file = *std::move(input);
       auto content = library.open_pixels(file->name_for_libraries());
       if (!content) return here(content.error());
@@ -511,7 +509,7 @@ Result<DicomSegmentation> read_segmentation_file(DicomLibrary& library, const fs
   for (const DicomSegment& segment : said->segments)
     if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) ||
         !numbers.insert(segment.number).second)
-      return bad_input("", "has a SegmentNumber (0062,0004) of 0 or one twice", "export it again");
+      return bad_input("", "has a SegmentNumber (0062,0004) that is 0 or repeated", "export it again");
   return said;
 }
 
@@ -535,7 +533,7 @@ Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::p
   const DicomSegmentation& said = segments.said;
   if (std::ranges::any_of(said.segments,
                           [](const auto& segment) { return segment.number >= static_cast<int>(kNumbers); }))
-    return bad_input("", "has more segments than there are numbers for", "read fewer of its files at a time");
+    return bad_input("", "has more segments than label numbers", "read fewer of its files at a time");
   auto grid = lay_segments(said);
   if (!grid) return grid.error();
   segments.grid = *std::move(grid);
@@ -549,13 +547,14 @@ Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::p
   notes.insert(notes.end(), segments.grid.notes.begin(), segments.grid.notes.end());
   if (files.size() > 1)
     notes.push_back("is spread over " + std::to_string(files.size()) + " files of " +
-                    counted(series.size(), "series", "series") + ", which are read as one segmentation of " +
+                    counted(series.size(), "series", "series") +
+                    ", which are read as one segmentation with " +
                     counted(said.segments.size(), "segment", "segments"));
   if (std::ranges::any_of(said.codings, [](const SegmentCoding& coding) {
         return coding.kind == SegmentCoding::Kind::kFractional;
       }))
     notes.push_back(
-        "is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
+        "is fractional: a voxel belongs to a segment at half of MaximumFractionalValue (0062,000E) or more");
   std::vector<std::string> names;
   for (std::size_t n = 0; n < said.segments.size(); ++n) {
     const DicomSegment& segment = said.segments[n];
@@ -627,16 +626,16 @@ void note_structures(const Structures& structures, const std::vector<std::string
   const auto tell = [&](const std::string& what, const std::vector<std::string>& names) {
     if (!names.empty()) file.notes.push_back(what + ": " + names_in_words(names));
   };
-  tell("has structures without a closed contour, which are left out", without_contours);
+  tell("has structures without a closed contour, which were left out", without_contours);
   if (left_out > 0)
     file.notes.push_back(counted(left_out, "contour is open, a point or less than a triangle, and was",
                                  "contours are open, points or less than a triangle, and were") +
                          " left out");
   tell("lacks contours in " + counted(bridged, "plane", "planes") +
-           " between others, where those of the nearest plane are taken",
+           " between others, where the contours of the nearest plane are used",
        with_gaps);
-  tell("has structures that reach beyond the scan and are cut off there", cut);
-  tell("has structures of which no voxel's centre is in, or that lie outside of the scan", empty);
+  tell("has structures that extend beyond the scan and are cut off there", cut);
+  tell("has structures that contain no voxel centre or lie outside the scan", empty);
 }
 
 // @param look  called regularly; false: the parent has gone
@@ -652,7 +651,7 @@ Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& nam
   auto said = library.read_structures(opened->name_for_libraries());
   if (!said) return said.error();
   if (said->size() >= kNumbers)
-    return bad_input("", "has more structures than there are numbers for", "export some of them");
+    return bad_input("", "has more structures than label numbers", "export fewer of them");
   for (DicomStructure& structure : *said) {
     left_out += structure.left_out;
     if (structure.contours.empty()) {
@@ -788,7 +787,7 @@ bool match_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Fou
     return refused(bad_input("",
                              "holds " + std::to_string(files.size()) + " segmentations of " +
                                  std::to_string(series.size()) + " series, which may be different readings",
-                             "name one of them after the images, or this folder to read all as one"),
+                             "give one of them after the images, or this folder to read all of them as one"),
                    segmentation);
   const auto chosen = choose_segmented(
       content->volumes, relations_of(reference, content->volumes, content->identifiers), number);
@@ -843,7 +842,7 @@ Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& fo
     }
     if (number == kEnd) return receive_end(process, named);
     begun = std::min<std::size_t>(number, found.files.size());
-    progress.report("looking for volumes",
+    progress.report("searching for volumes",
                     static_cast<double>(begun) / static_cast<double>(found.files.size()));
   }
 }
@@ -914,7 +913,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
     if (!place)
       return bad_input(directory.string(),
                        "names a file that is not in its folder (ReferencedFileID (0004,1500))",
-                       "name the folder that it stands in: all DICOM files in it are found without it");
+                       "give its folder: all DICOM files in it are found without the DICOMDIR");
     // some discs are mounted with lower-case names
     std::error_code ignored;
     if (!fs::is_regular_file(*place, ignored)) place = place_of(folder, parts, true);
@@ -932,7 +931,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
   if (found.files.empty())
     return bad_input(directory.string(),
                      "names " + counted(missing, "file that is", "files that are") + " not there",
-                     "copy it with the folders that stand beside it");
+                     "copy it together with the folders next to it");
   return found;
 }
 
@@ -976,8 +975,8 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   const auto library = ready_library();
   if (!library) return at(study, library.error());
   if (!is_dicom(study))
-    return bad_input(study.string(), "holds no DICOM image, so that nothing can be attached to it",
-                     "name the study: a folder of DICOM, or a file of it");
+    return bad_input(study.string(), "holds no DICOM image, so nothing can be attached to it",
+                     "give the study: a DICOM folder or file");
   const auto found = find_files(study, progress);
   if (!found) return found.error();
   auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
@@ -1094,8 +1093,8 @@ Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress
   if (files.size() > kMaxSegmentationFiles)
     return bad_input(file.string(),
                      "holds " + std::to_string(files.size()) + " DICOM segmentations, and " +
-                         std::to_string(kMaxSegmentationFiles) + " are read as one at most",
-                     "name one of them, or put those that are wanted into a folder of their own");
+                         std::to_string(kMaxSegmentationFiles) + " can be read together at most",
+                     "give one of them, or put the ones to read into a separate folder");
   return open_dicom_labels(
       file, std::move(files), progress,
       [&](DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& parts) {
@@ -1225,11 +1224,11 @@ Result<Study> find_study(const std::filesystem::path& scan,
       if (dicom_segmentation_files(folder).size() != segmentations->size())
         return Error{
             ErrorKind::kUsage,
-            "holds " + std::to_string(segmentations->size()) + " segmentations beside its images:" + list,
+            "holds " + std::to_string(segmentations->size()) +
+                " segmentations in addition to its images:" + list,
             scan.string(),
-            "name one of them after the folder; or put those that are one segmentation into a "
-            "folder of their own and name that; or name the images alone with --scan: palpate scene "
-            "new"};
+            "give one of them after the folder; or put the files of one segmentation into a separate folder "
+            "and give that; or give the images alone with --scan: palpate scene new"};
       study.labels = folder;
     } else {
       study.labels = segmentations->front();
@@ -1238,12 +1237,12 @@ Result<Study> find_study(const std::filesystem::path& scan,
   if (label_files(*study.labels).empty()) return study;
   if (images) return matched(std::move(study), !labels, progress);
   study.is_stated = false;
-  study.notes.push_back(study.labels->string() + " says on which images it was made, and " + scan.string() +
-                        " does not say which it is: that they belong together was not checked");
+  study.notes.push_back(study.labels->string() + " states the images it was made on, but " + scan.string() +
+                        " does not identify itself: whether they belong together was not checked");
   return study;
 } catch (const std::bad_alloc&) {
   return bad_input(scan.string(), "does not fit into the memory",
-                   "close other programs, or name a smaller folder");
+                   "close other programs, or choose a smaller folder");
 }
 
 Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress) try {
@@ -1277,14 +1276,14 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   return list;
 } catch (const std::bad_alloc&) {
   return bad_input(file.string(), "does not fit into the memory",
-                   "close other programs, or name a smaller folder");
+                   "close other programs, or choose a smaller folder");
 }
 
 std::string in_words(IdentifierKind kind) {
   constexpr const char* kWords[kIdentifierKinds] = {
-      "names of persons",        "numbers and addresses", "what the patient is like",
+      "names of persons",        "numbers and addresses", "characteristics of the patient",
       "dates and times",         "unique identifiers",    "free text",
-      "institution and station", "private elements",      "in or over the picture"};
+      "institution and station", "private elements",      "in or over the image"};
   return kWords[static_cast<std::size_t>(kind)];
 }
 
@@ -1411,13 +1410,12 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
     report.notes.push_back("has " + std::to_string(beyond) + (beyond == kMaxRows ? " or more" : "") +
                            " further elements, which are not listed");
   if (files == 0)
-    return bad_input(
-        file.string(), "holds no DICOM file that can be read",
-        "what other formats carry besides voxels, palpate passes over: docs/reference/formats.md");
+    return bad_input(file.string(), "holds no DICOM file that can be read",
+                     "palpate ignores data other than voxels in other formats: docs/reference/formats.md");
   return report;
 } catch (const std::bad_alloc&) {
   return bad_input(file.string(), "does not fit into the memory",
-                   "close other programs, or name a smaller folder");
+                   "close other programs, or choose a smaller folder");
 }
 
 }  // namespace palpate

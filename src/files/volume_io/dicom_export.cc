@@ -39,11 +39,11 @@ Result<SegmentationToWrite> segmentation_of(const LabelMap& labels, const std::f
   constexpr double kSquare = 1e-4;
   if (std::abs(x.dot(y)) > kSquare || std::abs(y.dot(z)) > kSquare || std::abs(z.dot(x)) > kSquare)
     return bad_input(file.string(),
-                     "its axes would not be square to each other, which a DICOM segmentation cannot hold",
+                     "its axes would not be orthogonal, which a DICOM segmentation cannot represent",
                      "write it as .seg.nrrd");
   constexpr int kMaxAlong = 65535;
   if (grid.dims[0] > kMaxAlong || grid.dims[1] > kMaxAlong)
-    return bad_input(file.string(), "would have more rows or columns than DICOM can hold",
+    return bad_input(file.string(), "would have more rows or columns than DICOM allows",
                      "write it as .seg.nrrd");
   SegmentationToWrite seg;
   seg.columns = grid.dims[0];
@@ -78,7 +78,7 @@ Result<SegmentationToWrite> segmentation_of(const LabelMap& labels, const std::f
   }
   if (seg.segments.empty())
     return bad_input(file.string(), "would hold no segment: no voxel has a label",
-                     "export labels that are there");
+                     "export labels that have voxels");
   return seg;
 }
 

@@ -175,7 +175,7 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
   }
   const DcmXfer known(syntax);
   if (syntax != EXS_Unknown && known.isEncapsulated()) return compressed(known.getXferName());
-  return Fault{"is of a TransferSyntaxUID (0002,0010) that is not known here", kSlicer};
+  return Fault{"has an unknown TransferSyntaxUID (0002,0010)", kSlicer};
 }
 
 constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA",  "CR",
@@ -192,13 +192,13 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   frame.columns = *columns;
   if (!allocated) return lacks(DCM_BitsAllocated);
   if (count_of(root, DCM_SamplesPerPixel).value_or(1) != 1)
-    return Fault{"is a picture in colours, not a scan: SamplesPerPixel (0028,0002) is not 1", kExport};
+    return Fault{"is a colour image, not a scan: SamplesPerPixel (0028,0002) is not 1", kExport};
   const std::string photometric = text_of(root, DCM_PhotometricInterpretation);
   // labels may index a palette, which defines the colours of the segments
   const bool labels = photometric == "PALETTE COLOR" && text_of(root, DCM_SegmentationType) == "LABELMAP";
   if (photometric != "MONOCHROME1" && photometric != "MONOCHROME2" && !labels)
     return Fault{
-        "is no image in grey: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
+        "is not a greyscale image: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
         "MONOCHROME2",
         kExport};
   frame.bits_allocated = *allocated;
@@ -211,12 +211,13 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
       frame.high_bit >= *allocated || frame.high_bit + 1 < frame.bits_stored)
     return Fault{
         "has BitsAllocated (0028,0100), BitsStored (0028,0101) and HighBit (0028,0102) that are not "
-        "read: " +
+        "supported: " +
             std::to_string(*allocated) + ", " + std::to_string(frame.bits_stored) + ", " +
             std::to_string(frame.high_bit),
         kSlicer};
   if (root.tagExists(DCM_ModalityLUTSequence))
-    return Fault{"gives its values by a table, ModalityLUTSequence (0028,3000), which is not read", kSlicer};
+    return Fault{"gives its values by a table, ModalityLUTSequence (0028,3000), which is not supported",
+                 kSlicer};
   return std::nullopt;
 }
 
@@ -258,7 +259,7 @@ std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, cons
 std::optional<Fault> read_place(const Attributes& attributes, bool several, DicomFrame& frame) {
   const auto lacks = [&](const DcmTagKey& tag) {
     return Fault{"lacks " + in_words(tag) + (several ? " for each frame" : "") +
-                     ", so that it is not known how it lies in the patient",
+                     ", so its orientation in the patient is unknown",
                  kExport};
   };
   const auto position = numbers_of<3>(attributes.in(DCM_PlanePositionSequence, DCM_ImagePositionPatient),
@@ -278,8 +279,7 @@ std::optional<Fault> read_place(const Attributes& attributes, bool several, Dico
   if (std::abs(row_length - 1) > kUnit || std::abs(column_length - 1) > kUnit ||
       std::abs(frame.along_row.dot(frame.along_column)) > kSquare)
     return Fault{
-        "has an ImageOrientationPatient (0020,0037) that is none: its directions are not of length 1 "
-        "and square to each other",
+        "has an invalid ImageOrientationPatient (0020,0037): its directions are not orthogonal unit vectors",
         kExport};
   frame.along_row /= row_length;
   frame.along_column /= column_length;
@@ -335,7 +335,7 @@ std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& 
   constexpr double kMost = 1e30;  // leaves some margin to a float's range
   const auto said = number_of(item, tag);
   if (!said || std::abs(*said) > kMost)
-    return Fault{"has a " + in_words(tag) + " that is no number", kExport};
+    return Fault{"has a " + in_words(tag) + " that is not a number", kExport};
   number = *said;
   return std::nullopt;
 }
@@ -441,9 +441,8 @@ Loaded load(DcmFileFormat& file, const std::filesystem::path& name) {
 
 // description of an incomplete file
 std::string in_words(Loaded loaded, const std::string& kind) {
-  return loaded == Loaded::kCutShort
-             ? "is a " + kind + " that ends within an element, as one that is cut short"
-             : "is a damaged " + kind;
+  return loaded == Loaded::kCutShort ? "is a " + kind + " that ends within an element, so it was cut short"
+                                     : "is a damaged " + kind;
 }
 
 // checks that the pixel data are present and complete, as far as possible without decoding
@@ -454,16 +453,16 @@ std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std
   if (loaded == Loaded::kDamaged) return Fault{"is damaged before its PixelData (7FE0,0010) ends", kCopy};
   if (root.tagExists(DCM_FloatPixelData) || root.tagExists(DCM_DoubleFloatPixelData))
     return Fault{
-        "has its values as FloatPixelData (7FE0,0008) or DoubleFloatPixelData (7FE0,0009), which is "
-        "not read",
+        "has its values as FloatPixelData (7FE0,0008) or DoubleFloatPixelData (7FE0,0009), which is not "
+        "supported",
         kSlicer};
   DcmElement* element = nullptr;
   if (root.findAndGetElement(DCM_PixelData, element).bad() || !element)
     return Fault{"has no PixelData (7FE0,0010)", kExport};
   auto* pixels = dynamic_cast<DcmPixelData*>(element);
-  if (!pixels) return Fault{"has a PixelData (7FE0,0010) that holds no pixels", kExport};
+  if (!pixels) return Fault{"has a PixelData (7FE0,0010) without pixels", kExport};
   const auto contradicts = [&](const std::string& there, const std::string& needed) {
-    return Fault{"has a PixelData (7FE0,0010) of " + there + ", and NumberOfFrames (0028,0008), Rows " +
+    return Fault{"has a PixelData (7FE0,0010) of " + there + ", but NumberOfFrames (0028,0008), Rows " +
                      "(0028,0010) and Columns (0028,0011) ask for " + needed,
                  kExport};
   };
@@ -519,7 +518,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   constexpr double kMaxFrames = 100'000;
   const bool countable = said >= 1 && said <= kMaxFrames;
   std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
-  if (!countable && !fault) fault = Fault{"has a NumberOfFrames (0028,0008) that is none", kExport};
+  if (!countable && !fault) fault = Fault{"has an invalid NumberOfFrames (0028,0008)", kExport};
   if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
   // limits memory for a frame count without matching pixel data
   if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
@@ -537,7 +536,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
     // several frames need individual positions
     if (several && n >= own.size()) {
       frame.placed = false;
-      wrong = Fault{"has " + std::to_string(count) + " frames and does not say where each of them lies: " +
+      wrong = Fault{"has " + std::to_string(count) + " frames without the position of each: " +
                         in_words(DCM_PerFrameFunctionalGroupsSequence),
                     kExport};
     }
@@ -645,9 +644,9 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
     return refused(
         {"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
   if (all.bits_allocated == 1 && DcmXfer(root.getOriginalXfer()).isEncapsulated())
-    return refused({"has packed bits, which are not read", kDecompress});
+    return refused({"has packed bits, which are not supported", kDecompress});
   if (coding.kind == Kind::kLabels && is_lossy(root, root.getOriginalXfer()))
-    return refused({"has labels that are compressed with a loss, so that they may be others", kSlicer});
+    return refused({"has labels that are compressed with loss, so they may be wrong", kSlicer});
   coding.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
   if (coding.kind == Kind::kLabels) coding.nothing = padding_of(root, DCM_PixelPaddingValue, all);
   segmentation.series_uid = text_of(root, DCM_SeriesInstanceUID);
@@ -658,10 +657,10 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   // the frame count must match the items, so that it cannot demand memory by itself
   const double said = number_of(root, DCM_NumberOfFrames).value_or(0);
   if (said < 1 || said != static_cast<double>(own.size()))
-    return refused(
-        {"has " + std::to_string(own.size()) +
-             " items of PerFrameFunctionalGroupsSequence (5200,9230) and another NumberOfFrames (0028,0008)",
-         kExport});
+    return refused({"has " + std::to_string(own.size()) +
+                        " items of PerFrameFunctionalGroupsSequence (5200,9230) but a different "
+                        "NumberOfFrames (0028,0008)",
+                    kExport});
   if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
   for (DcmItem* item : items_of(root, DCM_SegmentSequence)) {
     segmentation.segments.push_back(segment_of(*item, text_of(root, DCM_SpecificCharacterSet)));
@@ -769,7 +768,7 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
   for (DcmItem* item : items_of(root, DCM_StructureSetROISequence)) {
     const auto number = number_of(*item, DCM_ROINumber);
     if (!number || !index_of_number.emplace(*number, structures.size()).second)
-      return bad_input("", "has a structure without an ROINumber (3006,0022), or two of one",
+      return bad_input("", "has a structure without an ROINumber (3006,0022), or a repeated one",
                        "export it again");
     DicomStructure& structure = structures.emplace_back();
     structure.segment.number = static_cast<int>(structures.size());
@@ -858,7 +857,7 @@ class FilePixels : public DicomPixels {
         file->file_.getDataset()->findAndGetElement(DCM_PixelData, element).good())
       file->pixels_ = dynamic_cast<DcmPixelData*>(element);
     if (!file->pixels_)
-      return bad_input("", "cannot be read any more", "leave the files alone while they are read");
+      return bad_input("", "can no longer be read", "do not change the files while they are read");
     file->find_fragments();
     return std::unique_ptr<DicomPixels>(std::move(file));
   }
@@ -937,7 +936,7 @@ bool FilePixels::fetch(const DicomFrame& frame, std::uint64_t bytes) {
 }
 
 constexpr const char* kDamagedPixels = "has damaged PixelData (7FE0,0010)";
-constexpr const char* kOtherPixels = "has PixelData (7FE0,0010) of other sizes or bits than it says";
+constexpr const char* kOtherPixels = "has PixelData (7FE0,0010) that contradicts its stated size or bits";
 constexpr const char* kCopyAgain = "copy the series again";
 
 // true if the compressed image matches the attributes of the data set
@@ -1076,7 +1075,7 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
       now.bits_allocated != frame.bits_allocated ||
       values.size() * static_cast<std::size_t>(frame.bits_allocated / 8) != expected ||
       pixels_->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
-    return bad_input("", "has changed while it was read", "leave the files alone while they are read");
+    return bad_input("", "changed while it was read", "do not change the files while they are read");
 
   if (auto unpacked = unpack(frame, expected); !unpacked) return unpacked;
   const std::int64_t padding = frame.padding.value_or(0);

@@ -228,7 +228,7 @@ Result<std::vector<std::vector<std::string>>> files_of_dicomdir(const std::files
   DcmSequenceOfItems* records = nullptr;
   if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kReadAtOnce, ERM_autoDetect).bad() ||
       file.getDataset()->findAndGetSequence(DCM_DirectoryRecordSequence, records).bad() || !records)
-    return bad_input("", "is a damaged DICOMDIR", "copy it again, or name the folder that it stands in");
+    return bad_input("", "is a damaged DICOMDIR", "copy it again, or give its folder");
   std::vector<std::vector<std::string>> files;
   for (unsigned long n = 0; n < records->card(); ++n) {
     DcmItem* record = records->getItem(n);
@@ -244,8 +244,7 @@ Result<std::vector<std::vector<std::string>>> files_of_dicomdir(const std::files
     }
     files.push_back(std::move(parts));
   }
-  if (files.empty())
-    return bad_input("", "names no file (ReferencedFileID (0004,1500))", "name the folder that it stands in");
+  if (files.empty()) return bad_input("", "names no file (ReferencedFileID (0004,1500))", "give its folder");
   return files;
 }
 

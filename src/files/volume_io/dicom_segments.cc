@@ -238,8 +238,8 @@ std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, do
     if (min_off_mm <= quantum_mm / 2 + kExact)
       return SliceSteps{step_mm, first_mm,
                         "has positions that are rounded to " + segment_mm(quantum_mm) +
-                            " mm: its slices are laid " + segment_mm(step_mm) +
-                            " mm apart, as SpacingBetweenSlices (0018,0088) says"};
+                            " mm: its slices are placed " + segment_mm(step_mm) +
+                            " mm apart, as in SpacingBetweenSlices (0018,0088)"};
   }
   return std::nullopt;
 }
@@ -265,10 +265,9 @@ SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> 
   SliceSteps steps{min_step_mm, places_mm.front()};
   if (said_mm && min_step_mm > 0)
     steps.note =
-        "says that slices lie " + segment_mm(*said_mm) +
-        " mm apart (SpacingBetweenSlices (0018,0088), or SliceThickness (0018,0050)), and its frames "
-        "lie " +
-        segment_mm(min_step_mm) + " mm apart: the positions are taken";
+        "states that slices are " + segment_mm(*said_mm) +
+        " mm apart (SpacingBetweenSlices (0018,0088), or SliceThickness (0018,0050)), but its frames are " +
+        segment_mm(min_step_mm) + " mm apart: the positions are used";
   return steps;
 }
 
@@ -323,8 +322,8 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
   const double step_mm = steps.step_mm;
   if (!(step_mm > 0))
     return refused(frames.size() == 1 || sorted.back() - sorted.front() <= 0
-                       ? "does not say how thick its one slice is: SpacingBetweenSlices (0018,0088)"
-                       : "has frames that do not lie a whole number of slices apart");
+                       ? "does not state the thickness of its one slice: SpacingBetweenSlices (0018,0088)"
+                       : "has frames that are not a whole number of slices apart");
 
   SegmentGrid grid;
   if (!steps.note.empty()) grid.notes.push_back(std::move(steps.note));
@@ -336,17 +335,17 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
     const double aside_mm = (way - places_mm[n] * (normal + shift)).norm();
     if (aside_mm > std::max(2e-3, 0.01 * std::min(first.row_spacing_mm, first.column_spacing_mm)))
       return refused("frame " + std::to_string(n + 1) + " lies " + segment_mm(aside_mm) +
-                     " mm beside the first one");
+                     " mm to the side of the first one");
     const int slice = static_cast<int>(std::lround((places_mm[n] - steps.first_mm) / step_mm));
     const int segment = segmentation.segment_of_frame[n];
     const bool labels = holds_labels(segmentation, frames[n]);
     if (!seen.insert({labels ? frames[n].file : 0, segment, slice}).second)
       return refused(
           (labels ? "has two frames of labels" : "has two frames of segment " + std::to_string(segment)) +
-          " at one place, frame " + std::to_string(n + 1) + " and one before");
+          " at the same position, frame " + std::to_string(n + 1) + " and an earlier one");
     if (!labels && std::ranges::none_of(segmentation.segments,
                                         [&](const DicomSegment& s) { return s.number == segment; }))
-      return refused("has a frame of a segment " + std::to_string(segment) + " that it does not describe");
+      return refused("has a frame of a segment " + std::to_string(segment) + " that it does not define");
     grid.slice_of_frame.push_back(slice);
     last = std::max(last, slice);
   }

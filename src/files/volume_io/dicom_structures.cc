@@ -107,7 +107,7 @@ Result<void> StructurePlanes::choose_normal(const DicomStructure& structure) {
   return bad_input("",
                    "contour " + std::to_string(off - structure.contours.begin() + 1) + " of " +
                        name_of_segment(structure.segment) +
-                       " is not planar, or lies in another plane than the others: its points are up to " +
+                       " is not planar, or not parallel to the others: its points are up to " +
                        mm_in_words(max_off(*off, normal_)) + " mm off",
                    kLoadInSlicer);
 }

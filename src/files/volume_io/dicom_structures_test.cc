@@ -376,7 +376,7 @@ TEST(DicomStructures, WhatIsNotPlanarIsRefused) {
   structure.contours[1] = {{0, -3, -3}, {0, 3, -3}, {0, 3, 3}, {0, -3, 3}};
   planes = StructurePlanes::make(structure, kSmall);
   ASSERT_FALSE(planes);
-  EXPECT_THAT(planes.error().what, HasSubstr("in another plane than the others"));
+  EXPECT_THAT(planes.error().what, HasSubstr("not parallel to the others"));
 }
 
 }  // namespace

@@ -18,15 +18,14 @@ std::string relation_in_words(VolumeRelation bond, const std::string& volume) {
     case VolumeRelation::kSeries:
       return "was made on the series of " + volume;
     case VolumeRelation::kSpace:
-      return "lies in the frame of reference of " + volume + "; on which images it was made it does not say";
+      return "lies in the frame of reference of " + volume + "; it does not state the images it was made on";
     case VolumeRelation::kUnspecified:
-      return "is taken as made on " + volume +
-             ": that they lie in one frame of reference is not said, and was not checked";
+      return "is assumed to be made on " + volume +
+             ": the files do not state whether they share a frame of reference, and this was not checked";
     default:
-      return "lies in another frame of reference than " + volume +
-             ": nothing says how they lie to each other, and they are taken as lying alike because that "
-             "volume was asked "
-             "for";
+      return "is in a different frame of reference from " + volume +
+             ": their relative position is unknown, and they are taken as aligned because that volume was "
+             "requested";
   }
 }
 
@@ -76,16 +75,15 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
                            bonds[*asked] <= VolumeRelation::kSpace};
     if (bonds[*asked] != closest)
       chosen.notes.insert(chosen.notes.begin(), relation_in_words(closest, numbered(volumes, best.front())) +
-                                                    "; volume " + std::to_string(*number) + " was asked for");
+                                                    "; volume " + std::to_string(*number) + " was requested");
     return chosen;
   }
   if (closest == VolumeRelation::kNone)
-    return bad_input(
-        "",
-        "was not made on these images: it lies in another frame of reference than each of them "
-        "(FrameOfReferenceUID (0020,0052)), so nothing says how they lie to each other",
-        "give the images that it was made on; where both are known to lie alike, as after a registration, "
-        "choose a volume with --volume N");
+    return bad_input("",
+                     "was not made on these images: it is in a different frame of reference from each of "
+                     "them (FrameOfReferenceUID (0020,0052)), so nothing says how they lie to each other",
+                     "give the images that it was made on; if both are known to be aligned, as after a "
+                     "registration, choose a volume with --volume N");
   std::vector<std::size_t> usable;
   for (const std::size_t n : best)
     if (volumes[n].fault.empty()) usable.push_back(n);
@@ -100,7 +98,7 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
     for (std::size_t n = 0; n < std::min(usable.size(), kListed); ++n)
       list += (n ? "; " : " ") + std::to_string(usable[n] + 1) + ") " + volumes[usable[n]].what;
     if (usable.size() > kListed) list += "; and " + std::to_string(usable.size() - kListed) + " more";
-    return bad_input("", "belongs to " + std::to_string(usable.size()) + " volumes alike:" + list,
+    return bad_input("", "belongs to " + std::to_string(usable.size()) + " volumes equally:" + list,
                      "choose one with --volume N");
   }
   return SegmentedVolume{usable.front(),

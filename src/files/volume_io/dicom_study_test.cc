@@ -58,7 +58,7 @@ TEST(DicomStudy, TheVolumeThatItWasMadeOnIsChosen) {
       choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kSpace}, {});
   ASSERT_TRUE(space);
   EXPECT_EQ(space->index, 2u);
-  EXPECT_THAT(space->notes, ElementsAre(HasSubstr("it does not say")));
+  EXPECT_THAT(space->notes, ElementsAre(HasSubstr("it does not state the images")));
   EXPECT_TRUE(space->is_stated);
 }
 
@@ -75,7 +75,7 @@ TEST(DicomStudy, WhatIsNotKnownIsAskedFor) {
   const auto alike = choose_segmented(
       study(), {VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
   ASSERT_FALSE(alike);
-  EXPECT_THAT(alike.error().what, HasSubstr("belongs to 2 volumes alike: 1) series 1; 2) series 1"));
+  EXPECT_THAT(alike.error().what, HasSubstr("belongs to 2 volumes equally: 1) series 1; 2) series 1"));
   const auto other =
       choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kNone}, {});
   ASSERT_FALSE(other);
@@ -101,7 +101,7 @@ TEST(DicomStudy, ANumberDecidesAndWhatSpeaksAgainstItIsSaid) {
   ASSERT_TRUE(chosen);
   EXPECT_EQ(chosen->index, 2u);
   EXPECT_THAT(chosen->notes,
-              ElementsAre(AllOf(HasSubstr("made on volume 2"), HasSubstr("volume 3 was asked for")),
+              ElementsAre(AllOf(HasSubstr("made on volume 2"), HasSubstr("volume 3 was requested")),
                           HasSubstr("another frame of reference than volume 3")));
   EXPECT_FALSE(chosen->is_stated);
   const auto closest =

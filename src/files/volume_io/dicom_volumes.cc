@@ -283,16 +283,16 @@ std::string what_is_special(const std::vector<DicomFrame>& frames,
   number(&DicomFrame::trigger_time_ms, "trigger time ", " ms");
   if (differs(&DicomFrame::acquisition) && own.acquisition)
     text += ", acquisition " + std::to_string(*own.acquisition);
-  if (differs(&DicomFrame::stack)) text += ", of a stack of its own";
+  if (differs(&DicomFrame::stack)) text += ", of a separate stack";
   if (differs(&DicomFrame::image_type)) {
     const auto words = type_words(own.image_type);
     for (const std::string& word : words) text += ", " + word;
-    if (words.empty()) text += ", of an image type of its own";
+    if (words.empty()) text += ", of a separate image type";
   } else if (type_words(own.image_type).contains("localizer")) {
     text += ", localizer";
   }
   if (differs(&DicomFrame::frame_of_reference) && !has_reference_per_place(frames))
-    text += ", in a frame of reference of its own";
+    text += ", in a separate frame of reference";
   return text;
 }
 
@@ -304,7 +304,7 @@ std::string named(const std::vector<DicomFrame>& frames, const GridGeometry& geo
   const DicomFrame& own = frames.front();
   std::string text =
       "series " + std::to_string(own.series + 1) + ": " + (own.modality.empty() ? "" : own.modality + ", ");
-  if (!own.placed) return text + images(frames.size()) + " without a place";
+  if (!own.placed) return text + images(frames.size()) + " without a position";
   text += plane_of(normal_of(own)) + ", " + std::to_string(own.columns) + " x " + std::to_string(own.rows) +
           " x " + std::to_string(frames.size()) + ", " + shortly(own.column_spacing_mm) + " x " +
           shortly(own.row_spacing_mm);
@@ -318,7 +318,7 @@ struct Fault {
   std::string what, remedy;
 };
 
-constexpr const char* kWholeSeries = "export the series again, whole, and give the folder of it";
+constexpr const char* kWholeSeries = "export the complete series again, and give its folder";
 constexpr const char* kConvert = "load the series in 3D Slicer, which can resample it, and save it as NRRD";
 
 // slices of a volume, sorted by position along the normal
@@ -332,7 +332,7 @@ class Stack {
     for (std::size_t n = 0; n < frames_.size(); ++n)
       if (!frames_[n].fault.empty()) return Fault{slice(n) + ", " + frames_[n].fault, frames_[n].remedy};
     if (frames_.size() == 1)
-      return Fault{"a single slice is no volume", "give the folder with all slices of its series"};
+      return Fault{"a single slice is not a volume", "give the folder with all slices of its series"};
     for (const auto& look : {&Stack::doubled, &Stack::uneven, &Stack::shifted})
       if (auto fault = (this->*look)()) return fault;
     return std::nullopt;
@@ -344,21 +344,21 @@ class Stack {
     if (has_reference_per_place(frames_))
       notes.push_back(
           "gives its slices different frames of reference (FrameOfReferenceUID (0020,0052)), as some "
-          "anonymising software does: their positions fit together, and they are read as one volume");
+          "anonymising software does: their positions are consistent, and they are read as one volume");
     const double step_mm = mean_gap_mm();
     if (const double tangent = tilt().norm(); tangent > kRoundedTilt)
       notes.push_back("was scanned with a gantry tilted by " + degrees(tangent) +
                       " degrees: its grid is sheared, each slice " + in_mm(tangent * step_mm) +
-                      " mm beside the one before, so that every voxel lies where it was measured");
+                      " mm to the side of the one before, so that every voxel is where it was measured");
     constexpr double kRounding = 0.02, kMin_mm = 0.01;
     const auto contradicts = [&](const DicomFrame& frame) {
       return frame.slice_spacing_mm &&
              std::abs(std::abs(*frame.slice_spacing_mm) - step_mm) > std::max(kMin_mm, kRounding * step_mm);
     };
     if (const auto frame = std::ranges::find_if(frames_, contradicts); frame != frames_.end())
-      notes.push_back("says that slices lie " + in_mm(*frame->slice_spacing_mm) +
-                      " mm apart (SpacingBetweenSlices (0018,0088)), and their positions are " +
-                      in_mm(step_mm) + " mm apart: the positions are taken");
+      notes.push_back("states that slices are " + in_mm(*frame->slice_spacing_mm) +
+                      " mm apart (SpacingBetweenSlices (0018,0088)), but their positions are " +
+                      in_mm(step_mm) + " mm apart: the positions are used");
     return notes;
   }
 
@@ -386,10 +386,9 @@ class Stack {
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n)
       if (gap_mm(n) < kSamePlace_mm)
         return Fault{
-            "two slices lie at one place: " + slice(n) + ", and the next",
-            "keep the right one: they differ in their values or in their SOPInstanceUID (0008,0018); where "
-            "the series holds several volumes that nothing tells apart, export them as series of "
-            "their own"};
+            "two slices are at the same position: " + slice(n) + ", and the next",
+            "keep the right one: they differ in their values or in their SOPInstanceUID (0008,0018); if the "
+            "series holds several volumes that cannot be distinguished, export them as separate series"};
     return std::nullopt;
   }
 
@@ -409,10 +408,10 @@ class Stack {
       if (times >= 2 && std::abs(gaps_mm[n] - times * usual_mm) <= 2 * times * allowed_mm) {
         const auto missing = static_cast<long long>(times) - 1;
         return Fault{(missing == 1 ? "a slice is" : std::to_string(missing) + " slices are") +
-                         " missing between " + between + ": slices lie " + in_mm(usual_mm) + " mm apart",
+                         " missing between " + between + ": slices are " + in_mm(usual_mm) + " mm apart",
                      kWholeSeries};
       }
-      return Fault{"its slices lie unevenly: " + between + ", others " + in_mm(usual_mm) + " mm apart",
+      return Fault{"its slices are unevenly spaced: " + between + ", others " + in_mm(usual_mm) + " mm apart",
                    kConvert};
     }
     // small differences that accumulate
@@ -420,8 +419,8 @@ class Stack {
     for (std::size_t n = 0; n < places_mm_.size(); ++n) {
       const double off_mm = places_mm_[n] - places_mm_.front() - static_cast<double>(n) * even_mm;
       if (std::abs(off_mm) > allowed_mm)
-        return Fault{"its slices lie unevenly: " + slice(n) + ", is " + in_mm(std::abs(off_mm)) +
-                         " mm off its place between the first and the last",
+        return Fault{"its slices are unevenly spaced: " + slice(n) + ", is " + in_mm(std::abs(off_mm)) +
+                         " mm off its position between the first and the last",
                      kConvert};
     }
     return std::nullopt;
@@ -442,13 +441,13 @@ class Stack {
     for (std::size_t n = 0; n < frames_.size(); ++n) {
       const double off_mm = (aside(n) - (places_mm_[n] - places_mm_.front()) * shift).norm();
       if (off_mm > allowed_mm)
-        return Fault{slice(n) + ", lies " + in_mm(off_mm) + " mm beside the line from the first to the last",
+        return Fault{slice(n) + ", lies " + in_mm(off_mm) + " mm off the line from the first to the last",
                      kConvert};
     }
     if (shift.norm() > kMaxTilt)
       return Fault{"its slices are shifted as by a gantry tilted by " + degrees(shift.norm()) +
-                       " degrees, which none is: each lies " + in_mm(shift.norm() * usual_mm) +
-                       " mm beside the one before, from " + slice(1),
+                       " degrees, which no scanner has: each is " + in_mm(shift.norm() * usual_mm) +
+                       " mm to the side of the one before, from " + slice(1),
                    kConvert};
     return std::nullopt;
   }
@@ -474,7 +473,7 @@ std::string list_of(const std::vector<DicomVolume>& volumes, bool usable_alone) 
     text += (listed == 1 ? " " : "; ") + std::to_string(n + 1) + ") " + volume.what +
             (volume.fault.empty() ? "" : ": " + volume.fault);
   }
-  if (left_out > 0) text += "; and " + std::to_string(left_out) + " more, which palpate info lists";
+  if (left_out > 0) text += "; and " + std::to_string(left_out) + " more (palpate info lists them)";
   return text;
 }
 
@@ -540,7 +539,7 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
     volume.what = named(volume.frames, volume.geometry);
     if (volume.frames.front().placed)
       volume.what += what_is_special(volume.frames, of_series[volume.frames.front().series]);
-    if (is_lossy(volume)) volume.what += ", compressed with a loss";
+    if (is_lossy(volume)) volume.what += ", compressed with loss";
   }
   return volumes;
 }

@@ -258,7 +258,7 @@ Result<void> save(DcmFileFormat& format, bool good, const std::filesystem::path&
   if (saved.good() && !unknown && static_cast<Uint32>(size) == expected) return {};
   return Error{ErrorKind::kOutput,
                std::string("cannot be written: ") + (saved.good() ? "its end is missing" : saved.text()),
-               file.string(), "is the disk full, or the folder not yours to write?"};
+               file.string(), "is the disk full, or is the folder not writable?"};
 }
 
 std::string kept_text(DcmItem& item, const DcmTagKey& tag) {

@@ -15,11 +15,11 @@ constexpr const char* kWithScan =
     "scene new "
     "STUDY STRUCTURES";
 constexpr const char* kConvertSurface =
-    "forces come from voxels: in 3D Slicer load it as a segmentation, with the scan as its reference "
+    "forces are computed from voxels: load it in 3D Slicer as a segmentation, with the scan as its reference "
     "geometry, and save that as .seg.nrrd";
 constexpr const char* kConvertVolume = "load it in 3D Slicer and save it as NRRD";
 constexpr const char* kPicture =
-    "a picture has no depth: give the volume that it was made of, as NRRD, NIfTI or MetaImage";
+    "a picture has no depth: give the volume that it was made from, as NRRD, NIfTI or MetaImage";
 constexpr const char* kUnpack = "unpack it, and give the volume that is in it";
 
 bool ends_with(const std::string& name, std::string_view ending) {
@@ -138,8 +138,7 @@ struct Magic {
 };
 
 constexpr const char* kStack =
-    "name the folder with all slices of its volume, and say how far apart the voxels lie: --spacing X,Y,Z "
-    "(mm)";
+    "give the folder with all slices of its volume, and the voxel spacing: --spacing X,Y,Z (mm)";
 const std::array kMagics{
     Magic{"\x89PNG"sv, 0, "a picture (PNG)", kStack},
     Magic{"\xFF\xD8\xFF"sv, 0, "a picture (JPEG)", kStack},
@@ -160,8 +159,8 @@ const std::array kMagics{
     Magic{"ustar"sv, 257, "a tar archive", kUnpack},
     Magic{"CDF\1"sv, 0, "a MINC 1 or another netCDF file", "convert MINC to NIfTI with mnc2nii"},
     Magic{"CDF\2"sv, 0, "a MINC 1 or another netCDF file", "convert MINC to NIfTI with mnc2nii"},
-    Magic{"\x93NUMPY"sv, 0, "an array of NumPy",
-          "an array does not say its spacing: save it as NIfTI with nibabel, or as NRRD with pynrrd"},
+    Magic{"\x93NUMPY"sv, 0, "a NumPy array",
+          "an array does not store its spacing: save it as NIfTI with nibabel, or as NRRD with pynrrd"},
     Magic{"MATLAB 5.0"sv, 0, "a MATLAB file",
           "save the volume as NIfTI (niftiwrite in MATLAB), with its spacing"},
     Magic{"SQLite format 3"sv, 0, "an SQLite database", "give the volume itself"},
@@ -190,13 +189,12 @@ std::optional<FileKind> volume_kind(std::string_view front) {
     return FileKind{(format.front() == 'M' ? "a " : "an ") + std::string(format) + " volume",
                     std::string("give it a name that ends in ") + ending, format};
   };
-  if (front.starts_with("NRRD000"))
-    return volume("NRRD", ".nrrd (.nhdr where its voxels stand in another file)");
+  if (front.starts_with("NRRD000")) return volume("NRRD", ".nrrd (.nhdr if its voxels are in another file)");
   if (is_nifti(front)) return volume("NIfTI", ".nii, or .nii.gz when it is compressed");
   const auto equals = front.find('=');
   const std::string first_key = lower_case(trimmed(front.substr(0, std::min<std::size_t>(equals, 64))));
   if (equals != std::string_view::npos && (first_key == "objecttype" || first_key == "ndims"))
-    return volume("MetaImage", ".mha (.mhd where its voxels stand in another file)");
+    return volume("MetaImage", ".mha (.mhd if its voxels are in another file)");
   return std::nullopt;
 }
 
@@ -219,20 +217,18 @@ std::optional<FileKind> kind_of(std::string_view front, const std::string& file_
   }
   if (front.starts_with("\x89HDF\r\n")) {
     if (ends_with(name, ".mnc")) return FileKind{"a MINC 2 file", "convert it to NIfTI with mnc2nii", {}};
-    return FileKind{"an HDF5 file, as recordings are",
-                    "a recording is run again by palpate replay FILE, and shown by palpate report FILE",
+    return FileKind{"an HDF5 file, as used for recordings",
+                    "to replay a recording use palpate replay FILE, to show it palpate report FILE",
                     {}};
   }
   if (ends_with(name, ".mgz") || ends_with(name, ".mgh"))
-    return FileKind{"a volume of FreeSurfer's (MGH)", "convert it: mri_convert FILE volume.nii.gz", {}};
+    return FileKind{"a FreeSurfer volume (MGH)", "convert it: mri_convert FILE volume.nii.gz", {}};
   if (ends_with(name, ".mrml") || front.find("<MRML") != std::string_view::npos)
-    return FileKind{"a scene of 3D Slicer's (MRML)",
-                    "open it there, and save scan (.nrrd) and segmentation (.seg.nrrd)",
-                    {}};
+    return FileKind{
+        "a 3D Slicer scene (MRML)", "open it there, and save scan (.nrrd) and segmentation (.seg.nrrd)", {}};
   if (ends_with(name, ".mrb"))
-    return FileKind{"a scene of 3D Slicer's (MRB)",
-                    "open it there, and save scan (.nrrd) and segmentation (.seg.nrrd)",
-                    {}};
+    return FileKind{
+        "a 3D Slicer scene (MRB)", "open it there, and save scan (.nrrd) and segmentation (.seg.nrrd)", {}};
   if (auto surface = surface_kind(front, name, size)) return surface;
   return by_magic(front);
 }

@@ -68,9 +68,9 @@ TEST(FileKind, KnowsPicturesArchivesAndOtherFormats) {
   EXPECT_EQ(kind("PK\3\4xxxx"), "a zip archive");
   EXPECT_EQ(kind(std::string(257, 'a') + "ustar\0"s), "a tar archive");
   EXPECT_EQ(kind("\x89HDF\r\n\x1a\n"s, "brain.mnc"), "a MINC 2 file");
-  EXPECT_EQ(kind("\x89HDF\r\n\x1a\n"s, "run.h5"), "an HDF5 file, as recordings are");
+  EXPECT_EQ(kind("\x89HDF\r\n\x1a\n"s, "run.h5"), "an HDF5 file, as used for recordings");
   EXPECT_EQ(kind("CDF\1\0\0\0\0"s, "brain.mnc"), "a MINC 1 or another netCDF file");
-  EXPECT_EQ(kind("\0\0\0\1\0\0\1\0"s, "aseg.MGZ"), "a volume of FreeSurfer's (MGH)");
+  EXPECT_EQ(kind("\0\0\0\1\0\0\1\0"s, "aseg.MGZ"), "a FreeSurfer volume (MGH)");
   EXPECT_EQ(kind(""), "an empty file");
 }
 

@@ -110,10 +110,9 @@ Result<const Format*> format_of(const std::filesystem::path& file) {
   for (const Format& format : kFormats)
     for (const std::string_view ending : format.endings)
       if (has_ending(file, ending)) return &format;
-  return bad_input(file.string(), "is of no format that is read or written here",
+  return bad_input(file.string(), "has an unsupported format",
                    "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, "
-                   ".mhd); DICOM is "
-                   "read under any name");
+                   ".mhd); DICOM files may have any name");
 }
 
 std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack) {
@@ -174,7 +173,7 @@ Result<VolumeFile> understand(const Format& format, const std::filesystem::path&
   };
   const auto kind = content_of(file, unpack);
   if (!kind || kind->volume == format.name) return volume;
-  return bad_input(file.string(), "is " + kind->what + ", and not " + format.name + " as its name says",
+  return bad_input(file.string(), "is " + kind->what + ", not " + format.name + " as its name says",
                    kind->remedy);
 }
 
@@ -182,7 +181,7 @@ Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path&
                                   const std::array<int, 3>& dims) {
   const auto grid = itk_read_grid(format, file);
   if (!grid) return grid.error();
-  if (grid->dims != dims) return bad_input(file.string(), "its header contradicts itself about its sizes");
+  if (grid->dims != dims) return bad_input(file.string(), "the sizes in its header are inconsistent");
   GridGeometry geometry;
   geometry.dims = dims;
   geometry.spacing_mm = Eigen::Vector3d(grid->spacing_mm.data());

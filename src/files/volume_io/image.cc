@@ -28,11 +28,11 @@ ImageBytes bytes_in_memory(std::string_view bytes) {
 
 Result<void> check_image_size(std::uint64_t columns, std::uint64_t rows) {
   constexpr std::uint64_t kMaxAlong = 1 << 20;
-  if (columns == 0 || rows == 0) return bad_input("", "has a picture without a pixel", kCopyImage);
+  if (columns == 0 || rows == 0) return bad_input("", "has a picture without pixels", kCopyImage);
   if (columns <= kMaxAlong && rows <= kMaxAlong && columns * rows <= kMaxImagePixels) return {};
   return bad_input("",
                    "has a picture of " + std::to_string(columns) + " x " + std::to_string(rows) +
-                       " pixels, and " + std::to_string(kMaxImagePixels) + " are read at most",
+                       " pixels, but " + std::to_string(kMaxImagePixels) + " are the maximum",
                    "crop or scale the pictures first, as in Fiji (Image > Scale)");
 }
 
@@ -42,7 +42,7 @@ Result<std::unique_ptr<ImageDecoder>> open_image(ImageBytes bytes) {
   std::optional<ImageFormat> format;
   if (bytes.read(0, std::span(front).first(count)))
     format = image_format_of({reinterpret_cast<const char*>(front.data()), count});
-  if (!format) return bad_input("", "is no picture that is read", "give PNG, TIFF or JPEG");
+  if (!format) return bad_input("", "is not a supported picture", "give PNG, TIFF or JPEG");
   switch (*format) {
     case ImageFormat::kPng:
       return open_png(std::move(bytes));

@@ -107,7 +107,7 @@ Result<std::unique_ptr<ImageDecoder>> open_jpeg(ImageBytes source) {
     if (auto possible = check_image_size(d.jpeg.image_width, d.jpeg.image_height); !possible)
       return possible.error();
     if (d.jpeg.num_components != 1 && d.jpeg.num_components != 3)
-      return bad_input("", "is a JPEG picture of inks (CMYK)", "save it as grey or RGB");
+      return bad_input("", "is a CMYK JPEG picture", "save it as grey or RGB");
     shape.columns = static_cast<int>(d.jpeg.image_width);
     shape.rows = static_cast<int>(d.jpeg.image_height);
     shape.colour = d.jpeg.num_components == 3;

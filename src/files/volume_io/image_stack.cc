@@ -80,7 +80,7 @@ class PictureReader {
     const auto decoder = open(slice.file);
     if (!decoder) return decoder.error();
     if (slice.page >= (*decoder)->pages().size() || (*decoder)->pages()[slice.page].pixels() != pixels.size())
-      return at(bad_input("", "has changed while it was read", "leave the files alone while they are read"),
+      return at(bad_input("", "changed while it was read", "do not change the files while they are read"),
                 slice.file);
     if (auto read = (*decoder)->read(slice.page, pixels); !read) return at(read.error(), slice.file);
     return {};
@@ -139,13 +139,13 @@ Result<void> find_slices(PictureReader& reader, const std::function<bool()>& loo
                 "",
                 "has slices that differ: " + named(0, 0) + " has " + kind_in_words(stack.shape) + ", " +
                     named(n, page) + " has " + kind_in_words(pages[page]),
-                "give slices of one size and kind: take out what is no slice, or export them again alike"),
+                "give slices of the same size and kind: remove other files, or export the slices again"),
             n);
       }
       stack.slices.push_back({n, page});
     }
     if (stack.slices.size() > kMaxSlices)
-      return bad_input("", "has more than " + std::to_string(kMaxSlices) + " slices", "take some of them");
+      return bad_input("", "has more than " + std::to_string(kMaxSlices) + " slices", "give fewer of them");
   }
   return {};
 }
@@ -177,12 +177,11 @@ Result<void> find_colours(PictureReader& reader, const std::function<bool()>& lo
     if (++count <= kMaxColours) stack.label_colours.push_back(colour);
   }
   if (count <= kMaxColours) return {};
-  return bad_input(
-      "",
-      "has " + std::to_string(count) + " distinct colours besides black, and " + std::to_string(kMaxColours) +
-          " are read as labels, one a structure, at most",
-      "save labels as PNG without smoothing at their edges; photographs are read as a scan by their "
-      "brightness where they are given as the scan (--scan)");
+  return bad_input("",
+                   "has " + std::to_string(count) + " distinct colours besides black, but at most " +
+                       std::to_string(kMaxColours) + " can be read as labels, one per structure",
+                   "save labels as PNG without smoothing at their edges; to read photographs by their "
+                   "brightness, give them as the scan (--scan)");
 }
 
 Result<ImageStack> look_at_stack(const StructureFiles& found, const fs::path& named,
@@ -194,8 +193,8 @@ Result<ImageStack> look_at_stack(const StructureFiles& found, const fs::path& na
   PictureReader reader(stack.files);
   if (auto alike = find_slices(reader, look, stack); !alike) return alike.error();
   if (stack.slices.size() < 2)
-    return bad_input(named.string(), "is a single picture, and a volume has several slices",
-                     "name the folder with all of them, or a TIFF of several pages");
+    return bad_input(named.string(), "is a single picture, but a volume has several slices",
+                     "give the folder with all slices, or a TIFF with several pages");
   if (stack.shape.colour)
     if (auto known = find_colours(reader, look, share, stack); !known) return known.error();
 
@@ -219,12 +218,12 @@ Result<ImageStack> look_at_stack(const StructureFiles& found, const fs::path& na
     }
     file.notes.push_back("is read as labels, one for each of its " +
                          std::to_string(stack.label_colours.size()) +
-                         " colours, and black as none; a table with their colours names them");
+                         " colours, with black as background; a table with the colours can name them");
   }
   file.header.has_geometry = false;
   file.notes.insert(file.notes.end(), found.notes.begin(), found.notes.end());
   if (stack.shape.colour && stack.label_colours.empty() && !stack.grey_in_colour)
-    file.notes.push_back("is in colours and read as a scan by their brightness (ITU-R BT.709)");
+    file.notes.push_back("is in colour and read as a scan by its brightness (ITU-R BT.709)");
   return stack;
 }
 
@@ -304,13 +303,13 @@ Result<LabelReader> open_image_stack(const fs::path& file, const std::optional<E
         "is " +
             (found.files.size() == 1 ? std::string("a picture or pages of pictures")
                                      : "a stack of " + std::to_string(found.files.size()) + " pictures") +
-            ", which do not say how far apart their voxels lie",
-        "say it with --spacing X,Y,Z: mm between columns, rows and slices, as --spacing 0.05,0.05,0.1 "
+            " without a voxel spacing",
+        "give it with --spacing X,Y,Z: mm between columns, rows and slices, such as --spacing 0.05,0.05,0.1 "
         "(in a scene file: image_spacing = [0.05, 0.05, 0.1])");
   // dropping slices silently would distort the volume
   if (found.is_cut_off)
     return bad_input(file.string(), found.notes.front(),
-                     "save the stack as one TIFF of several pages, or as fewer slices");
+                     "save the stack as one TIFF with several pages, or as fewer slices");
   return open_sliced_files(
       found, file, progress,
       [&, spacing = *spacing_mm](const std::function<bool()>& look, double& share) -> Result<SlicedVolume> {

@@ -141,7 +141,7 @@ TEST_F(ImageStack, ColoursAreLabelsThatATableNames) {
   // read as a scan, by luminance
   const auto grey = scan();
   ASSERT_TRUE(grey) << grey.error().message();
-  EXPECT_THAT(warnings_, HasSubstr("by their brightness"));
+  EXPECT_THAT(warnings_, HasSubstr("by its brightness"));
   EXPECT_EQ(*std::ranges::max_element(grey->scan.voxels()), 182.f) << "of green";
 }
 
@@ -178,7 +178,7 @@ TEST_F(ImageStack, TheSpacingIsAskedFor) {
   set_placing({});
   const auto unsaid = scan();
   ASSERT_FALSE(unsaid);
-  EXPECT_THAT(unsaid.error().what, HasSubstr("a stack of 12 pictures, which do not say how far apart"));
+  EXPECT_THAT(unsaid.error().what, HasSubstr("a stack of 12 pictures without a voxel spacing"));
   EXPECT_THAT(unsaid.error().remedy, HasSubstr("--spacing X,Y,Z"));
   // settings of a scene take precedence over those of the program
   const auto said = read_scan(folder_ / "stack", {}, {}, VoxelCaching::kOff, {},
@@ -210,7 +210,7 @@ TEST_F(ImageStack, ASinglePictureIsNoVolume) {
     const auto read = read_scan(file);
     ASSERT_FALSE(read);
     EXPECT_THAT(read.error().what, HasSubstr(what));
-    EXPECT_THAT(read.error().remedy, HasSubstr("name the folder with all"));
+    EXPECT_THAT(read.error().remedy, HasSubstr("give the folder with all"));
   }
 }
 

@@ -306,11 +306,11 @@ class TiffDecoder : public ImageDecoder {
     };
     if (compression != 1 && compression != 5 && compression != 8 && compression != 32946 &&
         compression != 32773)
-      return unread("is a TIFF file compressed by a method that is not read (Compression " +
-                        std::to_string(compression) + ")",
-                    kSavePlain);
+      return unread(
+          "is a TIFF file with an unsupported compression (Compression " + std::to_string(compression) + ")",
+          kSavePlain);
     if (photometric > 3)
-      return unread("is a TIFF file of colours that are not read (PhotometricInterpretation " +
+      return unread("is a TIFF file with unsupported colours (PhotometricInterpretation " +
                         std::to_string(photometric) + ")",
                     "save it as grey, RGB or with a palette");
     page.photometric = static_cast<Photometric>(photometric);
@@ -324,10 +324,10 @@ class TiffDecoder : public ImageDecoder {
         (page.is_float && (colour || page.photometric == Photometric::kPalette)) || format == 2 ||
         format > 4 || (colour && depth < 8))
       return unread("is a TIFF file of " + std::to_string(samples) + " samples of " + std::to_string(depth) +
-                        " bits, sample format " + std::to_string(format) + ", which is not read",
-                    "save it with 8 or 16 bits without a sign, as in Fiji (Image > Type > 16-bit)");
+                        " bits, sample format " + std::to_string(format) + ", which is not supported",
+                    "save it with 8 or 16 unsigned bits, for example in Fiji (Image > Type > 16-bit)");
     if (one(kFillOrder, 1) != 1 && depth < 8)
-      return unread("is a TIFF file with its bits the other way round (FillOrder 2)", kSavePlain);
+      return unread("is a TIFF file with reversed bit order (FillOrder 2)", kSavePlain);
     page.bits = static_cast<int>(depth);
     page.samples = static_cast<int>(samples);
     page.compression = static_cast<int>(compression);
@@ -336,9 +336,8 @@ class TiffDecoder : public ImageDecoder {
     page.predictor = static_cast<int>(std::min<std::uint64_t>(one(kPredictor, 1), 99));
     const bool predicted = page.predictor == 2 && (page.bits == 8 || page.bits == 16);
     if (compression != 1 && compression != 32773 && page.predictor != 1 && !predicted)
-      return unread(
-          "is a TIFF file with a Predictor that is not read (" + std::to_string(page.predictor) + ")",
-          kSavePlain);
+      return unread("is a TIFF file with an unsupported Predictor (" + std::to_string(page.predictor) + ")",
+                    kSavePlain);
     if (compression == 1 || compression == 32773) page.predictor = 1;
     page.palette = all(kColorMap);
     if (page.photometric == Photometric::kPalette &&

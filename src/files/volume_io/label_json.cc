@@ -34,7 +34,7 @@ bool nests_too_deep(std::string_view text) {
 }
 
 constexpr const char* kRemedy =
-    R"(give numbers with names, {"1": "femur"} or {"femur": 1}, or what dcmqi or 3D Slicer writes of segments)";
+    R"(give numbers with names, {"1": "femur"} or {"femur": 1}, or a segment description from dcmqi or 3D Slicer)";
 
 /// Collects names, at most one per label.
 class Names {
@@ -54,7 +54,7 @@ class Names {
     }
   }
   void refuse(const std::string& why) {
-    if (!fault_) fault_ = bad_input(source_, why, "give the labels of this map with a name each");
+    if (!fault_) fault_ = bad_input(source_, why, "give each label of this map a name");
   }
   void add_unless_known(LabelId value, const std::string& name) {
     if (!seen_.contains(value)) add(value, name, std::nullopt);
@@ -196,8 +196,8 @@ void add_regions(const Json& regions, const Json* order, Names& names) {
     for (const Json& item : *order) values.push_back(value_of(item).value_or(0));
     if (!std::ranges::is_sorted(values))
       return names.refuse(
-          "its regions_class_order does not ascend, so that labels have other values in a map that "
-          "is predicted than in one that is learnt from");
+          "its regions_class_order is not ascending, so label values differ between predicted maps and "
+          "training maps");
   }
   for (const auto& [value, region] : smallest) names.add_unless_known(value, region.second);
 }
@@ -246,7 +246,7 @@ const Json* only_table(const Json& json) {
 }  // namespace
 
 Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source) {
-  if (nests_too_deep(text)) return bad_input(source, "nests deeper than any table of names", kRemedy);
+  if (nests_too_deep(text)) return bad_input(source, "is nested too deeply for a table of names", kRemedy);
   const std::optional<Json> parsed = Json::parse(text);
   if (!parsed) return bad_input(source, "is not valid JSON", kRemedy);
 

@@ -41,7 +41,7 @@ TEST(LabelJson, ReadsRegionsOfNnUNet) {
             (Names{{0, "background"}, {1, "whole"}, {2, "core"}, {3, "enhancing"}}));
   // in another order, predicted values differ from training values
   const std::string swapped = R"({"labels": {"whole": [1, 2], "core": [2]}, "regions_class_order": [2, 1]})";
-  EXPECT_NE(names_of(swapped)[-1].find("regions_class_order does not ascend"), std::string::npos);
+  EXPECT_NE(names_of(swapped)[-1].find("regions_class_order is not ascending"), std::string::npos);
   EXPECT_EQ(names_of(R"({"labels": {"whole": [1, 2], "core": [2]}})"), (Names{{1, "whole"}, {2, "core"}}));
 }
 

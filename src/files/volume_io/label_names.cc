@@ -49,14 +49,14 @@ Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& fi
   const auto table = std::find_if(std::begin(kTables), std::end(kTables),
                                   [&](const Table& each) { return has_ending(file, each.ending); });
   if (table == std::end(kTables))
-    return bad_input(file.string(), "is of no table format that is read here",
+    return bad_input(file.string(), "has an unsupported table format",
                      "use .ctbl, .tsv, .csv, .json, .label or .txt");
   constexpr std::size_t kMaxBytes = std::size_t{1} << 24;
   const auto text = read_file(file, kMaxBytes);
   if (!text) return text.error();
   auto names = table->parse(*text, file.string());
   if (names && names->empty())
-    return bad_input(file.string(), "names no label: it holds no line but headings, comments and empty ones",
+    return bad_input(file.string(), "names no label: it has only headings, comments and empty lines",
                      "give a line for each label");
   return names;
 }

@@ -61,7 +61,7 @@ TEST(LabelNames, TheOnlyTableInTheFolderNamesTheLabelsWhereItNamesAll) {
   EXPECT_EQ(given->labels.segments[0].colour, (Rgb{10, 20, 30}));
   EXPECT_EQ(given->labels.segments[2].name, "");
   EXPECT_EQ(origin_of_names(*given),
-            "2 of 3 labels have their names from " + names.string() + ", a table that was given for it");
+            "2 of 3 labels have their names from " + names.string() + ", the given table");
 
   write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n3 fibula 0 0 0 255\n");
   const auto all = read_labels(file);

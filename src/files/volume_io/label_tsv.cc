@@ -66,15 +66,15 @@ Result<Columns> parse_heading(const std::vector<std::string>& fields, const std:
     if (heading == "color" || heading == "colour") column = &columns.colour;
     if (column == nullptr) continue;
     if (*column != kNowhere)
-      return bad_input(where, "two columns are headed for the " + heading, "keep one of them");
+      return bad_input(where, "two columns are for the " + heading, "keep one of them");
     *column = n;
   }
   if (columns.value == kNowhere || columns.name == kNowhere)
     return bad_input(
-        where, "the first line does not head a 'value' and a 'name' column",
-        "begin with a line that heads the columns, value and name (index, label and id mean value too)");
+        where, "the first line has no 'value' and 'name' columns",
+        "start with a header line with the columns value and name (index, label and id also mean value)");
   const int rgb = (columns.r != kNowhere) + (columns.g != kNowhere) + (columns.b != kNowhere);
-  if (rgb != 0 && rgb != 3) return bad_input(where, "heads only some of the columns r, g and b");
+  if (rgb != 0 && rgb != 3) return bad_input(where, "has only some of the columns r, g and b");
   return columns;
 }
 
@@ -126,10 +126,10 @@ Result<std::vector<NamedLabel>> parse_table(std::string_view text, char separato
     if (!fields) return fields.error();
     if (fields->size() != columns->count)
       return bad_input(where,
-                       "has " + std::to_string(fields->size()) + " columns, the first line heads " +
+                       "has " + std::to_string(fields->size()) + " columns, but the header line has " +
                            std::to_string(columns->count),
-                       separator == '\t' ? "columns are separated by one tabulator each"
-                                         : "a name with a comma stands between quotation marks");
+                       separator == '\t' ? "separate columns by one tab each"
+                                         : "put a name with a comma in quotation marks");
     const auto value = parse_number<LabelId>(trimmed((*fields)[columns->value]));
     if (!value) return bad_input(where, "the value is not a whole number in 0 ... 65535");
     if (!seen.insert(*value).second)

@@ -6,9 +6,10 @@ std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& 
   std::vector<int> layers = layers_of_segments(segments, {meetings.pairs.begin(), meetings.pairs.end()});
   file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
   if (meetings.voxels > 0)
-    file.notes.push_back("segments overlap in " + std::to_string(meetings.voxels) +
-                         " voxels: each is kept whole; where one label per voxel is needed, a nested segment "
-                         "has its voxels, and of crossing ones the one of the stiffest tissue");
+    file.notes.push_back(
+        "segments overlap in " + std::to_string(meetings.voxels) +
+        " voxels and are kept complete; where one label per voxel is needed, a nested segment takes "
+        "precedence, and of crossing segments the one with the stiffest tissue");
   return layers;
 }
 

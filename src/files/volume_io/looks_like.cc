@@ -96,7 +96,7 @@ VolumeContent content_by_values(const ValueStatistics& s) {
   // up to kFew values, step sizes are not informative; more than kMany are rare in a label map
   constexpr std::size_t kFew = 8, kMany = 64;
   if (!s.only_whole) return {Kind::kScan, "it holds values other than whole numbers in 0 ... 65535"};
-  if (s.distinct == 0) return {Kind::kScan, "it holds nothing but 0"};
+  if (s.distinct == 0) return {Kind::kScan, "it holds only 0"};
   const std::string values = "its " + std::to_string(s.distinct) + (s.distinct == 1 ? " value " : " values ");
   if (s.unequal > s.equal) return {Kind::kScan, values + "change from voxel to voxel"};
   const bool in_small_steps = 5 * s.near >= 4 * s.unequal && s.unequal > 0;
@@ -104,14 +104,14 @@ VolumeContent content_by_values(const ValueStatistics& s) {
   if (s.distinct > kFew) {
     if (unequal_often && (in_small_steps || (s.distinct > kMany && 2 * s.near > s.unequal)))
       return {Kind::kScan, values + "change by small steps"};
-    if (s.median_run < 1.5) return {Kind::kScan, values + "mostly stand in single voxels"};
+    if (s.median_run < 1.5) return {Kind::kScan, values + "occur mostly in single voxels"};
     // adjacent structures touch in few voxels of a row
     if (in_small_steps && (s.distinct > kMany || 8 * s.unequal > s.equal))
-      return {Kind::kUnclear, values + "lie in patches and change by small steps"};
+      return {Kind::kUnclear, values + "form patches and change by small steps"};
   }
   if (s.distinct > kMany && s.median_run < 2)
-    return {Kind::kUnclear, values + "mostly stand in one or two voxels"};
-  return {Kind::kLabels, values + (s.distinct == 1 ? "lies in patches" : "lie in patches")};
+    return {Kind::kUnclear, values + "occur mostly in one or two voxels"};
+  return {Kind::kLabels, values + (s.distinct == 1 ? "forms patches" : "form patches")};
 }
 
 bool has_large_ids(const std::vector<float>& voxels) {

@@ -80,7 +80,7 @@ class MaskSink final : public VoxelSink {
     if (!(value > 0 && value <= 65535 && value == std::floor(value))) {
       char text[32];
       std::snprintf(text, sizeof text, "%.6g", value);
-      fault_ = std::string("has values that are none of a mask's, as ") + text;
+      fault_ = std::string("has values that a mask cannot have, such as ") + text;
     } else if (number_ != 0 && value != number_) {
       fault_ = "has several values besides 0";
     }
@@ -109,8 +109,8 @@ class MaskSink final : public VoxelSink {
 };
 
 Error no_mask(const fs::path& file, const std::string& why) {
-  return bad_input(file.string(), why + ", and in a folder of masks each file is one structure",
-                   "name the file that is meant by itself, or put the masks into a folder of their own");
+  return bad_input(file.string(), why + ", but in a folder of masks each file is one structure",
+                   "give the intended file alone, or put the masks into a separate folder");
 }
 
 Result<VolumeFile> understand_mask(const fs::path& file, const Placing& placing) {
@@ -128,9 +128,9 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
                                       double& share) try {
   if (found.files.size() > kMaxMasks)
     return bad_input(named.string(),
-                     "has " + std::to_string(found.files.size()) + " masks, and " +
-                         std::to_string(kMaxMasks) + " are read at most",
-                     "take some of them");
+                     "has " + std::to_string(found.files.size()) + " masks, but at most " +
+                         std::to_string(kMaxMasks) + " can be read",
+                     "give fewer of them");
   StructureLabels labels;
   GridGeometry grid;
   bool has_geometry = true;
@@ -145,7 +145,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
     if (files.empty()) {
       grid = file->header.geometry;
     } else if (!file->header.geometry.same_grid(grid)) {
-      return no_mask(one, "has another grid than " + found.files.front().filename().string());
+      return no_mask(one, "has a different grid from " + found.files.front().filename().string());
     }
     has_geometry = has_geometry && file->header.has_geometry;
     files.push_back(*std::move(file));
@@ -171,7 +171,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   auto& notes = labels.file.notes;
   notes.insert(notes.end(), found.notes.begin(), found.notes.end());
   if (!placement_doubt.empty()) notes.push_back(placement_doubt);
-  if (!empty.empty()) notes.push_back("has masks without a voxel: " + names_in_words(empty));
+  if (!empty.empty()) notes.push_back("has masks without voxels: " + names_in_words(empty));
   if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
   return labels;
 } catch (const Unheard& unheard) {
@@ -197,7 +197,7 @@ Result<LabelReader> open_masks(const fs::path& folder, const Placing& placing, c
       [&](const std::function<bool()>& look, double& share) {
         return look_at_masks(found, folder, placing, look, share);
       },
-      "take some of the masks, or crop them first");
+      "give fewer masks, or crop them first");
 }
 
 }  // namespace palpate::volume_io

@@ -109,7 +109,7 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
     EXPECT_THAT(all, HasSubstr("1 other file in it is no volume"));
     const auto scan = read_scan(folder.path());
     ASSERT_FALSE(scan);
-    EXPECT_THAT(scan.error().message(), HasSubstr("name the scan in it: femur_left.nii.gz, kidney_right"));
+    EXPECT_THAT(scan.error().message(), HasSubstr("give the scan in it: femur_left.nii.gz, kidney_right"));
   }
 }
 
@@ -158,11 +158,11 @@ TEST(Masks, WhatIsNoMaskIsRefusedByName) {
     };
   };
   EXPECT_THAT(refusal("ct.nii.gz", volume([](auto& v) { v.at(1, 2, 3) = -1000; })),
-              HasSubstr("none of a mask's, as -1000"));
+              HasSubstr("a mask cannot have, such as -1000"));
   EXPECT_THAT(refusal("liver.nrrd", volume([](auto& v) { v.at(22, 30, 16) = 0.5F; })),
-              HasSubstr("none of a mask's, as 0.5"));
+              HasSubstr("a mask cannot have, such as 0.5"));
   EXPECT_THAT(refusal("liver.mha", volume([](auto& v) { v.at(0, 0, 0) = std::nanf(""); })),
-              HasSubstr("none of a mask's"));
+              HasSubstr("a mask cannot have"));
   EXPECT_THAT(refusal("labels.nii.gz", volume([](auto& v) { v.at(5, 5, 5) = 2; })),
               HasSubstr("several values"));
   EXPECT_THAT(refusal("spleen.nii.gz",

@@ -67,8 +67,8 @@ Error MeshBuilder::damaged(const std::string& how) const {
   if (too_many_)
     return bad_input(source_,
                      "has more than " + std::to_string(kMaxTriangles) + " triangles or " +
-                         std::to_string(kMaxPoints) + " points, which is more than is read",
-                     "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate)");
+                         std::to_string(kMaxPoints) + " points, which is too many",
+                     "simplify it first, for example with 3D Slicer's Surface Toolbox (Decimate)");
   return bad_input(source_, "is damaged: " + how, "copy it again, or export it again");
 }
 
@@ -85,13 +85,13 @@ Result<MeshFile> MeshBuilder::finish() {
   std::erase_if(file_.meshes, [](const TriangleMesh& mesh) { return mesh.triangles.empty(); });
   if (too_many_) return damaged("");
   if (file_.meshes.empty())
-    return bad_input(source_, "holds not a single triangle", "export the surface again, as triangles");
+    return bad_input(source_, "holds no triangle", "export the surface again, as triangles");
   // limit for the geometric computations
   constexpr double kMaxCoordinate = 1e9;
   for (const TriangleMesh& mesh : file_.meshes)
     for (const Eigen::Vector3d& point : mesh.points)
       if (!(point.cwiseAbs().maxCoeff() <= kMaxCoordinate) || !point.allFinite())
-        return damaged("it has a point whose coordinates are no numbers, or beyond all measure");
+        return damaged("it has a point whose coordinates are not finite or too large");
   return std::move(file_);
 }
 
@@ -114,7 +114,7 @@ Result<MeshFile> parse_mesh(std::string_view bytes, MeshFormat format, const std
     case MeshFormat::kVtkXml:
       return parse_vtk_xml(bytes, std::move(builder));
   }
-  return builder.damaged("its format is not known");
+  return builder.damaged("its format is unknown");
 }
 
 }  // namespace palpate::volume_io

@@ -72,15 +72,15 @@ double MeshSurvey::within(MeshSpace space, std::size_t unit) const {
 Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& asked,
                                   std::optional<MeshSpace> stated) {
   const std::optional<MeshSpace> said = asked.space ? asked.space : stated;
-  const std::string by = asked.space ? "as was asked for" : "as the file says";
+  const std::string by = asked.space ? "as requested" : "as stated in the file";
   PlacedMeshes placed;
   if (!survey.has_scan() || (said && asked.unit_mm)) {
     placed.space = said.value_or(MeshSpace::kLps);
     placed.unit_mm = asked.unit_mm.value_or(1);
     placed.space_is_known = said.has_value();
     placed.note = "is read as " + name_of(placed.space) + " (" +
-                  (said ? by : "which it does not say: its sides are unknown") + ") in " +
-                  name_of_unit(placed.unit_mm) + (asked.unit_mm ? "" : " (which it does not say)");
+                  (said ? by : "which the file does not state: its sides are unknown") + ") in " +
+                  name_of_unit(placed.unit_mm) + (asked.unit_mm ? "" : " (which the file does not state)");
     return placed;
   }
 
@@ -102,15 +102,14 @@ Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& a
   const std::string tried_units = asked.unit_mm ? name_of_unit(*asked.unit_mm) : "mm, cm and m";
   if (fitting.size() > 1)
     return bad_input(
-        "", "does not say its unit, and lies in the scan read in " + fitting_units + " alike",
-        "say which with --mesh-unit mm, --mesh-unit cm or --mesh-unit m: a scene file keeps it as "
-        "mesh_unit");
+        "", "does not state its unit, and lies in the scan if read in " + fitting_units + " alike",
+        "choose one with --mesh-unit mm, --mesh-unit cm or --mesh-unit m (in a scene file: mesh_unit)");
   if (fitting.empty())
-    return bad_input("",
-                     "does not lie in the scan, read as " + (said ? name_of(*said) : "LPS or as RAS") +
-                         " in " + tried_units + ": half of its points at least would have to",
-                     "give the scan that it was made on; or say how it is to be read, with --mesh-space and "
-                     "--mesh-unit");
+    return bad_input(
+        "",
+        "does not lie in the scan, read as " + (said ? name_of(*said) : "LPS or as RAS") + " in " +
+            tried_units + ": at least half of its points must lie in it",
+        "give the scan that it was made on; or choose how to read it with --mesh-space and --mesh-unit");
   const std::size_t unit = fitting.front();
   placed.unit_mm = survey.units_mm()[unit];
   const double lps = survey.within(MeshSpace::kLps, unit), ras = survey.within(MeshSpace::kRas, unit);
@@ -118,11 +117,10 @@ Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& a
   const double this_way = survey.within(placed.space, unit),
                other_way = survey.within(other_than(placed.space), unit);
   if (!said && !proves(this_way, other_way))
-    return bad_input(
-        "",
-        "does not say whether its axes are LPS or RAS, and in the scan it lies either way (" + percent(lps) +
-            " of its points as LPS, " + percent(ras) + " as RAS)",
-        "say which with --mesh-space lps or --mesh-space ras: a scene file keeps it as mesh_space");
+    return bad_input("",
+                     "does not state whether its axes are LPS or RAS, and lies in the scan either way (" +
+                         percent(lps) + " of its points as LPS, " + percent(ras) + " as RAS)",
+                     "choose one with --mesh-space lps or --mesh-space ras (in a scene file: mesh_space)");
   placed.note = "is read as " + name_of(placed.space) + (said ? " (" + by + ")" : "") + " in " +
                 name_of_unit(placed.unit_mm) + ": so " + percent(this_way) + " of its points lie in the scan";
   if (!said) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_way);

@@ -76,25 +76,25 @@ Result<MeshFile> parse_ascii_stl(std::string_view bytes, MeshBuilder builder) {
     } else if (word == "endsolid") {
       open = false;
     } else if (!open) {
-      return builder.damaged(at_line(line, "stands in no solid"));
+      return builder.damaged(at_line(line, "is outside a solid"));
     } else if (word == "vertex") {
-      if (words.size() != 4) return builder.damaged(at_line(line, "is no vertex of three numbers"));
+      if (words.size() != 4) return builder.damaged(at_line(line, "is not a vertex of three numbers"));
       Eigen::Vector3d point;
       for (int a = 0; a < 3; ++a) {
         const auto number = mesh_number(words[static_cast<std::size_t>(a) + 1]);
-        if (!number) return builder.damaged(at_line(line, "is no vertex of three numbers"));
+        if (!number) return builder.damaged(at_line(line, "is not a vertex of three numbers"));
         point[a] = *number;
       }
       builder.add_point(point);
       ++corners;
     } else if (word == "endloop" || word == "endfacet") {
       if (word == "endfacet") continue;
-      if (corners != 3) return builder.damaged(at_line(line, "ends a facet that is no triangle"));
+      if (corners != 3) return builder.damaged(at_line(line, "ends a facet that is not a triangle"));
       const auto last = static_cast<std::int64_t>(builder.points());
       if (!builder.add_triangle(last - 3, last - 2, last - 1)) return builder.damaged("its triangles");
       corners = 0;
     } else if (word != "facet" && word != "outer") {
-      return builder.damaged(at_line(line, "is none of STL's"));
+      return builder.damaged(at_line(line, "is not an STL keyword"));
     }
   }
   if (open || corners != 0) return builder.damaged("it ends in the middle of a solid");
@@ -199,9 +199,9 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
     if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (line == 1 || words.empty()) continue;
-    const auto wrong = [&] { return builder.damaged(at_line(line, "of its header is not understood")); };
+    const auto wrong = [&] { return builder.damaged(at_line(line, "of its header is invalid")); };
     if (words[0] == "end_header") {
-      if (!has_format) return builder.damaged("its header does not say its format");
+      if (!has_format) return builder.damaged("its header does not state its format");
       return header;
     }
     if (words[0] == "comment" || words[0] == "obj_info") {
@@ -285,11 +285,11 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
     if (words[0].starts_with('#')) {
       builder.space_from(text);
     } else if (words[0] == "v") {
-      if (words.size() < 4) return builder.damaged(at_line(line, "is no vertex of three numbers"));
+      if (words.size() < 4) return builder.damaged(at_line(line, "is not a vertex of three numbers"));
       Eigen::Vector3d point;
       for (int a = 0; a < 3; ++a) {
         const auto number = mesh_number(words[static_cast<std::size_t>(a) + 1]);
-        if (!number) return builder.damaged(at_line(line, "is no vertex of three numbers"));
+        if (!number) return builder.damaged(at_line(line, "is not a vertex of three numbers"));
         point[a] = *number;
       }
       if (points.size() == kMaxPoints) return builder.too_many();
@@ -301,7 +301,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
       begin(text.substr(text.find(words[0]) + 1));
     } else if (words[0] == "f") {
       corners.clear();
-      if (words.size() < 4) return builder.damaged(at_line(line, "is a face of less than three corners"));
+      if (words.size() < 4) return builder.damaged(at_line(line, "is a face with fewer than three corners"));
       // the keyword, and two corners more than the resulting fan has triangles
       if (words.size() > kMaxTriangles + 3) return builder.too_many();
       for (std::size_t n = 1; n < words.size(); ++n) {
@@ -310,7 +310,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
         const auto count = static_cast<std::int64_t>(points.size());
         const std::int64_t point = !number ? -1 : *number > 0 ? *number - 1 : count + *number;
         if (!number || *number == 0 || point < 0 || point >= count)
-          return builder.damaged(at_line(line, "is a face of corners that are not there"));
+          return builder.damaged(at_line(line, "is a face with missing corners"));
         const auto at = static_cast<std::size_t>(point);
         if (index_in_mesh[at] == 0) {
           builder.add_point(points[at]);
@@ -322,7 +322,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
         }
         corners.push_back(static_cast<std::int64_t>(index_in_mesh[at]) - 1);
       }
-      if (!builder.add_polygon(corners)) return builder.damaged(at_line(line, "is no face"));
+      if (!builder.add_polygon(corners)) return builder.damaged(at_line(line, "is not a face"));
     }
     // normals, texture coordinates, materials and lines do not affect the surface
   }
@@ -382,7 +382,7 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
           if (is_face) corners.push_back(static_cast<std::int64_t>(*value));
         }
         if (is_face && !builder.add_polygon(corners))
-          return builder.damaged("face " + std::to_string(n + 1) + " has corners that are not there");
+          return builder.damaged("face " + std::to_string(n + 1) + " has missing corners");
       }
       if (is_points) builder.add_point(point);
     }

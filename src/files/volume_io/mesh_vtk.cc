@@ -520,10 +520,10 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
       const std::string_view compressor = (*tag)["compressor"];
       file.settings.packed = !compressor.empty();
       if (file.settings.packed && compressor != "vtkZLibDataCompressor")
-        return builder.refused("is packed by " + std::string(compressor) + ", which is not read",
-                               "write it with zlib, or not packed");
+        return builder.refused("is compressed by " + std::string(compressor) + ", which is not supported",
+                               "write it with zlib, or uncompressed");
     } else if (!began) {
-      return builder.damaged("it does not begin as VTK's files do");
+      return builder.damaged("it does not start like a VTK file");
     } else if (tag->name == "Piece") {
       file.pieces += !tag->closes;
     } else if (tag->name == "AppendedData") {
@@ -544,7 +544,7 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
       const bool wanted =
           section == "Points" || section == "Polys" || section == "Strips" || section == "FieldData";
       if (!wanted) continue;
-      if (!type) return builder.damaged("it has an array of a type that is not known");
+      if (!type) return builder.damaged("it has an array of unknown type");
       XmlArray array{section,
                      std::string((*tag)["Name"]),
                      *type,
@@ -556,7 +556,7 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
       if (tag->empty) array.body = {};
       if (array.appended) {
         const auto offset = parse_number<std::uint64_t>((*tag)["offset"]);
-        if (!offset) return builder.damaged("it has an array without its place");
+        if (!offset) return builder.damaged("it has an array without an offset");
         array.offset = *offset;
       }
       file.arrays.push_back(std::move(array));
@@ -584,19 +584,21 @@ Result<MeshFile> parse_vtk_legacy(std::string_view bytes, MeshBuilder builder) {
     const std::string_view word = in.word();
     const std::string name(word);
     const auto damaged_at = [&] {
-      return in.too_many ? builder.too_many() : builder.damaged("its part " + name + " is not as it says");
+      return in.too_many ? builder.too_many()
+                         : builder.damaged("its part " + name + " does not match its description");
     };
     if (word.empty()) break;
     if (word == "DATASET") {
       if (in.word() != "POLYDATA")
-        return builder.refused("holds no POLYDATA, so no surface", "export the surface of it as POLYDATA");
+        return builder.refused("holds no POLYDATA and therefore no surface",
+                               "export the surface of it as POLYDATA");
       polydata = true;
     } else if (word == "FIELD") {
       if (!read_legacy_field(in)) return damaged_at();
     } else if (word == "METADATA") {
       in.skip_metadata();
     } else if (!polydata) {
-      return builder.damaged("it does not say its DATASET");
+      return builder.damaged("it does not state its DATASET");
     } else if (word == "POINTS") {
       const auto count = in.count();
       const auto type = vtk_type(in.word());
@@ -614,7 +616,7 @@ Result<MeshFile> parse_vtk_legacy(std::string_view bytes, MeshBuilder builder) {
       // attributes of points and cells follow, up to the end
       break;
     } else {
-      return builder.damaged("it has a part that VTK's files do not have");
+      return builder.damaged("it has an unknown section");
     }
   }
   return builder.finish();
@@ -626,7 +628,7 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
   if (!file) return file.error();
   constexpr std::size_t kMaxParts = 4096;
   if (file->pieces > kMaxParts || file->arrays.size() > kMaxParts)
-    return builder.damaged("it has more pieces than anybody makes");
+    return builder.damaged("it has too many pieces");
   for (std::size_t piece = 0; piece <= file->pieces; ++piece) {
     const auto find = [&](std::string_view section, std::string_view name) -> const XmlArray* {
       const auto found = std::ranges::find_if(file->arrays, [&](const XmlArray& array) {
@@ -635,9 +637,9 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
       return found == file->arrays.end() ? nullptr : &*found;
     };
     const auto damaged_array = [&](const XmlArray& array) {
-      return file->too_many
-                 ? builder.too_many()
-                 : builder.damaged("the data of its array '" + array.section + "' are not as they say");
+      return file->too_many ? builder.too_many()
+                            : builder.damaged("the data of its array '" + array.section +
+                                              "' do not match their description");
     };
     if (const XmlArray* space = find("FieldData", "SPACE")) {
       // characters as numbers

@@ -122,13 +122,13 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
   }
   if (meshes > kMaxMeshes)
     return bad_input(named.string(),
-                     "has " + std::to_string(meshes) + " structures, and " + std::to_string(kMaxMeshes) +
-                         " are read at most",
-                     "take some of them");
+                     "has " + std::to_string(meshes) + " structures, but at most " +
+                         std::to_string(kMaxMeshes) + " can be read",
+                     "give fewer of them");
   if (!alike && !asked.space)
     return bad_input(named.string(),
-                     "holds surfaces that do not say the same of their axes: some LPS, others RAS or nothing",
-                     "export all of them alike, or say with --mesh-space how all are to be read");
+                     "holds surfaces with different axes: some LPS, others RAS or unspecified",
+                     "export all of them with the same axes, or choose the axes of all with --mesh-space");
   const auto placed = place_meshes(survey, asked, stated);
   if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
 
@@ -182,17 +182,15 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
   notes.insert(notes.end(), found.notes.begin(), found.notes.end());
   notes.push_back(placed->note);
   if (!scan)
-    notes.push_back("gets a grid of its own, of " + as_text(grid.spacing_mm[0]) +
-                    " mm: given after a scan it is laid on that one's");
+    notes.push_back("is voxelised on its own grid of " + as_text(grid.spacing_mm[0]) +
+                    " mm; given after a scan, it uses the grid of the scan");
   const auto tell = [&](const std::string& what, const std::vector<std::string>& names) {
     if (!names.empty()) notes.push_back(what + ": " + names_in_words(names));
   };
-  tell(
-      "is no closed surface everywhere, and a voxel is in where more than half of all directions meet it "
-      "from within",
-      open);
-  tell("reaches beyond the scan and is cut off there", cut);
-  tell("has surfaces of which no voxel's centre is in", empty);
+  tell("is not closed everywhere: a voxel counts as inside if most directions hit the surface from within",
+       open);
+  tell("extends beyond the scan and is cut off there", cut);
+  tell("has surfaces that contain no voxel centre", empty);
   if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
   return labels;
 }
@@ -224,7 +222,7 @@ Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan, 
       [&](const std::function<bool()>& look, double& share) {
         return look_at_meshes(meshes, file, scan, placing, look, share);
       },
-      "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate), or take some of it");
+      "simplify it first, for example with 3D Slicer's Surface Toolbox (Decimate), or give fewer surfaces");
   if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});
   return reader;
 }

@@ -20,15 +20,15 @@ Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, 
     const auto equals = line.find('=');
     const std::string where = source + ":" + std::to_string(number);
     if (equals == std::string_view::npos || equals > kLongestName || line.size() > kLongestLine)
-      return bad_input(where, "is no line of a MetaImage header",
-                       "is the file whole and really a MetaImage?");
+      return bad_input(where, "is not a line of a MetaImage header",
+                       "is the file complete and really a MetaImage?");
     const std::string name(trimmed(line.substr(0, equals)));
     if (!fields.emplace(name, std::string(trimmed(line.substr(equals + 1)))).second)
       return bad_input(where, "gives the same field a second time");
     if (name == "ElementDataFile") return std::pair(fields, bytes.size() - rest.size());
   }
-  return bad_input(source, "its header does not say where the voxels are (ElementDataFile)",
-                   "is the file whole?");
+  return bad_input(source, "its header does not state where the voxels are (ElementDataFile)",
+                   "is the file complete?");
 }
 
 std::optional<Component> parse_element_type(const std::string& name) {
@@ -67,7 +67,7 @@ std::optional<std::vector<double>> parse_numbers(const std::string& text, std::s
 Result<std::vector<std::int64_t>> parse_axes(const MetaFields& fields, const std::string& source) {
   const std::string* object = field(fields, {"ObjectType"});
   if (object != nullptr && *object != "Image")
-    return bad_input(source, "holds no image but another MetaIO object");
+    return bad_input(source, "holds another MetaIO object instead of an image");
   const std::string* dimensions = field(fields, {"NDims"});
   const std::string* sizes = field(fields, {"DimSize"});
   if (dimensions == nullptr || sizes == nullptr)
@@ -109,7 +109,7 @@ Result<void> read_voxel_fields(const MetaFields& fields, const std::string& sour
   if (type == nullptr) return bad_input(source, "its header lacks the ElementType");
   const auto component = parse_element_type(*type);
   if (!component)
-    return bad_input(source, "its ElementType " + type->substr(0, 30) + " is not a number that can be read",
+    return bad_input(source, "its ElementType " + type->substr(0, 30) + " is not a supported number type",
                      "save it with another type, for example MET_SHORT");
   header.voxels.component = *component;
   header.voxels.big_endian = is_true(field(fields, {"ElementByteOrderMSB", "BinaryDataByteOrderMSB"}));

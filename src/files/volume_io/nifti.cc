@@ -43,16 +43,15 @@ std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform)
   const auto reading = [](const GridGeometry& grid) {
     char text[160];
     const Eigen::Vector3d centre = grid.centre().eigen();
-    std::snprintf(text, sizeof text, "its axes are %s and its middle lies at (%.1f, %.1f, %.1f) mm",
+    std::snprintf(text, sizeof text, "its axes are %s and its centre is at (%.1f, %.1f, %.1f) mm",
                   axis_codes(grid.direction).c_str(), centre.x(), centre.y(), centre.z());
     return std::string(text);
   };
   char off[60];
   std::snprintf(off, sizeof off, "by up to %.1f mm", max_mm);
   return std::string("has a qform and an sform that differ ") + (mirrored ? "by a mirror" : off) +
-         ", so that its sides are in doubt: by the sform, which is taken, " + reading(sform) +
-         "; by the qform " + reading(qform) +
-         " (LPS); --form q or s says which counts, in a scene file: nifti_form";
+         ", so its sides are uncertain: by the sform, which is used, " + reading(sform) + "; by the qform " +
+         reading(qform) + " (LPS); choose one with --form q or s (in a scene file: nifti_form)";
 }
 
 // label names from the file's extensions; an unreadable table is noted

@@ -171,7 +171,7 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
   if (length_unit == 1 || length_unit == 3)
     return bad_input(source,
                      std::string("its lengths are in ") + (length_unit == 1 ? "metres" : "micrometres") +
-                         ", only millimetres are read",
+                         ", but only millimetres are supported",
                      "convert it to millimetres");
   const auto finite = [](const auto& values) {
     return std::all_of(std::begin(values), std::end(values), [](double v) { return std::isfinite(v); });
@@ -180,9 +180,8 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
     header.affine.emplace();
     for (int n = 0; n < 12; ++n) (*header.affine)(n / 4, n % 4) = f.srow[n];
     if (!header.affine->allFinite())
-      return bad_input(
-          source, "its sform holds something that is not a number",
-          "read it by its qform with --form q where it has one, or set it from the scan it came from");
+      return bad_input(source, "its sform holds something that is not a number",
+                       "use its qform, if any, with --form q, or copy the sform from the original scan");
     const bool comparable =
         f.qform_code > 0 && !form && finite(f.quaternion) && finite(f.qoffset) &&
         std::all_of(f.pixdim + 1, f.pixdim + 4, [](double size) { return std::isfinite(size) && size > 0; });
@@ -198,11 +197,11 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
     else if (!std::isfinite(size) || size <= 0)
       return bad_input(source,
                        "its voxel size (pixdim) along axis " + std::to_string(a + 1) + " is not positive",
-                       "set it from the scan it came from");
+                       "copy it from the original scan");
   }
   if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
     return bad_input(source, "its qform holds something that is not a number",
-                     "set it from the scan it came from");
+                     "copy it from the original scan");
   // ITK handles NIfTI-1 without an sform, and does not read NIfTI-2
   if (second || f.sform_code > 0)
     header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
@@ -225,7 +224,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   header.separate = f.magic == separate;
   if (!header.separate && f.magic != single) {
     if (version->second) return bad_input(source, "is not a NIfTI file", "is its name right?");
-    return bad_input(source, "is an Analyze 7.5 file, which does not say which side is left",
+    return bad_input(source, "is an Analyze 7.5 file, which does not define left and right",
                      "convert the original images to NIfTI");
   }
 
@@ -237,7 +236,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   const auto component = component_of(f.datatype);
   if (!component)
     return bad_input(source, "its voxels are not plain numbers (datatype " + std::to_string(f.datatype) + ")",
-                     "colour, complex and 128-bit values are not read: convert it");
+                     "colour, complex and 128-bit values are not supported: convert it");
   header.voxels.component = *component;
   if (f.bits != static_cast<int>(8 * bytes_of(*component)))
     return bad_input(source, "its bits per voxel do not agree with its datatype");

@@ -13,7 +13,7 @@ Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_
   for (; lines > 0; --lines) {
     const auto end = bytes->find('\n', offset);
     if (end == std::string::npos)
-      return bad_input(file.string(), "has fewer lines than its line skip passes over", "is the file whole?");
+      return bad_input(file.string(), "has fewer lines than its line skip", "is the file complete?");
     offset = end + 1;
   }
   return offset;
@@ -34,8 +34,8 @@ Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<
   return bad_input(
       source,
       "its byte skip of -" + std::to_string(*voxels.bytes_after + 1) + " asks for " +
-          std::to_string(voxels.offset + needed + *voxels.bytes_after) + " bytes of voxel data, there are " +
-          std::to_string(failed ? 0 : size),
+          std::to_string(voxels.offset + needed + *voxels.bytes_after) +
+          " bytes of voxel data, but there are " + std::to_string(failed ? 0 : size),
       "the data are cut short, or the byte skip is wrong: -1 means that the voxels end the file");
 }
 

@@ -30,7 +30,7 @@ Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
   Lines lines;
   std::string_view rest = bytes;
   if (take_line(rest).substr(0, 5) != "NRRD0")
-    return bad_input(source, "does not begin as an NRRD file", "is it really one, and whole?");
+    return bad_input(source, "does not start like an NRRD file", "is it really one, and complete?");
   for (int number = 2; !rest.empty(); ++number) {
     const std::string_view line = take_line(rest);
     if (line.empty()) break;
@@ -38,7 +38,7 @@ Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
     const auto colon = line.find(':');
     const std::string where = source + ":" + std::to_string(number);
     if (colon == std::string_view::npos)
-      return bad_input(where, "is no line of an NRRD header", "is the file whole?");
+      return bad_input(where, "is not a line of an NRRD header", "is the file complete?");
 
     if (line.substr(colon, 2) == ":=") {
       // only Slicer's key/value pairs are stored; others may identify a patient
@@ -216,7 +216,8 @@ class Parser {
     if (const std::string* units = field("spaceunits")) {
       for (const std::string_view unit : split_spaces(*units))
         if (unit != "\"mm\"" && unit != "\"\"" && unit != "\"millimeter\"" && unit != "\"millimeters\"")
-          return bad("its lengths are in " + std::string(unit.substr(0, 20)) + ", only millimetres are read",
+          return bad("its lengths are in " + std::string(unit.substr(0, 20)) +
+                         ", but only millimetres are supported",
                      "convert it to millimetres");
     }
     return directions();
@@ -239,7 +240,7 @@ class Parser {
     for (const AxisVector& vector : *vectors)
       if (vector && vector->size() != length) return bad("its space directions differ in length");
     if (length != header_.axes.size())
-      return bad("its space has " + std::to_string(length) + " dimensions, its voxels " +
+      return bad("its space has " + std::to_string(length) + " dimensions, but its voxels have " +
                  std::to_string(header_.axes.size()));
     if (const std::string* origin = field("spaceorigin")) {
       const auto point = parse_vectors(*origin);
@@ -258,7 +259,7 @@ class Parser {
     const std::string* encoding = field("encoding");
     if (type == nullptr || encoding == nullptr) return bad("its header lacks the type or the encoding");
     const auto component = parse_type(*type);
-    if (!component) return bad("its type '" + type->substr(0, 30) + "' is not a number that can be read");
+    if (!component) return bad("its type '" + type->substr(0, 30) + "' is not a supported number type");
     const auto how = parse_encoding(*encoding);
     if (!how)
       return bad("its encoding '" + encoding->substr(0, 30) + "' is not supported",

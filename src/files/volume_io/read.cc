@@ -81,14 +81,14 @@ bool says_labels(const LabelFile& file) {
 
 Error taken_for_labels(const std::filesystem::path& file, std::size_t values) {
   return bad_input(file.string(),
-                   "looks like a scan, not like a label map: " + std::to_string(values) +
+                   "looks like a scan, not a label map: " + std::to_string(values) +
                        " values, which change from voxel to voxel",
                    "give it as the scan; if it is a label map, name its labels in a table (--names)");
 }
 
 Error unclear_content(const std::filesystem::path& file, const std::string& evidence) {
   return bad_input(file.string(), "may be a label map or a scan: " + evidence,
-                   "say which it is: --labels " + file.string() + ", or --scan " + file.string());
+                   "choose one: --labels " + file.string() + ", or --scan " + file.string());
 }
 
 Error out_of_memory(const std::filesystem::path& file) {
@@ -235,9 +235,9 @@ class LabelSink {
         count > kValues ? "more than " + std::to_string(kValues) : std::to_string(count);
     return bad_input(file_.voxels.file.string(),
                      "has " + number + (count == 1 ? " label" : " labels") + " above 65535 (" + some +
-                         (count > kNamed ? ", ..." : "") + "), and labels are read in 0 ... 65535",
-                     "give the labels smaller numbers, each its own, and their names by these; a scan is "
-                     "given as the scan (--scan)");
+                         (count > kNamed ? ", ..." : "") + "), but labels must be in 0 ... 65535",
+                     "renumber the labels and their names with smaller, distinct numbers; if it is a scan, "
+                     "give it as the scan (--scan)");
   }
   Error not_a_label(std::uint64_t n) const {
     const auto& dims = file_.header.geometry.dims;
@@ -292,7 +292,7 @@ Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSi
         segments.push_back({0, "", colour_for(value), layer, value});
     }
   if (segments.size() >= kValues || !number_segments(segments))
-    return bad_input(file.voxels.file.string(), "has more segments than there are numbers for");
+    return bad_input(file.voxels.file.string(), "has more segments than label numbers");
   return segments;
 }
 
@@ -341,8 +341,8 @@ Result<SampledContent> sample_content(const std::filesystem::path& file) {
   const VolumeFile& volume = reader->file();
   const VolumeHeader& header = volume.header;
   if (header.has_segments || header.layers > 1) return SampledContent{{Kind::kLabels, "it holds segments"}};
-  if (header.meaning == ValueMeaning::kLabels) return SampledContent{{Kind::kLabels, "its header says so"}};
-  if (header.meaning == ValueMeaning::kMeasured) return SampledContent{{Kind::kScan, "its header says so"}};
+  if (header.meaning == ValueMeaning::kLabels) return SampledContent{{Kind::kLabels, "its header states it"}};
+  if (header.meaning == ValueMeaning::kMeasured) return SampledContent{{Kind::kScan, "its header states it"}};
   std::vector<float> values;
   // truncated data are sufficient here
   (void)reader->stream([&](std::uint64_t first, std::span<const std::byte> bytes) -> Result<void> {
@@ -417,9 +417,9 @@ Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& 
   if (found.source != NameSource::kOnlyTable) return true;
   if (10 * named < 9 * segments.size())
     return not_used("it names " + std::to_string(named) + " of its " + std::to_string(segments.size()) +
-                    " labels, and may be another's");
+                    " labels, and may belong to another map");
   const auto rival = std::ranges::find_if(found.others, may_be_labels);
-  if (rival != found.others.end()) return not_used("it may as well be that of " + rival->filename().string());
+  if (rival != found.others.end()) return not_used("it may also belong to " + rival->filename().string());
   return true;
 }
 
@@ -448,7 +448,7 @@ Result<ScanValues> unpack_scan(VolumeReader& reader, const std::filesystem::path
   });
   if (!read) return read.error();
   std::size_t replaced = 0;
-  if (!replace_non_finite(voxels, replaced)) return bad_input(path.string(), "holds not a single number");
+  if (!replace_non_finite(voxels, replaced)) return bad_input(path.string(), "holds no finite number");
   values.replaced = replaced;
   return values;
 }
@@ -457,14 +457,14 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
                            const Warn& warn, VoxelCaching unpacked) {
   const VolumeFile& file = reader.file();
   if (file.header.layers > 1)
-    return bad_input(path.string(), "holds several values for each voxel, a scan has one",
+    return bad_input(path.string(), "holds several values for each voxel, but a scan has one",
                      "if it is a segmentation give it as the labels");
   if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
 
   const VoxelCacheEntry kept(reader, "scan", unpacked);
   ScanValues values;
   if (kept.find_scan(values.voxels, values.replaced)) {
-    progress.report("taking what was read before", 0);
+    progress.report("loading from the cache", 0);
   } else {
     auto fresh = unpack_scan(reader, path);
     if (!fresh) return fresh.error();
@@ -473,9 +473,9 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
   }
   if (values.replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(values.replaced) +
-         (file.padded ? " voxels lie outside what was scanned (PixelPaddingValue (0028,0120))"
+         (file.padded ? " voxels are padding outside the scanned region (PixelPaddingValue (0028,0120))"
                       : " voxels are not numbers (NaN or infinite)") +
-         "; they are taken as the lowest value of the scan");
+         "; they are set to the lowest value of the scan");
   for (const std::string& note : file.notes)
     if (warn) warn(path.string() + ": " + note);
   return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(values.voxels))};
@@ -484,12 +484,12 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
 // informs a user who expects the file name as structure name why it is not used, and how to set it
 std::string left_out_of_name(const std::string& name) {
   const std::string taken =
-      name.empty() ? "its structure has no name, because its file's has no word that is known to be anatomy"
-                   : "its structure is called \"" + name +
-                         "\", the words of its file's name that are known to be anatomy";
+      name.empty()
+          ? "its structure has no name, because the name of its file has no known anatomical word"
+          : "its structure is called \"" + name + "\", the known anatomical words of its file's name";
   return taken +
-         " and others might name a patient\n  a table of names gives it any (--names TABLE, or a table "
-         "beside it of the same name)";
+         "; other words might identify a patient\n"
+         "  a table can set any name (--names TABLE, or a table next to it with the same name)";
 }
 
 Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
@@ -506,7 +506,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   LabelSink sink(file);
   const VoxelCacheEntry kept(reader, "labels", unpacked);
   if (sink.find(kept)) {
-    progress.report("taking what was read before", 0);
+    progress.report("loading from the cache", 0);
   } else {
     const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
       return with_type(file.voxels.component,
@@ -569,7 +569,7 @@ VolumeContent what_it_holds(const ScanFile& scan, const std::filesystem::path& f
                             const std::optional<std::filesystem::path>& names) {
   using Kind = VolumeContent::Kind;
   if (read_as() == ReadAs::kScan) return {Kind::kScan, ""};
-  if (scan.header.meaning == ValueMeaning::kMeasured && !names) return {Kind::kScan, "its header says so"};
+  if (scan.header.meaning == ValueMeaning::kMeasured && !names) return {Kind::kScan, "its header states it"};
   const ValueStatistics values = statistics_of(scan.scan.voxels());
   if (const auto evidence = evidence_by_table(values, file, names)) return {Kind::kLabels, *evidence};
   if (!values.only_whole && has_large_ids(scan.scan.voxels()))
@@ -604,8 +604,8 @@ Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& firs
   using Kind = VolumeContent::Kind;
   std::error_code unknown;
   if (std::filesystem::equivalent(first, second, unknown))
-    return Error{ErrorKind::kUsage, "one file given as the scan and as its label map", first.string(),
-                 "name the label map alone, or the scan that it belongs to as well"};
+    return Error{ErrorKind::kUsage, "the same file is given as the scan and as the label map", first.string(),
+                 "give the label map alone, or its scan as well"};
   const auto a = named_content(first, names);
   if (!a) return a.error();
   const auto b = named_content(second, names);
@@ -615,11 +615,11 @@ Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& firs
     const bool scans = a->kind == Kind::kScan;
     return Error{
         ErrorKind::kBadInput,
-        std::string(scans ? "two scans" : "two label maps") + ", where a scan and its segmentation " +
+        std::string(scans ? "two scans" : "two label maps") + ", but a scan and its segmentation " +
             "are needed: the first because " + a->evidence + ", the second because " + b->evidence,
         first.string() + " and " + second.string(),
-        scans ? "name the segmentation of one of them; --labels takes " + second.string() + " as labels"
-              : "name the scan of one of them; --scan takes " + first.string() + " as a scan"};
+        scans ? "give the segmentation of one of them; --labels reads " + second.string() + " as labels"
+              : "give the scan of one of them; --scan reads " + first.string() + " as a scan"};
   }
   if (a->kind == Kind::kLabels || b->kind == Kind::kScan) return ScanAndLabels{second, first};
   return ScanAndLabels{first, second};
@@ -650,13 +650,13 @@ std::string_view words_of(NameSource source) {
     case NameSource::kFile:
       return "the file itself";
     case NameSource::kFileName:
-      return "words of anatomy in its file names";
+      return "anatomical words in its file names";
     case NameSource::kGivenTable:
-      return "a table that was given for it";
+      return "the given table";
     case NameSource::kOwnTable:
-      return "a table beside it with its name";
+      return "a table next to it with the same name";
     case NameSource::kOnlyTable:
-      return "the only table beside it, which names its values";
+      return "the only table next to it, which names its values";
   }
   return "";
 }
@@ -698,7 +698,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
   if (read_as() == ReadAs::kLabels) return labels("");
   if (read_as() != ReadAs::kScan) {
     if (header.has_segments || header.layers > 1) return labels("it holds segments");
-    if (header.meaning == ValueMeaning::kLabels) return labels("its header says so");
+    if (header.meaning == ValueMeaning::kLabels) return labels("its header states it");
   }
   std::string evidence;
   {
@@ -722,14 +722,14 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
                            VoxelCaching unpacked, std::optional<int> volume, const Placing& placing) try {
   if (!volume && !is_dicom(file)) {
     if (is_meshes(file))
-      return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
+      return bad_input(file.string(), "holds surfaces, which are labels, not a scan",
                        "give it as the labels, after the scan");
     if (is_masks(file)) {
       std::vector<std::string> names;
       for (const std::filesystem::path& one : volumes_in(file)) names.push_back(one.filename().string());
-      return bad_input(file.string(), "holds several volumes, and a scan is one",
-                       "name the scan in it: " + names_in_words(names) +
-                           "; a folder of masks is given as the labels, after the scan");
+      return bad_input(file.string(), "holds several volumes, but a scan is one volume",
+                       "give the scan in it: " + names_in_words(names) +
+                           "; give a folder of masks as the labels, after the scan");
     }
   }
   auto reader =
@@ -746,8 +746,8 @@ Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const GridGeometry* scan_grid, const Placing& placing,
                               const std::optional<std::filesystem::path>& scan) try {
   if (is_dicom(file))
-    return bad_input(file.string(), "holds DICOM images, which are a scan and not labels",
-                     "give it as the scan, and a label map beside it");
+    return bad_input(file.string(), "holds DICOM images, which are a scan, not labels",
+                     "give it as the scan, and a label map in addition");
   auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placing));
   if (!reader) return reader.error();
   return take_labels(*reader, file, names, scan, progress, warn, doubtful, unpacked);

@@ -461,7 +461,7 @@ TEST(ReadVolume, SaysTheEvidenceAndAsksWhereItIsUnclear) {
   const auto read_row = [&](const std::vector<int>& row) { return read_volume(write_row(folder, row)); };
   const auto labels = read_row({0, 1, 1, 1, 2, 2, 2, 0});
   ASSERT_TRUE(labels.ok());
-  EXPECT_EQ(std::get<LabelFile>(*labels).evidence, "its 2 values lie in patches");
+  EXPECT_EQ(std::get<LabelFile>(*labels).evidence, "its 2 values form patches");
   const auto scan = read_row({0, 1, 2, 3, 4, 5, 6, 0});
   ASSERT_TRUE(scan.ok());
   EXPECT_EQ(std::get<ScanFile>(*scan).evidence, "its 6 values change from voxel to voxel");

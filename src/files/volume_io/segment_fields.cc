@@ -192,7 +192,7 @@ Result<std::vector<Segment>> parse_segment_fields(
     segment.colour = f.colour.value_or(colour_for(segment.value));
     segments.push_back(std::move(segment));
   }
-  if (!number_segments(segments)) return bad_input(source, "has more segments than there are numbers for");
+  if (!number_segments(segments)) return bad_input(source, "has more segments than label numbers");
   return segments;
 }
 

@@ -89,20 +89,19 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
   found.roots.insert(found.roots.end(), outside.begin(), outside.end());
   found.is_cut_off = !failed && entry != fs::directory_iterator();
   if (found.is_cut_off)
-    found.notes.push_back("holds more than " + std::to_string(kMaxFiles) +
-                          " files, of which no more were looked at");
+    found.notes.push_back("holds more than " + std::to_string(kMaxFiles) + " files; the others were ignored");
   std::ranges::sort(found.files);
   if (led_out > 0)
     found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
                           " out of the folder and was not followed (--follow-links allows it)");
   if (scattered > 0)
     found.notes.push_back(std::to_string(scattered) + (scattered == 1 ? " link was" : " links were") +
-                          " not followed, for they lead to more than " + std::to_string(kMaxRoots) +
+                          " not followed, because they lead to more than " + std::to_string(kMaxRoots) +
                           " folders");
   if (others > 0)
     found.notes.push_back(std::to_string(others) +
                           (others == 1 ? " other file in it is" : " other files in it are") + " no " +
-                          std::string(kind) + ", and passed over");
+                          std::string(kind) + ", and ignored");
   return found;
 }
 
@@ -119,9 +118,9 @@ StructureName name_of_structure(const fs::path& file, const std::vector<std::str
 }
 
 std::string note_of_left_out(const std::vector<std::string>& names) {
-  return "has words in the names of its files or objects that are not known to be anatomy and might name a "
-         "patient; a table gives their structures any name, numbered as they stand in order (--names TABLE). "
-         "They are called: " +
+  return "has words in the names of its files or objects that are not known anatomical words and might "
+         "identify a patient; a table can set any name for their structures, numbered in their order "
+         "(--names TABLE). They are called: " +
          names_in_words(names);
 }
 
@@ -177,7 +176,7 @@ Result<LabelReader> open_sliced_files(
       try {
         return look_at(now_and_then(tell), share);
       } catch (const std::bad_alloc&) {
-        return bad_input(named.string(), "does not fit into the memory that it is read in", too_large);
+        return bad_input(named.string(), "does not fit into the memory for reading", too_large);
       }
     }();
     return read_labels_for(parent, named, volume, [&](VoxelSink& sink) { return volume->send(sink); });
@@ -190,7 +189,7 @@ Result<LabelReader> open_sliced_files(
     if (auto said = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !said)
       return about(said.error(), names);
     if (word != kEnd) {
-      progress.report("looking at each file", std::min(1.0, word / 1000.0));
+      progress.report("examining each file", std::min(1.0, word / 1000.0));
       continue;
     }
     if (auto understood = receive_end(**process, names); !understood) return understood.error();

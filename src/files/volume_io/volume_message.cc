@@ -31,7 +31,7 @@ template <class Kind>
 void get_one_of(Receiver& in, Kind& kind, Kind last) {
   std::uint8_t number = 0;
   in.get(number);
-  if (number > static_cast<std::uint8_t>(last)) in.fail("its reader says what no volume can be");
+  if (number > static_cast<std::uint8_t>(last)) in.fail("its reader reports an impossible volume");
   if (in.ok()) kind = static_cast<Kind>(number);
 }
 
@@ -42,7 +42,7 @@ Receiver receiver(reader::ByteSource& source) {
 Error get_refusal(Receiver& in, Files files) {
   Error refusal{ErrorKind::kBadInput, "", "", ""};
   for (std::string* text : {&refusal.what, &refusal.where, &refusal.remedy}) in.get(*text, kMaxErrorText);
-  if (refusal.what.empty()) in.fail("its reader does not say how");
+  if (refusal.what.empty()) in.fail("its reader gives no reason");
   if (!in.ok()) return about(in.error(), files);
   // only the files of this process may be named
   const auto names = [&](const std::filesystem::path& file) {
@@ -79,7 +79,7 @@ void visit_plain(Volume& volume, const Field& field) {
 void get_segment_fields(Receiver& in, std::vector<std::pair<std::string, std::string>>& fields) {
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMaxFields) in.fail("its reader says what no volume can be");
+  if (count > kMaxFields) in.fail("its reader reports an impossible volume");
   std::size_t left = kMaxHeaderBytes;
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
     auto& [key, text] = fields.emplace_back();
@@ -93,7 +93,7 @@ void get_segment_fields(Receiver& in, std::vector<std::pair<std::string, std::st
 void get_notes(Receiver& in, std::vector<std::string>& notes) {
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMaxNotes) in.fail("its reader says what no volume can be");
+  if (count > kMaxNotes) in.fail("its reader reports an impossible volume");
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) in.get(notes.emplace_back());
 }
 
@@ -219,7 +219,7 @@ Result<void> receive_end(reader::ByteSource& source, Files files) {
 }
 
 Error nonsense(Files files) {
-  return about(bad_input("", "is damaged: its reader says what no volume can be"), files);
+  return about(bad_input("", "is damaged: its reader reports an impossible volume"), files);
 }
 
 }  // namespace palpate::volume_io

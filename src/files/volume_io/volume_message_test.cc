@@ -108,22 +108,24 @@ TEST(VolumeMessage, BelievesNoVolume) {
   EXPECT_THAT(error_of([](VolumeFile& v) { v.header.geometry.direction.setZero(); }),
               HasSubstr("in one plane"));
   for (const int layers : {0, -3, 4097})
-    EXPECT_THAT(error_of([&](VolumeFile& v) { v.header.layers = layers; }), HasSubstr("no volume can be"));
-  EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.slope = kNan; }), HasSubstr("no volume can be"));
-  EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.intercept = kNan; }), HasSubstr("no volume can be"));
+    EXPECT_THAT(error_of([&](VolumeFile& v) { v.header.layers = layers; }),
+                HasSubstr("an impossible volume"));
+  EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.slope = kNan; }), HasSubstr("an impossible volume"));
+  EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.intercept = kNan; }), HasSubstr("an impossible volume"));
   // invalid enumerators, and a file to which the process has no access
   EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.encoding = static_cast<Encoding>(6); }),
-              HasSubstr("no volume can be"));
+              HasSubstr("an impossible volume"));
   EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.component = static_cast<Component>(10); }),
-              HasSubstr("no volume can be"));
+              HasSubstr("an impossible volume"));
   EXPECT_THAT(error_of([](VolumeFile& v) { v.header.meaning = static_cast<ValueMeaning>(3); }),
-              HasSubstr("no volume can be"));
-  EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.file = "/etc/passwd"; }), HasSubstr("no volume can be"));
+              HasSubstr("an impossible volume"));
+  EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.file = "/etc/passwd"; }),
+              HasSubstr("an impossible volume"));
   EXPECT_THAT(error_of([](VolumeFile& v) {
                 v.segment_fields.assign(3, {std::string(9'000'000, 'x'), ""});
               }),
               HasSubstr("too long"));
-  EXPECT_THAT(error_of([](VolumeFile& v) { v.notes.resize(101); }), HasSubstr("no volume can be"));
+  EXPECT_THAT(error_of([](VolumeFile& v) { v.notes.resize(101); }), HasSubstr("an impossible volume"));
 }
 
 TEST(VolumeMessage, EndsAreNoticedAtEveryByte) {
@@ -158,7 +160,7 @@ TEST(VolumeMessage, PromisesOfFieldsTakeNoMemory) {
   memory.at = 0;
   const std::uint32_t more = many + 1;
   std::memcpy(memory.bytes.data() + memory.bytes.size() - sizeof more, &more, sizeof more);
-  EXPECT_THAT(receive_answer(memory, kFiles).error().what, HasSubstr("no volume can be"));
+  EXPECT_THAT(receive_answer(memory, kFiles).error().what, HasSubstr("an impossible volume"));
 }
 
 TEST(VolumeMessage, RefusalsAreAboutItsFiles) {
@@ -172,7 +174,7 @@ TEST(VolumeMessage, RefusalsAreAboutItsFiles) {
   EXPECT_EQ(same.what, "is bad");
   EXPECT_EQ(same.remedy, "mend it");
   EXPECT_EQ(refused(bad_input("/etc/passwd", "is bad")).where, kFiles[0].string());
-  EXPECT_EQ(refused({ErrorKind::kUnavailable, "", "", ""}).what, "is damaged: its reader does not say how");
+  EXPECT_EQ(refused({ErrorKind::kUnavailable, "", "", ""}).what, "is damaged: its reader gives no reason");
   EXPECT_EQ(refused({ErrorKind::kUnavailable, "x", "", ""}).kind, ErrorKind::kBadInput);
   EXPECT_EQ(refused(bad_input("/a/voxels.raw", std::string(100'000, 'x'))).what.size(), 65536u);
 }

@@ -96,8 +96,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
   reader::ReaderProcess::Job job;
   job.files = descriptors;
   job.shared_bytes = shared_bytes;
-  job.died = "is damaged: its reader fails on it";
-  job.endless = "is damaged: its reader does not come to an end with it";
+  job.died = "is damaged: its reader fails to read it";
+  job.endless = "is damaged: its reader does not finish";
   const ItkSection section;
   return reader::ReaderProcess::start(job, work, progress);
 }
@@ -152,7 +152,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   if (!opened) return opened.error();
   if (number)
     return Error{ErrorKind::kUsage, "holds one volume, which has no number", file.string(),
-                 "leave the number out: only DICOM files hold several"};
+                 "leave out the number: only DICOM files hold several"};
   const auto format = format_of(file);
   if (!format) {
     const auto kind = content_of(file, unpacked_front);

@@ -119,9 +119,8 @@ TEST_F(VolumeReaderTest, AReaderThatDiesIsOneError) {
     for (const pid_t reading : children()) ::kill(reading, SIGSEGV);
   });
   ASSERT_FALSE(read);
-  EXPECT_EQ(read.error().message(), file_.string() +
-                                        ": is damaged: its reader fails on it\n"
-                                        "  copy or download it again");
+  EXPECT_EQ(read.error().message(),
+            file_.string() + ": is damaged: its reader fails to read it\n  copy or download it again");
 }
 
 TEST_F(VolumeReaderTest, AnInterruptEndsAReaderThatStandsStill) {
@@ -213,7 +212,7 @@ std::string taken_from(const std::vector<std::uint32_t>& words, const Result<voi
 }
 
 TEST_F(VolumeReaderTest, BelievesNoPiece) {
-  const std::string nonsense = "is damaged: its reader says what no volume can be";
+  const std::string nonsense = "is damaged: its reader reports an impossible volume";
   const Result<void> whole, refused = bad_input("v", "ends early");
   EXPECT_EQ(taken_from({128}, &whole), "64");
   EXPECT_EQ(taken_from({0, 64, 0, 0, 62, 2, 0}, &whole), "64");

@@ -40,7 +40,7 @@ const char* name_of(Component component) {
 Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, const std::string& source) {
   constexpr std::int64_t kMaxVoxels = std::int64_t{1} << 40;
   if (axes.size() < 2)
-    return bad_input(source, "has " + std::to_string(axes.size()) + " axis, a volume has three",
+    return bad_input(source, "has " + std::to_string(axes.size()) + " axis, but a volume has three",
                      "give a volume, or a single slice with two axes");
   std::array<int, 3> dims{1, 1, 1};
   std::int64_t voxels = 1;
@@ -49,11 +49,11 @@ Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, co
       return bad_input(source, "axis " + std::to_string(a + 1) + " has a size of " + std::to_string(axes[a]));
     if (a >= 3) {
       if (axes[a] == 1) continue;
-      return bad_input(source, "has " + std::to_string(axes.size()) + " axes, a volume has three",
+      return bad_input(source, "has " + std::to_string(axes.size()) + " axes, but a volume has three",
                        "extract one volume of the series and give that");
     }
     if (axes[a] > std::numeric_limits<int>::max() || axes[a] > kMaxVoxels / voxels)
-      return bad_input(source, "promises more voxels than any scan has, the header is damaged");
+      return bad_input(source, "states more voxels than any scan has: the header is damaged");
     voxels *= axes[a];
     dims[a] = static_cast<int>(axes[a]);
   }
@@ -67,7 +67,7 @@ Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& so
   // columns are unit vectors: the determinant is the volume of their parallelepiped, 1 if they are orthogonal
   constexpr double kFlat = 1e-3;
   if (std::abs(geometry.direction.determinant()) < kFlat)
-    return bad_input(source, "its axes lie in one plane, they span no volume",
+    return bad_input(source, "its axes lie in one plane and span no volume",
                      "repair its directions from the scan");
   return geometry;
 }
@@ -79,13 +79,13 @@ Result<std::filesystem::path> data_file_beside(const std::filesystem::path& head
   if (relative.empty() || name.find('\0') != std::string::npos ||
       (leads_out && !reading_limits().follow_links))
     return bad_input(header.string(), "names a data file outside its own folder",
-                     "put the data file beside the header and name it without a path, or, if it is meant to "
-                     "stand elsewhere, allow it with --follow-links");
+                     "put the data file next to the header and name it without a path, or, if its location "
+                     "is intended, allow it with --follow-links");
   const std::filesystem::path file = header.parent_path() / relative;
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     return bad_input(header.string(), "its data file " + relative.string() + " is missing",
-                     "put the data file beside the header");
+                     "put the data file next to the header");
   if (auto stays = check_stays_in(header.parent_path(), file); !stays) return stays.error();
   return file;
 }

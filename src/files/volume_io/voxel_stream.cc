@@ -95,7 +95,7 @@ class DeflateStream : public ByteStream {
     const std::size_t got = file_.read(std::as_writable_bytes(std::span(in_)));
     z_.next_in = in_;
     z_.avail_in = static_cast<uInt>(got);
-    if (got == 0) stop("the compressed data break off");
+    if (got == 0) stop("the compressed data end early");
     return got != 0;
   }
   // gzip members may be concatenated; other bytes after the end are ignored
@@ -127,7 +127,7 @@ class Bzip2Stream : public ByteStream {
         z_.avail_in = static_cast<unsigned>(file_.read(std::as_writable_bytes(std::span(in_))));
         if (z_.avail_in == 0) {
           good_ = false;
-          fault_ = "the compressed data break off";
+          fault_ = "the compressed data end early";
           break;
         }
       }
@@ -237,7 +237,7 @@ class HexStream : public TextStream {
     if (c >= '0' && c <= '9') return c - '0';
     c |= 0x20;
     if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    fault_ = "the hexadecimal data hold something else";
+    fault_ = "the hexadecimal data have other characters";
     return -1;
   }
 };
@@ -276,9 +276,9 @@ Error ended_early(const VolumeFile& file, std::uint64_t values, const std::strin
 }
 
 Error surplus(const VolumeFile& file) {
-  return bad_input(file.voxels.file.string(), "holds more voxel data than its header promises",
-                   "sizes, type or encoding in the header may be wrong; an NRRD header whose data file has a "
-                   "header of its own needs 'byte skip: -1'");
+  return bad_input(file.voxels.file.string(), "holds more voxel data than stated in its header",
+                   "sizes, type or encoding in the header may be wrong; an NRRD header whose data file has "
+                   "its own header needs 'byte skip: -1'");
 }
 
 // stream positioned before the first voxel
@@ -319,14 +319,14 @@ Result<Positioned> at_first_voxel(const VolumeFile& file, VoxelSink& sink) {
     const std::uint64_t needed = file.value_count() * bytes_of(source.component) + *source.bytes_after;
     if (total < needed || !(*stream)->fault().empty())
       return Positioned{nullptr,
-                        (*stream)->fault().empty() ? "they are shorter than promised" : (*stream)->fault()};
+                        (*stream)->fault().empty() ? "they are shorter than stated" : (*stream)->fault()};
     skip = total - needed;
     stream = open_stream(source);
     if (!stream) return stream.error();
   }
   if (pass_over(**stream, skip, sink) < skip)
     return Positioned{nullptr,
-                      (*stream)->fault().empty() ? "they are shorter than promised" : (*stream)->fault()};
+                      (*stream)->fault().empty() ? "they are shorter than stated" : (*stream)->fault()};
   return Positioned{std::move(*stream), ""};
 }
 

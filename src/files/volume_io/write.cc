@@ -62,7 +62,8 @@ Result<void> write_image(const std::filesystem::path& file, const GridGeometry& 
   const Format& format = **found;
   if (std::none_of(format.written.begin(), format.written.end(),
                    [&](std::string_view ending) { return has_ending(file, ending); }))
-    return cannot_write(file, "would be two files, volumes are written as one", "use .nrrd, .nii.gz or .mha");
+    return cannot_write(file, "would be two files, but volumes are written as one",
+                        "use .nrrd, .nii.gz or .mha");
   if (geometry.voxel_count() == 0) return cannot_write(file, "would hold no voxels");
   constexpr int kMaxNifti = 32767;
   if (format.writer == ItkFormat::kNifti &&
@@ -75,8 +76,8 @@ Result<void> write_image(const std::filesystem::path& file, const GridGeometry& 
   if (!written || !reads_back(pending->path(), geometry, image)) {
     if (disk_is_full(file)) return output_error(file, ENOSPC);
     if (!written) return cannot_write(file, written.error().what);
-    return cannot_write(file, std::string("could not be written whole and true as ") + format.name,
-                        "check the free space, or use .nrrd, which holds every geometry");
+    return cannot_write(file, std::string("could not be written exactly as ") + format.name,
+                        "check the free space, or use .nrrd, which supports every geometry");
   }
   return pending->commit();
 } catch (const std::exception& exception) {
