@@ -223,7 +223,7 @@ class ReportInABrowser(unittest.TestCase):
 
     def test_what_was_not_reached_is_in_view(self):
         card = self.page.run("return document.querySelector('.card.notice').innerText")
-        self.assertIn("What the hand did not reach", card)
+        self.assertIn("Script steps that failed", card)
         self.assertIn("asked for 2.00 N, felt 1.50 N on patella", card)
 
     def test_structures_and_marks_can_be_hidden(self):
@@ -304,7 +304,7 @@ class PlannedReportInABrowser(unittest.TestCase):
             for length, stroke in lines:
                 self.assertGreater(length, 8)
                 self.assertEqual(stroke, "rgb(92, 224, 138)")
-            for words in ("Plan against done", "way & target", "not kept", "Planned mm\u00b3"):
+            for words in ("Plan and result", "way & target", "not kept", "Planned mm\u00b3"):
                 self.assertIn(words, text)
             self.assertEqual(page.log(), [])
 

@@ -391,7 +391,7 @@ class Deaths(cli.PalpateTest):
                 then_ns = time.monotonic_ns()
                 self.choose(chosen, number)
                 if name == "viewers":
-                    session.read_until("a fault in the server")
+                    session.read_until("an error in the server")
                     self.choose(chosen, 0)
                     self.assertEqual(self.ask_page(session, "/api/scene")["volume"], volume)
                     session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")

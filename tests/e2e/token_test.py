@@ -32,7 +32,7 @@ class Token(cli.PalpateTest):
         self.assertTrue(LINES.fullmatch(text))
         self.assertNotIn(LINES.fullmatch(text)[1], done.stderr)
         # and never over tokens that somebody has
-        self.fail_clearly(cli.OUTPUT, "token", "-o", file, says="there already")
+        self.fail_clearly(cli.OUTPUT, "token", "-o", file, says="replacing it would revoke its tokens")
         self.assertEqual(file.read_text(), text)
         self.fail_clearly(cli.OUTPUT, "token", "-o", self.folder / "none" / "tokens")
 

@@ -96,7 +96,7 @@ Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
     std::snprintf(what, sizeof what, "%.0f x %.0f arrows, and at most %d x %d can be drawn", count, count,
                   kMaxArrowsPerSide, kMaxArrowsPerSide);
     return Error{ErrorKind::kBadInput, what, "spacing",
-                 "ask for arrows farther apart, or for a smaller section"};
+                 "increase the distance between arrows, or choose a smaller section"};
   }
   const int side_px = force_arrows::kSection_px;
   const SectionPlane section =

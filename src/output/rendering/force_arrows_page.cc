@@ -247,7 +247,7 @@ std::string draw_notes(const Picture& p) {
   const double left = kSectionCorner[0], top = kBottom_px + 54;
   return draw_structures(p) +
          text("small", {left, top},
-              "Arrows: direction of the force, size by the scale; hollow head: more than half is out") +
+              "Arrows: direction of the force, length by the scale; hollow head: more than half is out") +
          text("small", {left, top + 16},
               "of the plane; ring: no direction. Lines: value 0.5, dashed 0.25 and 0.75.") +
          text("small", {left, top + 36}, "Research and education \u2014 not for clinical use");

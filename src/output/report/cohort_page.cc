@@ -104,12 +104,11 @@ std::string cohort_html(const CohortPage& page) {
       "class=\"scroll\"><table class=\"cases\">\n" +
       header_row_html(page, groups) + "<tbody>\n";
   for (std::size_t n = 0; n < page.rows.size(); ++n) html += row_html(page, groups, page.rows[n], n);
-  html +=
-      "</tbody></table></div>\n<p class=\"hint\">palpate " + escape(page.program) +
-      ". Parts are counted by voxels that share a face; gaps are places where a point may slip through; the "
-      "thinnest place is that of a structure's middle, where it does not end "
-      "(docs/guide/cohort.md).</p></section>\n"
-      "</main>\n";
+  html += "</tbody></table></div>\n<p class=\"hint\">palpate " + escape(page.program) +
+          ". Parts: components of voxels that share a face. Gaps: places where a point may slip through. "
+          "Thinnest place: along the medial surface of a structure, without its ends "
+          "(docs/guide/cohort.md).</p></section>\n"
+          "</main>\n";
   html.append("<script>").append(page_asset("cohort.js").text);
   return html + "</script>\n</body>\n</html>\n";
 }

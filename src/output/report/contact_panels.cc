@@ -126,12 +126,11 @@ std::string section_figure(Sections& shown, const View& view) {
 std::string yielded_html(const Sections& shown) {
   if (shown.yielded.rests()) return "";
   const bool as_mail = shown.model.tissue_law == TissueLaw::kChainMail;
-  std::string html =
-      "<p class=\"yielded\">Tissue is drawn where it had gone under the tool at the largest force, ";
-  html += as_mail ? "as links of a chain mail move, which says nothing of forces" : "by linear elasticity";
+  std::string html = "<p class=\"yielded\">Tissue is drawn as deformed by the tool at the largest force, ";
+  html += as_mail ? "by the chain-mail model, which does not represent forces" : "by linear elasticity";
   html += "; the outline is the tool in its dent.";
   if (!(shown.max_strain >= kMinStrain))
-    return html + " Nothing in view is strained by " + number(100 * kMinStrain, 0) + " % or more.</p>\n";
+    return html + " No tissue in view has a strain of " + number(100 * kMinStrain, 0) + " % or more.</p>\n";
   const bool is_known = std::isfinite(shown.max_strain) && shown.max_strain < 1;
   html += " Equivalent strain in view: ";
   html += is_known ? "at most " + number(100 * shown.max_strain, 0) + " %."
@@ -162,7 +161,7 @@ std::string facts(const Run& run, const ShownContact& shown) {
       fact("Largest force", number(contact.peak_force_N, 2) + " N at " + number(contact.peak_s, 2) + " s");
   html += fact("Depth there",
                is_deeper_than_measured(peak, run.model) ? "deeper than measured" : depth_text(peak.depth_mm));
-  if (peak.felt_label[0] != 0) html += fact("What it came from", felt_text(run, peak));
+  if (peak.felt_label[0] != 0) html += fact("Structures contributing", felt_text(run, peak));
   const auto& touched = contact.first_touch_mm;
   html += fact("First touched at",
                number(touched[0], 1) + ", " + number(touched[1], 1) + ", " + number(touched[2], 1) + " mm");
@@ -266,7 +265,7 @@ std::string key(const Run& run, double mm_per_N) {
          (run.model.oriented ? " Radiological view: patient's left on the right." : "") +
          (run.removal.changes.empty()
               ? ""
-              : " What a " + cutter_name(run.model) + " had taken by then is left out.") +
+              : " What a " + cutter_name(run.model) + " had removed by then is left out.") +
          "</span></p>\n";
 }
 

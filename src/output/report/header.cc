@@ -49,28 +49,27 @@ std::string callouts(const Run& run) {
   if (!run.model.oriented) {
     html +=
         callout("notice", "Orientation unknown.",
-                "The files do not say how the volume lies in the patient: left and right, front and back, "
-                "head and feet may be any way round in the sections, which bear no letters for them.");
+                "The files do not state the orientation of the volume in the patient: left and right, front "
+                "and back, head and feet are unknown, and the sections have no orientation letters.");
   }
   for (const Caveat& caveat : run.model.caveats)
     html += callout("notice", "Limitation of the model:", escape(caveat.text) + ".");
   if (!run.recording.summary) {
     html += callout("notice", "This recording was cut short.",
                     "It ends without a summary: everything below describes the part that was written, and "
-                    "there is no run hash to compare a replay with.");
+                    "there is no run hash to verify a replay.");
   }
   if (run.summary.dropped > 0) {
-    html += callout(
-        "notice", "Ticks are missing.",
-        ticks_text(run.summary.dropped) + (run.summary.dropped == 1 ? " was" : " were") +
-            " felt and not recorded, because the recorder did not keep up. What stands below is of the "
-            "others, and no replay can compute the same run.");
+    html += callout("notice", "Ticks are missing.",
+                    ticks_text(run.summary.dropped) + (run.summary.dropped == 1 ? " was" : " were") +
+                        " computed but not recorded, because the recorder did not keep up. The figures below "
+                        "describe the recorded ticks, and no replay can reproduce the run.");
   }
   if (run.forces.above_limit > 0) {
     html += callout("alert", "Force above the limit.",
                     "In " + ticks_text(run.forces.above_limit) +
                         " the recorded force is larger than the limit recorded for the same tick. palpate "
-                        "sends no such force: the file was damaged or changed after the run.");
+                        "never sends such a force: the file was damaged or changed after the run.");
   }
   return html;
 }
@@ -149,11 +148,12 @@ std::string tiles_html(const Run& run) {
 std::string trouble_html(const Run& run) {
   if (!run.recording.summary || run.recording.summary->trouble.empty()) return "";
   std::string html =
-      "<section class=\"card notice\" aria-labelledby=\"trouble-title\"><h2 id=\"trouble-title\">What the "
-      "hand did not reach</h2>\n<p class=\"hint\">A press is there when the force has stayed within 10 % of "
-      "what it asked for, a hold when it has stayed within 20 % for as long as it asked, on the structure "
-      "approached and without a break. After a step that failed the hand went back.</p>\n<ul "
-      "class=\"trouble\">\n";
+      "<section class=\"card notice\" aria-labelledby=\"trouble-title\"><h2 id=\"trouble-title\">Script "
+      "steps that failed</h2>\n"
+      "<p class=\"hint\">A press succeeds when the force stays within 10 % of the requested force; a hold "
+      "when it stays within 20 % for the requested time, on the structure approached and without "
+      "interruption. After a failed step the hand withdrew.</p>\n"
+      "<ul class=\"trouble\">\n";
   for (const std::string& sentence : run.recording.summary->trouble) {
     html += "<li>" + escape(sentence) + "</li>\n";
   }

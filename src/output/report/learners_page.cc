@@ -208,19 +208,21 @@ std::string learned_task_html(const LearnersPage::Task& task, std::size_t number
   std::string html = "<section class=\"card task\" aria-labelledby=\"" + id + "\"><h2 id=\"" + id + "\">" +
                      escape(task.title) + "</h2><p class=\"hint\">Passed by " +
                      std::to_string(task.in_a_row) + (task.in_a_row == 1 ? " run" : " runs in a row") +
-                     " in which each figure that counts is in its band. Text of the task: <code>" +
-                     escape(task.hash) + "</code></p>\n<div class=\"curves\">\n";
+                     " with every counted metric in its band. Text of the task: <code>" + escape(task.hash) +
+                     "</code></p>\n<div class=\"curves\">\n";
   for (const bool counts : {true, false})
     for (std::size_t m = 0; m < task.metrics.size(); ++m)
       if (task.metrics[m].counts == counts) html += curve_html(task, m);
   html +=
-      "</div>\n<p class=\"hint\">Grey: each learner, run after run. Thick: their median, as far as half of "
-      "them came. Shaded: the band of the latest run.</p>\n<div class=\"scroll\" tabindex=\"0\" "
-      "role=\"group\" aria-labelledby=\"" +
+      "</div>\n"
+      "<p class=\"hint\">Grey: each learner, run by run. Thick: the median, up to the run that half of them "
+      "reached. Shaded: the band of the latest run.</p>\n"
+      "<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-labelledby=\"" +
       id +
       "\"><table><thead><tr><th scope=\"col\">learner</th><th scope=\"col\">runs</th><th scope=\"col\">in "
-      "band</th><th scope=\"col\">in a row now</th><th scope=\"col\">passed</th><th scope=\"col\">practised "
-      "<span class=\"unit\">min</span></th><th scope=\"col\">latest</th><th scope=\"col\">latest runs</th>";
+      "band</th><th scope=\"col\">current streak</th><th scope=\"col\">passed</th><th "
+      "scope=\"col\">practised <span class=\"unit\">min</span></th><th scope=\"col\">latest</th><th "
+      "scope=\"col\">latest runs</th>";
   for (const LearnersPage::Metric& metric : task.metrics)
     if (metric.counts)
       html += "<th scope=\"col\">" + escape(metric.name) + " <span class=\"unit\">" +
@@ -248,18 +250,23 @@ std::string learners_html(const LearnersPage& page) {
     }
   std::ranges::sort(learners);
   learners.erase(std::unique(learners.begin(), learners.end()), learners.end());
-  std::string html =
-      page_head_html("Learners", {"page.css", "learners.css"}, {}) +
-      "<body>\n<div class=\"banner\" role=\"note\"><strong>Research and education - not for clinical "
-      "use</strong></div>\n<main>\n<header><p class=\"kicker\">palpate records page</p><h1>How learners got "
-      "on</h1></header>\n<dl class=\"tiles\">\n" +
-      learners_tile("learners", learners.size()) + learners_tile("runs", runs) +
-      learners_tile("tasks", page.tasks.size()) + "</dl>\n";
+  std::string html = page_head_html("Learners", {"page.css", "learners.css"}, {}) +
+                     "<body>\n"
+                     "<div class=\"banner\" role=\"note\"><strong>Research and education - not for clinical "
+                     "use</strong></div>\n"
+                     "<main>\n"
+                     "<header><p class=\"kicker\">palpate records page</p><h1>Learning curves</h1></header>\n"
+                     "<dl class=\"tiles\">\n" +
+                     learners_tile("learners", learners.size()) + learners_tile("runs", runs) +
+                     learners_tile("tasks", page.tasks.size()) + "</dl>\n";
   if (page.tasks.empty()) html += "<p class=\"empty\">There is no such run.</p>\n";
   for (std::size_t n = 0; n < page.tasks.size(); ++n) html += learned_task_html(page.tasks[n], n);
   return html + "<p class=\"hint\">palpate " + escape(page.program) +
-         ". A band is worth what its basis is: see palpate task show, and docs/guide/tasks.md. Learners are "
-         "pseudonyms.</p>\n</main>\n</body>\n</html>\n";
+         ". The value of a band depends on its basis: see palpate task show and docs/guide/tasks.md. "
+         "Learners are pseudonyms.</p>\n"
+         "</main>\n"
+         "</body>\n"
+         "</html>\n";
 }
 
 }  // namespace palpate

@@ -38,7 +38,7 @@ std::string lint_finding_html(const LintPage::Finding& finding) {
                      report::escape(finding.sentence) + ".</p>";
   if (finding.severity != "cannot tell")
     html += "<p class=\"hint\">In touch: " + report::escape(finding.effect) +
-            ".</p><p class=\"hint\">To mend it: " + report::escape(finding.remedy) + ".</p>";
+            ".</p><p class=\"hint\">Remedy: " + report::escape(finding.remedy) + ".</p>";
   if (!finding.place.empty()) html += "<p class=\"hint\">At " + report::escape(finding.place) + "</p>";
   html += "</div>";
   if (!finding.picture_png.empty())
@@ -77,22 +77,25 @@ std::string lint_html(const LintPage& page) {
       "tell</th></tr></thead><tbody>\n";
   for (const LintPage::Structure& one : page.structures) html += lint_structure_row(one);
   html +=
-      "</tbody></table></div>\n<p class=\"hint\">A: nothing found. B: warnings. C: faults of one kind. D: "
-      "faults of several kinds. The map has the grade that nine of ten structures reach.</p></section>\n"
+      "</tbody></table></div>\n"
+      "<p class=\"hint\">A: nothing found. B: warnings. C: faults of one kind. D: faults of several kinds. "
+      "The grade of the map is the one that nine of ten structures reach.</p></section>\n"
       "<section class=\"card\" aria-labelledby=\"findings-title\"><h2 id=\"findings-title\">Findings</h2>\n";
   if (page.findings.empty()) html += "<p class=\"empty\">Nothing was found.</p>\n";
   const bool has_pictures = std::ranges::any_of(
       page.findings, [](const LintPage::Finding& finding) { return !finding.picture_png.empty(); });
   if (has_pictures)
     html +=
-        "<p class=\"hint\">Pictures: axial, coronal and sagittal section through the place in the ring; the "
-        "patient's left is on the right, anterior on the left of the sagittal one. The first structure of a "
-        "finding is orange, others of it are blue, the rest is grey. The first findings of each kind have a "
-        "picture.</p>\n";
+        "<p class=\"hint\">Pictures: axial, coronal and sagittal section through the ringed place; the "
+        "patient's left is on the right, anterior on the left of the sagittal section. The first structure "
+        "of a finding is orange, its other structures are blue, all others grey. Only the first findings of "
+        "each kind have a picture.</p>\n";
   for (const LintPage::Finding& finding : page.findings) html += lint_finding_html(finding);
   html +=
-      "</section>\n<section class=\"card\" aria-labelledby=\"kinds-title\"><h2 id=\"kinds-title\">What was "
-      "looked for</h2>\n<dl class=\"kinds\">\n";
+      "</section>\n"
+      "<section class=\"card\" aria-labelledby=\"kinds-title\"><h2 id=\"kinds-title\">Kinds of "
+      "findings</h2>\n"
+      "<dl class=\"kinds\">\n";
   for (const LintPage::Kind& kind : page.kinds)
     html += "<dt>" + report::escape(kind.title) + "</dt><dd>" + report::escape(kind.definition) + "</dd>\n";
   return html + "</dl></section>\n<p class=\"hint\">palpate " + report::escape(page.program) +

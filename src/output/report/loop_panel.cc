@@ -34,17 +34,16 @@ std::string loop_html(const Run& run) {
       "<section class=\"card\" aria-labelledby=\"loop-title\"><h2 id=\"loop-title\">Loop</h2>\n"
       "<dl class=\"provenance\">\n";
   html += entry("Scheduler", run.recording.header.scheduler) + entry("Rate, measured", rate_text(run));
-  html += entry("Points in time without a tick",
-                run.recording.summary ? count_text(run, run.summary.skipped) : "not known: cut short");
-  html += entry("Ticks felt and not recorded", count_text(run, run.summary.dropped)) + "</dl>\n";
+  html += entry("Missed ticks",
+                run.recording.summary ? count_text(run, run.summary.skipped) : "unknown: cut short");
+  html += entry("Ticks not recorded", count_text(run, run.summary.dropped)) + "</dl>\n";
   html +=
       "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">Time <span "
-      "class=\"unit\">\u00b5s</span></th>"
-      "<th scope=\"col\">Half within</th><th scope=\"col\">99 % within</th><th scope=\"col\">99.9 % "
-      "within</th>"
-      "<th scope=\"col\">Most</th><th scope=\"col\" class=\"text\">What it is</th></tr></thead><tbody>\n";
-  html += spread_row("Lateness", lateness, "How long after its point in time a tick began.");
-  html += spread_row("Computing", compute, "From reading the device to the command.");
+      "class=\"unit\">\u00b5s</span></th><th scope=\"col\">Median</th><th scope=\"col\">99th "
+      "percentile</th><th scope=\"col\">99.9th percentile</th><th scope=\"col\">Maximum</th><th "
+      "scope=\"col\" class=\"text\">Meaning</th></tr></thead><tbody>\n";
+  html += spread_row("Lateness", lateness, "Delay of the start of a tick after its scheduled time.");
+  html += spread_row("Computing", compute, "Time from reading the device to the command.");
   html += "</tbody></table></div>\n";
   return html +
          "<div class=\"plot\"><h3 id=\"lateness-title\">Lateness <span "

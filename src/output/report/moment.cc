@@ -135,7 +135,7 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
   if (!is_over) times.finish(see);
   if (!any)
     return Error{ErrorKind::kBadInput, "the recording has no ticks", "",
-                 "choose one of a run that went on for a while"};
+                 "choose a recording of a longer run"};
   moment.ways = tips.ways();
   const report::RemovalFigures figures = removal.finish();
   moment.left = report::model_after_removal(model, figures.changes, moment.time_s);

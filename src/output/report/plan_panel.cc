@@ -44,9 +44,9 @@ std::string entry_text(const TrajectoryResult& done) {
     case EntryKind::kPassed:
       return "passed the surface " + at_time(done.entry);
     case EntryKind::kTouched:
-      return "touched and never passed " + at_time(done.entry);
+      return "touched without passing " + at_time(done.entry);
     case EntryKind::kNearest:
-      return "nearest place of the way " + at_time(done.entry);
+      return "nearest point of the path " + at_time(done.entry);
     case EntryKind::kNone:
       break;
   }
@@ -60,14 +60,14 @@ std::string target_text(const TrajectoryResult& done) {
 }
 
 std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryResult& done) {
-  std::string html = table_begin(heading_cell("Figure") + heading_cell("Made") + heading_cell("Allowed") +
-                                 heading_cell("In detail"));
+  std::string html = table_begin(heading_cell("Metric") + heading_cell("Value") + heading_cell("Allowed") +
+                                 heading_cell("Details"));
   html += figure_row("Entry error", "mm", done.entry_error_mm, entry_text(done));
   html += figure_row("Target error", "mm", done.target_error_mm, target_text(done));
   html += figure_row("Angle", "degrees", done.angle_deg,
                      std::isnan(done.line_rms_mm)
                          ? ""
-                         : "the way lies " + number(done.line_rms_mm, 2) + " mm off its own line");
+                         : "the path lies " + number(done.line_rms_mm, 2) + " mm off its own line");
   html += figure_row("Depth error", "mm", done.depth_error_mm,
                      std::isnan(done.depth_mm) ? ""
                                                : number(done.depth_mm, 2) + " mm deep, planned " +
@@ -95,7 +95,7 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
   std::string html = "<div class=\"sections\">\n";
   for (const std::string name : {"Along the trajectory", "Along the trajectory, turned by 90 degrees"}) {
     html += "<figure class=\"section\"><div class=\"picture\">" + section_layers(run.model, plane, style) +
-            section_svg(plane, marks, name + ": " + planned.name + ", with the way of the tip") +
+            section_svg(plane, marks, name + ": " + planned.name + ", with the path of the tip") +
             "</div><figcaption><span>" + name + "</span></figcaption></figure>\n";
     plane.right = plane.right.cross(plane.down);
   }
@@ -113,15 +113,14 @@ std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
                               heading_cell("Left", "mm\u00b3");
   std::string html;
   if (!made.regions.empty()) {
-    html += table_begin(heading_cell("To be taken off") + columns);
+    html += table_begin(heading_cell("Volumes to remove") + columns);
     for (std::size_t n = 0; n < made.regions.size(); ++n)
       html += "<tr><th scope=\"row\">" + escape(rehearsed.plan.file.regions[n].name) + "</th>" +
               volume_cells(made.regions[n]) + "</tr>\n";
     html += kTableEnd;
   }
   if (!made.volumes.empty()) {
-    html +=
-        table_begin(heading_cell("Structure") + columns + heading_cell("Outside of the plan", "mm\u00b3"));
+    html += table_begin(heading_cell("Structure") + columns + heading_cell("Outside the plan", "mm\u00b3"));
     for (const StructureVolume& volume : made.volumes)
       html += "<tr><th scope=\"row\">" + swatch(run.colour(volume.label)) + escape(run.name(volume.label)) +
               "</th>" + volume_cells(volume.in_plan) + cell(number(volume.outside_mm3, 1)) + "</tr>\n";
@@ -132,7 +131,7 @@ std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
 
 std::string distance_tables(const Run& run, const PlanComparison& made) {
   std::string html = table_begin(heading_cell("Structure") + heading_cell("Nearest", "mm") +
-                                 heading_cell("Keep away", "mm") + heading_cell("Nearer than that", "s") +
+                                 heading_cell("Keep away", "mm") + heading_cell("Closer than allowed", "s") +
                                  heading_cell("") + heading_cell("When"));
   for (const StructureClearance& approach : made.approaches)
     html += "<tr><th scope=\"row\">" + swatch(run.colour(approach.label)) + escape(run.name(approach.label)) +
@@ -145,7 +144,7 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
   if (made.breaches.empty()) return html;
   constexpr std::size_t kMaxShownBreaches = 50;
   html += table_begin(heading_cell("Not kept") + heading_cell("Nearest", "mm") + heading_cell("Ticks") +
-                      heading_cell("When it was nearest"));
+                      heading_cell("Time of the closest approach"));
   for (std::size_t n = 0; n < std::min(made.breaches.size(), kMaxShownBreaches); ++n) {
     const ClearanceViolation& breach = made.breaches[n];
     html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) +
@@ -187,10 +186,10 @@ Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, co
   const PlanFile& plan = rehearsed.plan.file;
   const PlanComparison& made = rehearsed.made;
   std::string html =
-      "<section class=\"card\" aria-labelledby=\"plan-title\"><h2 id=\"plan-title\">Plan against "
-      "done</h2>\n<p class=\"hint\">" +
+      "<section class=\"card\" aria-labelledby=\"plan-title\"><h2 id=\"plan-title\">Plan and result</h2>\n"
+      "<p class=\"hint\">" +
       escape(plan.title) + ": " +
-      (made.kept() ? "all that the plan asks was kept." : "something that the plan asks was not kept.") +
+      (made.kept() ? "all requirements of the plan were kept." : "a requirement of the plan was not kept.") +
       (made.cut_short ? " The recording was cut short." : "") +
       (made.missing_s > 0 ? " " + number(made.missing_s, 3) + " s are missing." : "") + "</p>\n";
   const SectionStyle style = section_style(run.model);
@@ -204,11 +203,9 @@ Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, co
   if (!made.trajectories.empty())
     html +=
         "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. "
-        "White: "
-        "the way of the tip within " +
+        "White: the path of the tip within " +
         number(kWayReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
-        std::string(run.model.cuts() ? "Structures are as they were before anything was cut." : "") +
-        "</p>\n";
+        std::string(run.model.cuts() ? "Structures are shown before cutting." : "") + "</p>\n";
   html += volume_tables(run, rehearsed) + distance_tables(run, made);
   return html +
          "<div class=\"plot\"><h3 id=\"clearance-title\">Distance from structures <span class=\"unit\">mm"

@@ -23,7 +23,7 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   const RehearsedPlan rehearsed{plan, *made};
   const auto html = report_html(run, model, {}, {.rehearsed = &rehearsed});
   ASSERT_TRUE(html) << html.error().message();
-  EXPECT_THAT(*html, HasSubstr("Plan against done"));
+  EXPECT_THAT(*html, HasSubstr("Plan and result"));
   EXPECT_THAT(*html, HasSubstr("A &lt;plan&gt;"));
   EXPECT_THAT(*html, HasSubstr("<h3>way &amp; target</h3>"));
   const TrajectoryResult& done = made->trajectories[0];
@@ -51,7 +51,7 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
 
   const auto without = report_html(run, model);
   ASSERT_TRUE(without);
-  EXPECT_THAT(*without, Not(HasSubstr("Plan against done")));
+  EXPECT_THAT(*without, Not(HasSubstr("Plan and result")));
   EXPECT_THAT(*without, Not(HasSubstr("\"clearance\":")));
 }
 

@@ -131,23 +131,23 @@ std::string plots_html(const Run& run, const RehearsedPlan* rehearsed) {
   html +=
       "<p class=\"hint\">Shaded: contacts, in the structure's colour. Drag to zoom, double-click to see all.";
   if (run.felt_in_front()) html += " A negative depth is felt in the smoothed rim, in front of the surface.";
-  if (run.depth_has_gaps()) html += " Where its curve has a gap in a contact, no surface was within reach.";
+  if (run.depth_has_gaps())
+    html += " A gap in its curve during a contact means that no surface was within reach.";
   html += "</p>\n";
   const std::string duration = " over " + number(run.duration_s, 1) + " s";
   html += plot("force", "Force sent <span class=\"unit\">N</span>",
                "Force sent" + duration + "; largest " + number(run.forces.peak_N, 2) + " N, limit " +
                    number(run.forces.highest_limit_N, 2) + " N");
   html += plot("depth",
-               std::string(run.yields() ? "Depth in the surface at rest" : "Depth below the surface") +
+               std::string(run.yields() ? "Depth below the surface at rest" : "Depth below the surface") +
                    " <span class=\"unit\">mm</span>",
                "Depth of the tip below the touched surface" + duration + deepest_text(run));
   html += plot("speed", "Speed of the tip <span class=\"unit\">mm/s</span>", "Speed of the tip" + duration);
   if (!run.layers.series.empty()) {
     html += plot("layer-force", "Force by structure <span class=\"unit\">N</span>",
-                 "Force that each structure gave" + duration);
-    html +=
-        plot("layer-depth", "Depth by structure <span class=\"unit\">mm</span>",
-             "How much of the tip's way in, from the surface at rest, lay within each structure" + duration);
+                 "Force of each structure" + duration);
+    html += plot("layer-depth", "Depth by structure <span class=\"unit\">mm</span>",
+                 "Length of the tip's path from the surface at rest inside each structure" + duration);
   }
   html += "<ul class=\"legend\" aria-label=\"Structures touched\">";
   for (const StructureFigures& figure : run.structures) {

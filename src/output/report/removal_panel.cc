@@ -31,13 +31,12 @@ std::string removal_table(const Run& run) {
   }
   html += removal_row("All", run.removal.volume_mm3(), "", first_s, last_s, "") + "</tbody></table></div>\n";
   return html + "<p class=\"hint\">Depth: how far the " + cutter_name(run.model) +
-         "'s far side got below the structure's surface as it was "
-         "prepared, while it took something of it. Something counts as gone from when it was felt to be, "
-         "some "
-         "10 to 40 ms after it was cut." +
-         std::string(run.removal.undone > 0 ? " Times and depths are of all that was cut, volumes without "
-                                              "what was undone."
-                                            : "") +
+         "'s far side reached below the initial surface of the structure while cutting it. Tissue counts as "
+         "removed from the tick in which contact no longer includes it, some 10 to 40 ms after it was cut." +
+         std::string(
+             run.removal.undone > 0
+                 ? " Times and depths include everything that was cut, volumes exclude undone strokes."
+                 : "") +
          "</p>\n";
 }
 
@@ -56,12 +55,12 @@ std::string spared_table(const Run& run) {
     all_near = all_near && !std::isnan(spared.nearest_mm);
     html += "<tr><th scope=\"row\">" + swatch(run.colour(spared.label)) + escape(run.name(spared.label)) +
             "</th>" + cell(number(spared.nearest_mm, 2)) + cell(three_digits(gone_mm3)) +
-            cell(spared.kept ? "kept from the " + cutter : "cut as others are") + "</tr>\n";
+            cell(spared.kept ? "kept from the " + cutter : "cut like others") + "</tr>\n";
   }
   html += "</tbody></table></div>\n<p class=\"hint\">Nearest: from the " + cutter +
-          " to the structure as it was "
-          "prepared, while it turned, whether it cut or not; also in strokes that were undone.";
-  return html + (all_near ? "" : " No figure: the " + cutter + " came nowhere near.") + "</p>\n";
+          " to the initial surface of the structure while it was running, whether it cut or not; undone "
+          "strokes included.";
+  return html + (all_near ? "" : " No figure: the " + cutter + " was never near.") + "</p>\n";
 }
 
 }  // namespace
@@ -83,7 +82,7 @@ std::string removal_html(const Run& run) {
   html += "</dl>\n";
   const std::string spared = removal.spared.empty() ? "" : spared_table(run);
   if (removal.structures.empty())
-    return html + "<p class=\"empty\">The " + cutter_name(run.model) + " took nothing away.</p>" + spared +
+    return html + "<p class=\"empty\">The " + cutter_name(run.model) + " removed nothing.</p>" + spared +
            "</section>\n";
   return html + removal_table(run) + spared +
          "<div class=\"plot\"><h3 id=\"removed-title\">Removed <span class=\"unit\">mm\u00b3</span></h3><div "

@@ -55,9 +55,9 @@ std::string banner_html(const Run& run) {
 Result<void> check_model(const RecordingHeader& header, const Model& model) {
   if (header.model_hash != model.content_hash) {
     return Error{ErrorKind::kBadInput,
-                 "the recording was made with another model (" + hex(header.model_hash) +
-                     ") than the one at hand (" + hex(model.content_hash) + ")",
-                 "", "give the scene file or the data set with which it was recorded, unchanged since"};
+                 "the recording was made with a different model (" + hex(header.model_hash) +
+                     ") from the one given (" + hex(model.content_hash) + ")",
+                 "", "give the unchanged scene file or data set with which it was recorded"};
   }
   return {};
 }

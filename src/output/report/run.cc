@@ -140,7 +140,7 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
   std::vector<double> values;
   const auto hear = [](std::span<const RecordingEvent>) {};
   const auto read =
-      read_timed(recording, "following the contacts", progress, hear, [&](const TimedTick& now) {
+      read_timed(recording, "extracting the contacts", progress, hear, [&](const TimedTick& now) {
         for (std::size_t i = 0; i < followers.size(); ++i) {
           followers[i].see(now);
           if (run.shown[i].contact.peak == now.index) run.shown[i].peak = now.tick;

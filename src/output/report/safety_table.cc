@@ -29,9 +29,9 @@ constexpr std::array kInterventions{
     Row{"Not finite", &RecordingSummary::not_finite, Shown::kAlways,
         "A position or a force was not a number; no force was sent."},
     Row{"Rotation ignored", &RecordingSummary::rotation_ignored, Shown::kAlways,
-        "The commanded rotation of the object was no rotation; the last one was kept."},
+        "The commanded rotation of the object was invalid; the last valid one was kept."},
     Row{"Thermal limit", &RecordingSummary::thermal, Shown::kWhenMet,
-        "The motors had grown warm; the limit came down towards the force that they bear for ever."},
+        "The motors had warmed up; the limit was lowered towards their continuous force."},
     Row{"Slewed", &RecordingSummary::slewed, Shown::kWhenMet,
         "The force would have changed by more than the device may change it in one tick; it took longer."},
     Row{"Stale", &RecordingSummary::stale, Shown::kOfHand,
@@ -40,7 +40,8 @@ constexpr std::array kInterventions{
     Row{"Jumped", &RecordingSummary::jumped, Shown::kWhenMet,
         "The tip moved farther in one tick than a hand can; no force was sent, and it came back slowly."},
     Row{"Device fault", &RecordingSummary::device_faults, Shown::kWhenMet,
-        "The device withheld forces by itself: its brake, a lost connection; none was sent."},
+        "The device disabled forces by itself, for example by its brake or after a lost connection; none was "
+        "sent."},
     Row{"Halted", &RecordingSummary::halted, Shown::kOnRealClock,
         "The watchdog had stopped the device because the loop did not answer; no force was sent."},
     Row{"Emergency stop", &RecordingSummary::emergency_stopped, Shown::kOnRealClock,
@@ -49,39 +50,35 @@ constexpr std::array kInterventions{
 
 constexpr std::array kOthers{
     Row{"Outside", &RecordingSummary::outside, Shown::kAlways,
-        "The tip was outside the scanned volume. Less than a voxel beyond its border it may still press on "
-        "the "
-        "face where the scan is cut off; farther out there is nothing to feel."},
+        "The tip was outside the scanned volume. Up to a voxel beyond its border it may still touch the face "
+        "where the scan is cut off; farther out there is no contact."},
     Row{"Paused", &RecordingSummary::paused, Shown::kAlways,
         "The session was paused; the force faded out and stayed off."},
     Row{"Pointer at rest", &RecordingSummary::stale, Shown::kOfPointer,
-        "Nobody pressed the viewer's pointer, or it was lost; the force faded out and stayed off."},
+        "The viewer's pointer was not pressed, or was lost; the force faded out and stayed off."},
     Row{"Clutched", &RecordingSummary::clutched, Shown::kWhenMet,
-        "The clutch was held, so that the hand could move on without the tip; the force faded out and stayed "
+        "The clutch was pressed, so that the hand could move without the tip; the force faded out and stayed "
         "off."},
     Row{"Faded", &RecordingSummary::faded, Shown::kWhenMet,
-        "The force was coming in, over half a second at the start and after every interruption, or going "
+        "The force was fading in, over half a second at the start and after every interruption, or fading "
         "out."},
     Row{"Blended", &RecordingSummary::blended, Shown::kWhenMet,
-        "The model, the method or a switch had changed; the old force turned into the new one over a tenth "
-        "of a "
+        "The model, the method or a switch had changed; the force blended into the new one over a tenth of a "
         "second."},
     Row{"Inside", &RecordingSummary::inside, Shown::kWhenMet,
-        "The tip was inside a structure since contact began anew (start, clutch, pause), where nobody knows "
-        "on "
-        "which side it belongs; no force until it was free."},
+        "The tip was inside a structure when contact was re-established (start, clutch, pause), so its side "
+        "of the surface was unknown; no force until it was free."},
     Row{"Wedged", &RecordingSummary::wedged, Shown::kWhenMet,
-        "The tool was wider than the gap that it was in; it was held where it was."},
+        "The tool was wider than the gap that it was in; its position was held."},
     Row{"Ruptured", &RecordingSummary::ruptured, Shown::kWhenMet,
-        "The tool went through a structure's surface at its puncture force."},
+        "The tool punctured a structure's surface at its puncture force."},
     Row{"Damped", &RecordingSummary::passivated, Shown::kWhenMet,
-        "The force would have given the hand more energy than the hand had put in; a damper took off what "
-        "was too "
-        "much."},
+        "The force would have given the hand more energy than the hand had put in; damping removed the "
+        "excess."},
     Row{"Turn held", &RecordingSummary::turns_held, Shown::kWhenMet,
-        "The object was told to turn and turned slower, so that it pushed the hand by no more than 5 mW."},
+        "The object turned slower than commanded, to limit its power on the hand to 5 mW."},
     Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
-        "The model was not prepared for the chosen force method; the trilinear one was felt."},
+        "The model was not prepared for the chosen force method; the trilinear one was used."},
 };
 
 std::string row_html(const Run& run, const Row& row) {
@@ -125,10 +122,11 @@ std::string limits_html(const Run& run) {
     const DeviceTick& device = run.first.device[static_cast<std::size_t>(d)];
     const std::string which = run.devices > 1 ? "Device " + std::to_string(d + 1) : "The device";
     html += entry(which + " gives at most", newtons(device.peak_force_N));
-    html += entry(which + " bears for ever", newtons(device.continuous_force_N));
+    html += entry(which + ": continuous force", newtons(device.continuous_force_N));
     thermal = thermal || std::isfinite(device.continuous_force_N);
   }
-  html += entry("Thermal budget, most used", thermal ? number(100 * forces.max_heat, 0) + " %" : "none kept");
+  html +=
+      entry("Thermal budget, maximum used", thermal ? number(100 * forces.max_heat, 0) + " %" : "none kept");
   return html + "</dl>\n";
 }
 
@@ -137,9 +135,9 @@ std::string limits_html(const Run& run) {
 std::string safety_table_html(const Run& run) {
   return "<section class=\"card\" aria-labelledby=\"safety-title\"><h2 id=\"safety-title\">Safety "
          "stage</h2>\n"
-         "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">What happened</th><th scope=\"col\">Ticks"
-         "</th><th scope=\"col\">Share</th><th scope=\"col\" class=\"text\">What it "
-         "means</th></tr></thead>\n" +
+         "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">Event</th><th "
+         "scope=\"col\">Ticks</th><th scope=\"col\">Share</th><th scope=\"col\" "
+         "class=\"text\">Meaning</th></tr></thead>\n" +
          group_html(run, "interventions", "Interventions", kInterventions) +
          group_html(run, "others", "Not an intervention", kOthers) + "</table></div>\n" + limits_html(run) +
          "</section>\n";

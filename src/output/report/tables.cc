@@ -24,18 +24,20 @@ std::string depth_cell(const StructureFigures& figure) {
 std::string beneath_table(const Run& run) {
   if (run.beneath.empty()) return "";
   std::string html =
-      "<h3>Felt beneath and beside what was touched</h3>\n<div class=\"scroll\"><table><thead><tr><th "
-      "scope=\"col\">Structure</th><th scope=\"col\">Time <span class=\"unit\">s</span></th><th "
-      "scope=\"col\">Largest force that it gave <span class=\"unit\">N</span></th><th scope=\"col\">Most "
-      "of the way in it <span class=\"unit\">mm</span></th></tr></thead><tbody>\n";
+      "<h3>Contributions of other structures</h3>\n"
+      "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">Structure</th><th scope=\"col\">Time <span "
+      "class=\"unit\">s</span></th><th scope=\"col\">Largest contribution to the force <span "
+      "class=\"unit\">N</span></th><th scope=\"col\">Longest path inside <span "
+      "class=\"unit\">mm</span></th></tr></thead><tbody>\n";
   for (const DeepFigures& figure : run.beneath)
     html += "<tr><th scope=\"row\">" + swatch(run.colour(figure.label)) + escape(run.name(figure.label)) +
             "</th>" + cell(number(figure.time_s, 2)) + cell(number(figure.peak_force_N, 2)) +
             cell(number(figure.max_depth_mm, 2)) + "</tr>\n";
   return html +
-         "</tbody></table></div>\n<p class=\"hint\">The force is the stiffness summed up along the tip's way "
-         "in: here stands what gave part of it while something else was touched: what lies beneath, and at a "
-         "seam its neighbour.</p>";
+         "</tbody></table></div>\n"
+         "<p class=\"hint\">The force is the stiffness integrated along the tip's path inside. This table "
+         "lists structures that contributed while another one was touched: structures beneath, and "
+         "neighbours at a seam.</p>";
 }
 
 }  // namespace
@@ -77,8 +79,9 @@ std::string structure_table_html(const Run& run) {
 std::string provenance_html(const Run& run, const std::string& names_from) {
   const RecordingHeader& header = run.recording.header;
   std::string html =
-      "<section class=\"card\" aria-labelledby=\"provenance-title\"><h2 id=\"provenance-title\">Where it "
-      "comes from</h2>\n<dl class=\"provenance\">\n";
+      "<section class=\"card\" aria-labelledby=\"provenance-title\"><h2 "
+      "id=\"provenance-title\">Provenance</h2>\n"
+      "<dl class=\"provenance\">\n";
   html += entry("palpate", header.palpate_version) + entry("Commit", header.commit, true);
   html += entry("Build", header.build_type) + entry("Compiler", header.compiler) +
           entry("SIMD", header.simd_target);
@@ -92,23 +95,20 @@ std::string provenance_html(const Run& run, const std::string& names_from) {
   if (!header.feel.empty()) {
     std::uint64_t hash = kHashSeed;
     hash_bytes(hash, header.feel.data(), header.feel.size());
-    html += entry("Settings of feel", hex(hash_finish(hash)), true);
+    html += entry("Contact settings", hex(hash_finish(hash)), true);
   }
   html +=
       entry("Run", run.recording.summary ? hex(run.recording.summary->run_hash) : "none: cut short", true);
   html += "</dl>\n";
   if (run.recording.summary) {
-    html +=
-        run.summary.dropped > 0
-            ? "<p class=\"hint\">The hash of the run is the one that stands in the recording. Ticks are "
-              "missing "
-              "from it, so it cannot be computed anew.</p>\n"
-            : "<p class=\"hint\">The hash of the run is the one that stands in the recording; <code>palpate "
-              "replay</code> computes the run anew and verifies it.</p>\n";
+    html += run.summary.dropped > 0 ? "<p class=\"hint\">The run hash is taken from the recording. Ticks are "
+                                      "missing, so it cannot be verified.</p>\n"
+                                    : "<p class=\"hint\">The run hash is taken from the recording; "
+                                      "<code>palpate replay</code> recomputes the run and verifies it.</p>\n";
   }
   html +=
-      "<p class=\"hint\"><code>palpate replay RECORDING --view</code> shows it in a browser, at any "
-      "place and speed.</p>\n";
+      "<p class=\"hint\"><code>palpate replay RECORDING --view</code> shows it in a browser, at any time and "
+      "speed.</p>\n";
   if (!header.script_text.empty()) {
     html +=
         "<details><summary>Script as run</summary><pre>" + escape(header.script_text) + "</pre></details>\n";

@@ -38,12 +38,12 @@ std::string event_list(const TaskFile& task, const TaskScore& score) {
 }
 
 std::string verdict_text(const TaskScore& score) {
-  if (score.in_band) return "Every figure that counts is in its band.";
+  if (score.in_band) return "Every counted metric is in its band.";
   if (score.cut_short) return "<strong>No pass:</strong> the recording was cut short.";
   if (score.missing_s > 0)
     return "<strong>No pass:</strong> " + number(score.missing_s, 3) +
-           " s are missing, for ticks were dropped.";
-  return "<strong>Not every figure that counts is in its band.</strong>";
+           " s are missing because ticks were dropped.";
+  return "<strong>Not every counted metric is in its band.</strong>";
 }
 
 }  // namespace
@@ -56,7 +56,7 @@ std::string task_html(const ScoredTask& scored) {
                      std::to_string(task.in_a_row) +
                      (task.in_a_row == 1 ? " such run" : " such runs in a row") + ".</p>\n";
   html +=
-      "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">Figure</th><th scope=\"col\">Made</th><th "
+      "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">Metric</th><th scope=\"col\">Value</th><th "
       "scope=\"col\">Band</th><th scope=\"col\"></th><th scope=\"col\">Basis</th></tr></thead><tbody>\n";
   for (const MetricValue& value : score.metrics) html += metric_row(task.metrics[value.part], value);
   return html + "</tbody></table></div>\n" + step_list(task, score) + event_list(task, score) +

@@ -59,7 +59,7 @@ name = "path_length"
   EXPECT_THAT(html, HasSubstr("press for an hour: <strong>not done</strong>"));
   EXPECT_THAT(html, HasSubstr("1.234 s, tick 1234: 0.5 N on patella, above 0.1 N"));
   EXPECT_THAT(html, HasSubstr("and 7 more"));
-  EXPECT_THAT(html, HasSubstr("Not every figure that counts"));
+  EXPECT_THAT(html, HasSubstr("Not every counted metric"));
   // a truncated run is reported as such
   score.cut_short = true;
   EXPECT_THAT(task_html(scored), HasSubstr("the recording was cut short"));

@@ -127,7 +127,8 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
 
 std::string too_large_html() {
   return "<section class=\"card\" aria-labelledby=\"volume-title\"><h2 id=\"volume-title\">Where it was "
-         "touched</h2>\n<p>No picture of the whole: the volume has more than " +
+         "touched</h2>\n"
+         "<p>No overview picture: the volume has more than " +
          std::to_string(kMaxVoxels / 1'000'000) + " million voxels.</p></section>\n";
 }
 
@@ -139,11 +140,10 @@ std::string figure_html(const Run& run, const Image& picture) {
          size + "\" src=\"data:image/png;base64," + base64(encode_png(picture)) +
          "\"><figcaption>Red: where each structure was pressed hardest. Yellow: the path in contact, white a "
          "second before and after. Blue: the force on the hand. Green: the tool at the largest force of all. "
-         "What "
-         "lies behind a structure is faint." +
+         "Parts behind a structure are faint." +
          (run.removal.changes.empty()
               ? ""
-              : " What a " + cutter_name(run.model) + " had taken by the end is left out.") +
+              : " What a " + cutter_name(run.model) + " had removed by the end is left out.") +
          "</figcaption></figure></section>\n";
 }
 

@@ -58,7 +58,7 @@ Result<std::string> case_key(const CohortCase& one, const std::string& program, 
     key.put(*digest);
   }
   const auto digest = key.digest();
-  if (!digest) return Error{ErrorKind::kUnavailable, "OpenSSL computes no SHA-256", "", ""};
+  if (!digest) return Error{ErrorKind::kUnavailable, "OpenSSL cannot compute SHA-256", "", ""};
   return hex_of(*digest);
 }
 

@@ -106,7 +106,7 @@ void add_beside(const std::string& role, const fs::path& labels, const fs::path&
   for (const fs::path& entry : tables) {
     // the cohort's own table is not a colour table, whatever rows are added to it
     const bool own = !table.empty() && same_file(entry, table);
-    all.files.push_back({role + (own ? " beside the cohort's table" : " table " + entry.filename().string()),
+    all.files.push_back({role + (own ? " next to the cohort's table" : " table " + entry.filename().string()),
                          own ? fs::path() : entry});
   }
 }

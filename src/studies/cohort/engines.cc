@@ -53,8 +53,8 @@ std::string first_line(const std::string& text) {
 }
 
 Error without_slurm(const std::string& program) {
-  return {ErrorKind::kUnavailable, "Slurm's " + program + " is not to be found", program,
-          "run where Slurm's commands are (Debian: slurm-client), or use --engine local"};
+  return {ErrorKind::kUnavailable, "Slurm's " + program + " was not found", program,
+          "run on a machine with Slurm's commands (Debian: slurm-client), or use --engine local"};
 }
 
 /// Whether any task of the job is pending, running or completing.
@@ -66,7 +66,7 @@ Result<bool> is_alive(const std::string& job) {
   // the job is no longer in Slurm's records
   if (said->err.find("Invalid job id") != std::string::npos) return false;
   return Error{ErrorKind::kUnavailable, "Slurm does not answer: " + first_line(said->err), "squeue",
-               "the job is still there: run the same command again once Slurm answers, and it is collected"};
+               "the job still exists: run the same command again once Slurm answers to collect it"};
 }
 
 struct Waited {
@@ -128,11 +128,11 @@ Result<void> check_no_slurm_job(const fs::path& cohort) {
     return {};
   }
   return Error{ErrorKind::kUnavailable,
-               alive ? "Slurm's job " + *job + " still works in this folder"
-                     : "is noted to be worked in by Slurm's job " + *job + ", and " + alive.error().what,
+               alive ? "Slurm's job " + *job + " is still running in this folder"
+                     : "is in use by Slurm's job " + *job + ", and " + alive.error().what,
                cohort.string(),
                "collect it with --engine slurm, or end it (scancel " + *job +
-                   "); where it is long gone, remove " + note.string()};
+                   "); if it no longer exists, remove " + note.string()};
 }
 
 Result<void> run_locally(const std::vector<std::string>& command, const std::vector<int>& numbers, int jobs,
@@ -205,7 +205,7 @@ Result<void> run_by_slurm(const std::vector<std::string>& command,
   const std::string job = said->out.substr(0, said->out.find_first_of(";\n"));
   if (said->exit_code != 0 || job.empty() || job.find_first_not_of("0123456789") != job.npos)
     return Error{ErrorKind::kUnavailable, "Slurm refuses the job: " + first_line(said->err), "sbatch",
-                 "--sbatch hands further options to sbatch, as --sbatch=--partition=NAME"};
+                 "--sbatch passes further options to sbatch, such as --sbatch=--partition=NAME"};
   if (auto written = write_file(note, job + "\n"); !written) {
     (void)cohort::ask({"scancel", job}).ok();
     return written;

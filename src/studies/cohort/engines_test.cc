@@ -126,7 +126,7 @@ TEST(RunBySlurm, TheNoteStaysUntilTheJobIsGone) {
   EXPECT_TRUE(fs::exists(folder / "slurm-job"));
   const auto refused = check_no_slurm_job(folder.path());
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("12 still works"), std::string::npos) << refused.error().what;
+  EXPECT_NE(refused.error().what.find("12 is still running"), std::string::npos) << refused.error().what;
   slurm.play("squeue", "echo 'Unable to contact' >&2; exit 1");
   EXPECT_FALSE(check_no_slurm_job(folder.path())) << "nobody knows";
   EXPECT_TRUE(fs::exists(folder / "slurm-job"));

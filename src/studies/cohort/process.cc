@@ -48,8 +48,8 @@ Result<pid_t> start(const std::vector<std::string>& command, int in, int out, in
   const pid_t parent = ::getpid();
   const pid_t id = ::fork();
   if (id < 0)
-    return Error{ErrorKind::kUnavailable, "no process is to be had", command.front(),
-                 "close other programs, or raise the limit of processes (ulimit -u)"};
+    return Error{ErrorKind::kUnavailable, "cannot start a process", command.front(),
+                 "close other programs, or raise the process limit (ulimit -u)"};
   if (id > 0) return id;
   // only async-signal-safe calls after a fork of a multithreaded process
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);

@@ -95,8 +95,8 @@ Result<void> make_folder(const fs::path& folder) {
   std::error_code failed;
   fs::create_directories(folder, failed);
   if (failed)
-    return Error{ErrorKind::kOutput, "the folder cannot be made: " + failed.message(), folder.string(),
-                 "is the disk full, or another one's?"};
+    return Error{ErrorKind::kOutput, "the folder cannot be created: " + failed.message(), folder.string(),
+                 "is the disk full, or does the folder belong to another account?"};
   return {};
 }
 
@@ -149,7 +149,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     if (!loaded) return failed(loaded.error());
     const Model& model = *loaded->model;
     if (model.labels == nullptr) {
-      result.fault = "has no structures: a scan by itself";
+      result.fault = "has no structures: it is only a scan";
       return {};
     }
     result.dims = model.labels->geometry().dims;

@@ -106,7 +106,7 @@ std::optional<std::string> put_field(Column column, const std::string& text, con
   };
   switch (column) {
     case Column::kCase:
-      if (text.size() > 100) return "a case's name has 100 bytes at most";
+      if (text.size() > 100) return "a case's name may have at most 100 bytes";
       if (printable_name(text) != text) return "the case's name has characters that cannot be shown";
       one.name = text;
       return std::nullopt;
@@ -126,7 +126,7 @@ std::optional<std::string> put_field(Column column, const std::string& text, con
       return number(one.volume, 1, 100'000);
     case Column::kMethod:
       one.method = find_force_method(text);
-      if (!one.method) return "\"" + text + "\" is no force method";
+      if (!one.method) return "\"" + text + "\" is not a force method";
       return std::nullopt;
     case Column::kMaxForce:
       return number(one.max_force_N, max_force_range_N()[0], max_force_range_N()[1]);
@@ -166,20 +166,19 @@ Result<std::vector<CohortCase>> parse_cohort_table(
               source, number, "there is no column \"" + printable_name(title.substr(0, 60)) + "\"",
               "columns are study, segmentation, names, script, case, volume, method, max_force, rate, seed");
         if (std::ranges::find(columns, known->column) != columns.end())
-          return at_line(source, number, "a column stands there twice: " + title);
+          return at_line(source, number, "a column is repeated: " + title);
         columns.push_back(known->column);
       }
       if (std::ranges::find(columns, Column::kTarget) == columns.end())
-        return at_line(
-            source, number, "no column says what is palpated",
-            "name one \"study\": its fields are scans, folders of DICOM, label maps, scenes or data sets");
+        return at_line(source, number, "the column study is missing",
+                       "add a column \"study\" with scans, DICOM folders, label maps, scenes or data sets");
       continue;
     }
     const auto fields = fields_of(line, separator);
     if (!fields) return at_line(source, number, "a quotation mark is not closed");
     if (fields->size() > columns.size())
       return at_line(source, number,
-                     "has " + std::to_string(fields->size()) + " fields, and there are " +
+                     "has " + std::to_string(fields->size()) + " fields, but there are " +
                          std::to_string(columns.size()) + " columns");
     CohortCase one;
     one.line = number;
@@ -195,8 +194,8 @@ Result<std::vector<CohortCase>> parse_cohort_table(
     cases.push_back(std::move(one));
   }
   if (cases.empty())
-    return Error{ErrorKind::kBadInput, "names no case", source,
-                 "a first line with the columns' names, then a line for each case"};
+    return Error{ErrorKind::kBadInput, "has no case", source,
+                 "write a header line with the names of the columns, then one line per case"};
   return cases;
 }
 

@@ -45,21 +45,22 @@ TEST(CohortTable, EachFaultIsNamedWithItsLine) {
   struct Bad {
     std::string text, where, what;
   };
-  for (const Bad& bad : std::vector<Bad>{{"", "cases", "names no case"},
-                                         {"study\n", "cases", "names no case"},
-                                         {"case\tsegmentation\nA\tb\n", "cases:1", "no column says"},
-                                         {"study\tcolour\n", "cases:1", "no column \"colour\""},
-                                         {"study\tscan\n", "cases:1", "twice"},
-                                         {"study\na\tb\n", "cases:2", "2 fields"},
-                                         {"study\tseed\na\t-1\n", "cases:2", "is not a number"},
-                                         {"study\tseed\na\t1.5\n", "cases:2", "is not a number"},
-                                         {"study\tmax_force\na\tnan\n", "cases:2", "is not a number"},
-                                         {"study\tmax_force\na\t1e9\n", "cases:2", "is not a number"},
-                                         {"study\tmethod\na\tmagic\n", "cases:2", "no force method"},
-                                         {"study\tcase\na\tA\nb\tA\n", "cases:3", "two cases"},
-                                         {"study,case\n\"a,A\n", "cases:2", "quotation"},
-                                         {"study\tcase\na\t\x1b[2J\n", "cases:2", "cannot be shown"},
-                                         {"case\tstudy\nA\t\n", "cases:2", "has no study"}}) {
+  for (const Bad& bad :
+       std::vector<Bad>{{"", "cases", "has no case"},
+                        {"study\n", "cases", "has no case"},
+                        {"case\tsegmentation\nA\tb\n", "cases:1", "the column study is missing"},
+                        {"study\tcolour\n", "cases:1", "no column \"colour\""},
+                        {"study\tscan\n", "cases:1", "twice"},
+                        {"study\na\tb\n", "cases:2", "2 fields"},
+                        {"study\tseed\na\t-1\n", "cases:2", "is not a number"},
+                        {"study\tseed\na\t1.5\n", "cases:2", "is not a number"},
+                        {"study\tmax_force\na\tnan\n", "cases:2", "is not a number"},
+                        {"study\tmax_force\na\t1e9\n", "cases:2", "is not a number"},
+                        {"study\tmethod\na\tmagic\n", "cases:2", "not a force method"},
+                        {"study\tcase\na\tA\nb\tA\n", "cases:3", "two cases"},
+                        {"study,case\n\"a,A\n", "cases:2", "quotation"},
+                        {"study\tcase\na\t\x1b[2J\n", "cases:2", "cannot be shown"},
+                        {"case\tstudy\nA\t\n", "cases:2", "has no study"}}) {
     const auto cases = parse_cohort_table(bad.text, "cases", "");
     ASSERT_FALSE(cases) << bad.text;
     EXPECT_EQ(cases.error().where, bad.where) << bad.text;

@@ -86,24 +86,25 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   };
   constexpr std::size_t kFewest = 6, kSample = 4;
   const char* turn_more =
-      "keep the tip in a dimple and turn the tool by 30 degrees and more to all sides, also about its own "
-      "axis";
+      "keep the tip in a dimple and tilt the tool by 30 degrees or more in all directions, and rotate it "
+      "about its own axis";
   if (poses.size() < kFewest)
-    return refuse("a pivot calibration needs " + std::to_string(kFewest) + " poses at least, and there are " +
+    return refuse("a pivot calibration needs " + std::to_string(kFewest) + " poses at least, but there are " +
                       std::to_string(poses.size()),
                   turn_more);
   for (std::size_t n = 0; n < poses.size(); ++n) {
     const Eigen::Matrix3d& r = poses[n].linear();
     if (!r.allFinite() || !poses[n].translation().allFinite() ||
         (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() > 1e-2 || r.determinant() < 0)
-      return refuse("pose " + std::to_string(n + 1) + " is no rotation and shift",
-                    "leave it out, or look at the order of its numbers");
+      return refuse("pose " + std::to_string(n + 1) + " is not a rigid transform",
+                    "leave it out, or check the order of its numbers");
   }
 
   const auto everything = solve(poses, places_of(poses));
   if (!everything || turn_of(*everything) < options.min_turn_deg)
     return refuse("the tool hardly turned: by " + degrees(everything ? turn_of(*everything) : 0) +
-                      " where it turned least, " + degrees(options.min_turn_deg) + " are needed",
+                      " about the axis of least rotation, but " + degrees(options.min_turn_deg) +
+                      " are needed",
                   turn_more);
 
   // least median of squares: the minimal sample with the smallest median residual
@@ -153,7 +154,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   }
   const auto solved = kept.size() < kFewest ? std::nullopt : solve(poses, kept);
   if (!solved || turn_of(*solved) < options.min_turn_deg)
-    return refuse("of " + std::to_string(poses.size()) + " poses too few agree about where the tip is",
+    return refuse("too few of " + std::to_string(poses.size()) + " poses agree on the position of the tip",
                   turn_more);
   out.tip = Point<TrackedTool>(solved->at.head<3>());
   out.pivot = Point<Tracker>(solved->at.tail<3>());

@@ -93,7 +93,7 @@ TEST(Pivot, RefusesWhatSaysNothing) {
     const auto found = calibrate_pivot(poses);
     return found ? std::string("accepted") : found.error().message();
   };
-  EXPECT_THAT(refused(swing(random, 5, {20, 20, 20}, 0)), HasSubstr("6 poses at least, and there are 5"));
+  EXPECT_THAT(refused(swing(random, 5, {20, 20, 20}, 0)), HasSubstr("6 poses at least, but there are 5"));
   // a stationary tool, whose noise must not be taken for motion
   EXPECT_THAT(refused(swing(random, 100, {0, 0, 0}, 0.3)), HasSubstr("hardly turned"));
   EXPECT_THAT(refused(swing(random, 100, {1, 1, 1}, 0.3)), HasSubstr("hardly turned"));
@@ -102,7 +102,7 @@ TEST(Pivot, RefusesWhatSaysNothing) {
   EXPECT_EQ(refused(swing(random, 100, {20, 20, 0}, 0.3)), "accepted");
   auto sheared = swing(random, 10, {20, 20, 20}, 0);
   sheared[3] = {2 * sheared[3].linear(), sheared[3].translation()};
-  EXPECT_THAT(refused(sheared), HasSubstr("pose 4 is no rotation"));
+  EXPECT_THAT(refused(sheared), HasSubstr("pose 4 is not a rigid transform"));
 }
 
 }  // namespace

@@ -87,13 +87,13 @@ Eigen::Vector3d to_lps(const Eigen::Vector3d& ras) {
 }
 
 constexpr const char* kMarkupsRemedy =
-    "save the points again as Slicer's markups (.mrk.json), or as lines of name, x, y, z";
+    "save the points again as 3D Slicer markups (.mrk.json), or as lines of name, x, y, z";
 
 /// A control point with a defined position; empty otherwise.
 /// @param number  index within its file, from 1
 Result<std::optional<NamedPoint>> control_point(const Json& control, std::size_t number, bool is_ras,
                                                 const std::string& where) {
-  if (!control.is_object()) return bad("a control point is no object", where, kMarkupsRemedy);
+  if (!control.is_object()) return bad("a control point is not an object", where, kMarkupsRemedy);
   if (const Json* status = control.find("positionStatus"); status != nullptr && *status != "defined")
     return std::optional<NamedPoint>();
   const Json* position = control.find("position");
@@ -104,7 +104,7 @@ Result<std::optional<NamedPoint>> control_point(const Json& control, std::size_t
   const Eigen::Vector3d at((*position)[0].get<double>(), (*position)[1].get<double>(),
                            (*position)[2].get<double>());
   if (!at.allFinite())
-    return bad("control point " + std::to_string(number) + " is nowhere", where, kMarkupsRemedy);
+    return bad("control point " + std::to_string(number) + " has no finite position", where, kMarkupsRemedy);
   std::string name;
   if (const Json* label = control.find("label"); label != nullptr && label->is_string())
     name = label->get<std::string>();
@@ -132,7 +132,8 @@ std::string text_in(const Json& markup, const char* key) {
 
 Result<std::vector<Markup>> parse_markups(std::string_view text, const std::string& where) {
   const std::optional<Json> json = Json::parse(text);
-  if (!json || !json->is_object()) return bad("is no JSON of Slicer's markups", where, kMarkupsRemedy);
+  if (!json || !json->is_object())
+    return bad("is not a JSON file of 3D Slicer markups", where, kMarkupsRemedy);
   const Json* markups = json->find("markups");
   if (markups == nullptr || !markups->is_array() || markups->empty())
     return bad("has no markups", where, kMarkupsRemedy);
@@ -147,14 +148,15 @@ Result<std::vector<Markup>> parse_markups(std::string_view text, const std::stri
     if (const Json* says = markup.find("coordinateSystem"))
       axes = says->is_string() ? says->get<std::string>() : says->dump();
     if (!says_lps(axes) && !says_ras(axes))
-      return bad("its coordinate system is \"" + printable_name(axes) + "\"", where, "LPS and RAS are known");
+      return bad("its coordinate system is \"" + printable_name(axes) + "\"", where,
+                 "LPS and RAS are supported");
     if (auto known = check_millimetres(markup, where); !known) return known.error();
     for (const Json& control : *controls) {
       auto point = control_point(control, points + 1, says_ras(axes), where);
       if (!point) return point.error();
       if (!*point) continue;
       if (points++ == kMost)
-        return bad("has more than 100 000 points", where, "leave out what is not needed");
+        return bad("has more than 100 000 points", where, "leave out points that are not needed");
       made.points.push_back(**std::move(point));
     }
   }
@@ -168,10 +170,10 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
     std::vector<NamedPoint> points;
     for (Markup& markup : *markups)
       for (NamedPoint& point : markup.points) points.push_back(std::move(point));
-    if (points.empty()) return bad("has no point that is placed", where, kMarkupsRemedy);
+    if (points.empty()) return bad("has no placed point", where, kMarkupsRemedy);
     return points;
   }
-  const char* kRemedy = "a line for each point: name, x, y, z in millimetres";
+  const char* kRemedy = "write one line per point: name, x, y, z in millimetres";
   // columns of Slicer's .fcsv: id, x, y, z, four of an orientation, three flags, the label
   constexpr std::size_t kFcsvLabel = 11;
   bool is_fcsv = false, is_ras = false, may_be_heading = true;
@@ -183,7 +185,7 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
         const std::string_view axes = trimmed_text(line.text.substr(at + 18));
         if (!says_lps(axes) && !says_ras(axes))
           return bad("its coordinate system is \"" + printable_name(axes) + "\"", at_line(where, line),
-                     "LPS and RAS are known");
+                     "LPS and RAS are supported");
         is_ras = says_ras(axes);
       }
       continue;
@@ -203,14 +205,14 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
                                         (numbers.size() == 3 || (is_named && numbers.size() == 4));
     if (!is_whole) {
       if (std::exchange(may_be_heading, false) && numbers.empty() && cells.size() >= 3) continue;
-      return bad("is no point", at_line(where, line), kRemedy);
+      return bad("is not a point", at_line(where, line), kRemedy);
     }
     may_be_heading = false;
     if (numbers.size() == 4 && !(numbers[3] > 0))
-      return bad("the point's error is not above 0", at_line(where, line),
+      return bad("the point's error must be above 0", at_line(where, line),
                  "give it in millimetres, or leave it out");
     if (points.size() == kMost)
-      return bad("has more than 100 000 points", where, "leave out what is not needed");
+      return bad("has more than 100 000 points", where, "leave out points that are not needed");
     std::string_view name = is_fcsv    ? (cells.size() > kFcsvLabel ? cells[kFcsvLabel] : "")
                             : is_named ? cells[0]
                                        : "";
@@ -286,19 +288,19 @@ Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string
   if (frames.empty())
     return bad("has no transform" +
                    (format.transform.empty() ? std::string() : " " + printable_name(format.transform)),
-               where, known.empty() ? "record the tool's transforms, too" : "it has: " + known);
+               where, known.empty() ? "also record the tool's transforms" : "it has: " + known);
   std::vector<Pose> poses;
   for (const auto& [frame, at] : frames) {
     if (invalid.contains(frame)) continue;
     const auto numbers = numbers_of(cells_of(at.second));
     const auto pose = numbers && numbers->size() == 16 ? pose_of(*numbers, false) : std::nullopt;
     if (!pose)
-      return bad("is no matrix of 16 numbers", at_line(where, at.first), "record the sequence again");
+      return bad("is not a matrix of 16 numbers", at_line(where, at.first), "record the sequence again");
     if (poses.size() == kMost)
-      return bad("has more than 100 000 poses", where, "leave out what is not needed");
+      return bad("has more than 100 000 poses", where, "leave out points that are not needed");
     poses.push_back(*pose);
   }
-  if (poses.empty()) return bad("has no valid pose", where, "keep the tool where the tracker sees it");
+  if (poses.empty()) return bad("has no valid pose", where, "keep the tool in view of the tracker");
   return poses;
 }
 
@@ -309,7 +311,7 @@ Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_vie
                                                                  const PoseFormat& format) {
   if (text.starts_with("ObjectType")) return plus_sequence(text, where, format);
   const char* kRemedy =
-      "a line for each pose: 16 or 12 numbers of a matrix row by row, or x y z and a quaternion of length 1";
+      "write one line per pose: 16 or 12 numbers of a matrix row by row, or x y z and a unit quaternion";
   std::vector<Pose> poses;
   bool may_be_heading = true;
   for (const Line& line : lines_of(text)) {
@@ -319,9 +321,9 @@ Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_vie
     if (!numbers && std::exchange(may_be_heading, false) && !number_of(cells[0])) continue;
     may_be_heading = false;
     const auto pose = numbers ? pose_of(*numbers, format.scalar_first) : std::nullopt;
-    if (!pose) return bad("is no pose", at_line(where, line), kRemedy);
+    if (!pose) return bad("is not a pose", at_line(where, line), kRemedy);
     if (poses.size() == kMost)
-      return bad("has more than 100 000 poses", where, "leave out what is not needed");
+      return bad("has more than 100 000 poses", where, "leave out points that are not needed");
     poses.push_back(*pose);
   }
   if (poses.empty()) return bad("has no pose", where, kRemedy);

@@ -97,14 +97,13 @@ TEST(ParsePoints, RefusesByTheLine) {
   EXPECT_THAT(refused_points("name,x,y,z\n"), HasSubstr("has no point"));
   EXPECT_THAT(refused_points("a,1,2,3\nb,4,5\n"), HasSubstr("points.csv:2: is no point"));
   EXPECT_THAT(refused_points("a,1,2,nan\n"), HasSubstr("points.csv:1: is no point"));
-  EXPECT_THAT(refused_points("a,1,2,3,0\n"), HasSubstr("error is not above 0"));
+  EXPECT_THAT(refused_points("a,1,2,3,0\n"), HasSubstr("error must be above 0"));
   EXPECT_THAT(refused_points("# CoordinateSystem = XYZ\n"), HasSubstr("\"XYZ\""));
-  EXPECT_THAT(refused_points("{"), HasSubstr("no JSON"));
+  EXPECT_THAT(refused_points("{"), HasSubstr("not a JSON file"));
   EXPECT_THAT(refused_points("{\"markups\": []}"), HasSubstr("no markups"));
   EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": [{"position": [1, 2]}]}]})"),
               HasSubstr("three numbers"));
-  EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": []}]})"),
-              HasSubstr("no point that is placed"));
+  EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": []}]})"), HasSubstr("no placed point"));
 }
 
 TEST(ParsePoses, MatricesAndQuaternions) {
@@ -123,9 +122,9 @@ TEST(ParsePoses, MatricesAndQuaternions) {
     const auto poses = parse_poses(text, "poses.txt", format);
     return poses ? "accepted" : poses.error().message();
   };
-  EXPECT_THAT(refused("1 2 3 4\n"), HasSubstr("poses.txt:1: is no pose"));
-  EXPECT_THAT(refused("1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 2\n"), HasSubstr("is no pose"));
-  EXPECT_THAT(refused("1 2 3 0 0 0 2\n"), HasSubstr("quaternion of length 1"));
+  EXPECT_THAT(refused("1 2 3 4\n"), HasSubstr("poses.txt:1: is not a pose"));
+  EXPECT_THAT(refused("1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 2\n"), HasSubstr("is not a pose"));
+  EXPECT_THAT(refused("1 2 3 0 0 0 2\n"), HasSubstr("unit quaternion"));
   EXPECT_THAT(refused("\n# nothing\n"), HasSubstr("has no pose"));
 }
 

@@ -37,15 +37,15 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   };
   if (pairs.size() < 3)
     return refuse(
-        "a registration by points needs three pairs at least, and there are " + std::to_string(pairs.size()),
-        "touch more points that the scan shows, four to eight of them around what matters");
+        "a registration by points needs at least three pairs, but there are " + std::to_string(pairs.size()),
+        "touch more points that are visible in the scan, four to eight of them around the target");
   double total = 0;
   Eigen::Vector3d scan_middle = Eigen::Vector3d::Zero(), tracked_middle = Eigen::Vector3d::Zero();
   for (const PointPair& pair : pairs) {
     if (!pair.in_scan.all_finite() || !pair.tracked.all_finite())
-      return refuse("the coordinates of " + pair.name + " are no numbers", "touch it again");
+      return refuse("the coordinates of " + pair.name + " are not finite", "touch it again");
     if (!(pair.fle_mm > 0) || !std::isfinite(pair.fle_mm))
-      return refuse("the error of " + pair.name + " is not above 0", "give it in millimetres");
+      return refuse("the error of " + pair.name + " must be above 0", "give it in millimetres");
     const double weight = 1 / (pair.fle_mm * pair.fle_mm);
     total += weight;
     scan_middle += weight * pair.in_scan.eigen();
@@ -69,10 +69,10 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   for (const Eigen::Vector3d& along : {variances(axes), variances(tracked_axes)}) {
     const double length = std::sqrt(along[2]), width = std::sqrt(along[0] + along[1]);
     if (width < std::max(limits.min_spread_mm, limits.min_width * length))
-      return refuse("the points lie on one line or nearly so: " + millimetres(length) + " along it, " +
+      return refuse("the points are nearly collinear: " + millimetres(length) + " along it, " +
                         millimetres(width) +
-                        " away from it (root mean squares), so that a turn about it is not known",
-                    "touch points that surround what matters");
+                        " away from it (root mean squares), so the rotation about it is undetermined",
+                    "touch points that surround the target");
   }
 
   // Umeyama, equations 39 to 43
@@ -97,10 +97,9 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   out.fre_mm = std::sqrt(squares);
   // coplanar points fit their mirror image equally well
   if (mirrors && pairs.size() > 3 && squares > 9 * mirrored_squares && squares > 0.01 * shape.trace())
-    return refuse(
-        "the points are mirror images of each other: as they are " + millimetres(out.fre_mm) +
-            " are left over, mirrored " + millimetres(std::sqrt(mirrored_squares)),
-        "look whether left and right are mixed up, or the order of the axes, or that of the points");
+    return refuse("the points are mirror images of each other: the residual is " + millimetres(out.fre_mm) +
+                      ", mirrored " + millimetres(std::sqrt(mirrored_squares)),
+                  "check left and right, the order of the axes, and the order of the points");
 
   // the sum of squared normalised residuals, relative to a third of the squared scale, is chi-squared
   // distributed with 3 N - 6 degrees of freedom

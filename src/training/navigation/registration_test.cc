@@ -177,9 +177,10 @@ TEST(RegisterPoints, RefusesWhatSaysNothing) {
     return found ? std::string("accepted") : found.error().message();
   };
   EXPECT_THAT(refused(pairs_of({{0, 0, 0}, {1, 0, 0}}, {})),
-              HasSubstr("three pairs at least, and there are 2"));
-  EXPECT_THAT(refused(pairs_of({{0, 0, 0}, {50, 0, 0}, {100, 0.5, 0}}, {})), HasSubstr("on one line"));
-  EXPECT_THAT(refused(pairs_of({{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, {})), HasSubstr("on one line"));
+              HasSubstr("at least three pairs, but there are 2"));
+  EXPECT_THAT(refused(pairs_of({{0, 0, 0}, {50, 0, 0}, {100, 0.5, 0}}, {})), HasSubstr("nearly collinear"));
+  EXPECT_THAT(refused(pairs_of({{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, {})),
+              HasSubstr("nearly collinear"));
   auto mirrored = pairs_of({{0, 0, 0}, {80, 5, 0}, {10, 60, 8}, {-20, 30, 40}}, {});
   for (PointPair& pair : mirrored) pair.tracked = {-pair.tracked.x(), pair.tracked.y(), pair.tracked.z()};
   EXPECT_THAT(refused(mirrored), HasSubstr("mirror images"));

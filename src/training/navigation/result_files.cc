@@ -11,8 +11,8 @@ namespace {
 
 // upper bound of plausible lengths
 constexpr double kFarthest_mm = 1e5;
-constexpr const char* kTipRemedy = "give what palpate pivot -o has written";
-constexpr const char* kRegistrationRemedy = "give what palpate register -o has written";
+constexpr const char* kTipRemedy = "give the file written by palpate pivot -o";
+constexpr const char* kRegistrationRemedy = "give the file written by palpate register -o";
 
 Json list_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
@@ -94,11 +94,11 @@ std::string tip_text(const PivotCalibration& found) {
 Result<ToolTip> parse_tip(std::string_view text, const std::string& where) {
   const auto bad = [&](const char* what) { return Error{ErrorKind::kBadInput, what, where, kTipRemedy}; };
   const std::optional<Json> parsed = Json::parse(text);
-  if (!parsed || !parsed->is_object()) return bad("is no file of a tool's tip");
+  if (!parsed || !parsed->is_object()) return bad("is not a file of a tool's tip");
   const auto at = numbers_in<3, 1>(*parsed, "tip_mm");
   if (!at) return bad("has no tip_mm of three numbers");
   const auto error_mm = number_in(*parsed, "tip_error_mm", 0), scatter_mm = number_in(*parsed, "rms_mm", 0);
-  if (!error_mm || !scatter_mm) return bad("does not say how wrong the tip is (tip_error_mm, rms_mm)");
+  if (!error_mm || !scatter_mm) return bad("does not state the error of the tip (tip_error_mm, rms_mm)");
   return ToolTip{Point<TrackedTool>(*at), *error_mm, *scatter_mm};
 }
 
@@ -148,10 +148,10 @@ Result<RegisteredPatient> parse_registration(std::string_view text, const std::s
     return Error{ErrorKind::kBadInput, what, where, kRegistrationRemedy};
   };
   const std::optional<Json> parsed = Json::parse(text);
-  if (!parsed || !parsed->is_object()) return bad("is no file of a registration");
+  if (!parsed || !parsed->is_object()) return bad("is not a file of a registration");
   const auto matrix = numbers_in<4, 4>(*parsed, "patient_from_tracker");
   if (!matrix || !is_rigid(*matrix))
-    return bad("has no patient_from_tracker that turns and shifts, four rows of four numbers");
+    return bad("has no patient_from_tracker that is a rigid transform, four rows of four numbers");
   const Json* points = parsed->find("by_points");
   if (points == nullptr || !points->is_object()) return bad("has no by_points");
   RegisteredPatient out;
@@ -163,11 +163,11 @@ Result<RegisteredPatient> parse_registration(std::string_view text, const std::s
     const auto centroid = numbers_in<3, 1>(*points, "centroid_mm");
     const auto covariance = numbers_in<6, 6>(*points, "covariance");
     if (!centroid || !covariance || !is_covariance(*covariance))
-      return bad("has a covariance in by_points that is none of a shift and a turn about centroid_mm");
+      return bad("has an invalid covariance in by_points (translation and rotation about centroid_mm)");
     out.error = RigidError{Point<Patient>(*centroid), *covariance};
   }
   if (const Json* reference = parsed->find("reference")) {
-    if (!reference->is_string()) return bad("has a reference that is no name");
+    if (!reference->is_string()) return bad("has an invalid name as reference");
     out.reference = reference->get<std::string>();
   }
   return out;

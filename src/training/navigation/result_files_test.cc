@@ -98,7 +98,7 @@ TEST(ResultFiles, WhatIsNoneIsToldApart) {
     const auto read = parse_tip(text, "tip.json");
     return read ? std::string("taken") : read.error().message();
   };
-  EXPECT_THAT(tip("{"), HasSubstr("tip.json: is no file of a tool's tip"));
+  EXPECT_THAT(tip("{"), HasSubstr("tip.json: is not a file of a tool's tip"));
   EXPECT_THAT(tip("{}"), HasSubstr("tip_mm"));
   EXPECT_THAT(tip(R"({"tip_mm": [1, 2, "3"]})"), HasSubstr("tip_mm"));
   EXPECT_THAT(tip(R"({"tip_mm": [1, 2, 1e9], "tip_error_mm": 0, "rms_mm": 0})"), HasSubstr("tip_mm"));
@@ -110,15 +110,16 @@ TEST(ResultFiles, WhatIsNoneIsToldApart) {
   };
   const std::string rigid =
       R"({"patient_from_tracker": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], )";
-  EXPECT_THAT(registration("7"), HasSubstr("r.json: is no file of a registration"));
+  EXPECT_THAT(registration("7"), HasSubstr("r.json: is not a file of a registration"));
   EXPECT_THAT(
       registration(R"({"patient_from_tracker": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]})"),
-      HasSubstr("turns and shifts"));
+      HasSubstr("rigid transform"));
   EXPECT_THAT(registration(rigid + R"("x": 1})"), HasSubstr("has no by_points"));
   EXPECT_THAT(registration(rigid + R"("by_points": {}})"), HasSubstr("fre_mm"));
   EXPECT_THAT(registration(rigid + R"("by_points": {"fre_mm": 1, "covariance": [1]}})"),
               HasSubstr("covariance"));
-  EXPECT_THAT(registration(rigid + R"("by_points": {"fre_mm": 1}, "reference": 1})"), HasSubstr("no name"));
+  EXPECT_THAT(registration(rigid + R"("by_points": {"fre_mm": 1}, "reference": 1})"),
+              HasSubstr("an invalid name"));
   EXPECT_EQ(registration(rigid + R"("by_points": {"fre_mm": 1}})"), "taken")
       << "of before errors were written";
   // a covariance with a negative eigenvalue

@@ -133,7 +133,7 @@ TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
     return found ? std::string("accepted") : found.error().message();
   };
   const Distance ball = [](const Eigen::Vector3d& x) { return x.norm() - 20; };
-  EXPECT_THAT(refused(ball, sample_surface(ball, 60, random)), HasSubstr("leave open a turn about"));
+  EXPECT_THAT(refused(ball, sample_surface(ball, 60, random)), HasSubstr("leave open the rotation about"));
   const Distance rod = [](const Eigen::Vector3d& x) { return capsule(x, {-100, 0, 0}, {100, 0, 0}, 9); };
   EXPECT_THAT(refused(rod, sample_surface(rod, 60, random)), HasSubstr("leave open a"));
   auto mirrored = sample_surface(rods, 60, random);
@@ -141,7 +141,7 @@ TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
   EXPECT_THAT(refused(rods, mirrored),
               AnyOf(HasSubstr("do not fit the surface"), HasSubstr("farther than 5 mm")));
   mirrored.resize(11);
-  EXPECT_THAT(refused(rods, mirrored), HasSubstr("12 points at least, and there are 11"));
+  EXPECT_THAT(refused(rods, mirrored), HasSubstr("12 points at least, but there are 11"));
   EXPECT_THAT(refused([](const Eigen::Vector3d&) { return 4.0; }, sample_surface(rods, 20, random)),
               HasSubstr("no surface"));
 }

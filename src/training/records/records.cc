@@ -156,12 +156,12 @@ Result<void> SqliteRecords::check_tables() {
   const auto format = number_of("PRAGMA user_version");
   if (!format) return format.error();
   if (*application != kApplication)
-    return Error{ErrorKind::kBadInput, "this is a database, but not of palpate's records", file_.string(),
-                 "name another file with --records"};
+    return Error{ErrorKind::kBadInput, "this database does not hold palpate's records", file_.string(),
+                 "give another file with --records"};
   if (*format > kFormat)
     return Error{ErrorKind::kBadInput,
                  "these records are of format " + std::to_string(*format) + ", newer than palpate",
-                 file_.string(), "take the palpate that wrote them"};
+                 file_.string(), "use the version of palpate that wrote them"};
   // the schema has to be exactly ours, in any order
   const auto plain = [](std::string text) {
     std::erase_if(text, [](char c) { return c == '\n' || c == ' '; });
@@ -185,8 +185,8 @@ Result<void> SqliteRecords::check_tables() {
   std::sort(made.begin(), made.end());
   std::sort(there.begin(), there.end());
   if (there != made)
-    return Error{ErrorKind::kBadInput, "the tables of these records are not palpate's", file_.string(),
-                 "take the last copy of the file"};
+    return Error{ErrorKind::kBadInput, "the tables of these records are not those of palpate", file_.string(),
+                 "restore the last copy of the file"};
   return {};
 }
 
@@ -288,7 +288,7 @@ Result<RunRecord> SqliteRecords::run(std::int64_t id) {
   if (!row) return row.error();
   if (!*row)
     return Error{ErrorKind::kBadInput, "there is no run " + std::to_string(id), file_.string(),
-                 "palpate records list shows those that there are"};
+                 "palpate records list shows the runs"};
   RunRecord run = run_of(*asked);
   auto metrics = statement(
       "SELECT name, unit, value, at_least, at_most, counts, in_band FROM metrics WHERE run = ?1 ORDER BY "
@@ -341,8 +341,8 @@ Result<Erased> SqliteRecords::erase(const std::string& learner) {
   // also if the learner is unknown: an earlier erasure may have been incomplete
   if (auto cleaned = clean(); !cleaned) {
     Error error = cleaned.error();
-    error.what = "the runs are erased, but traces may be left in the file: " + error.what;
-    error.remedy = "close what has the records open, and erase the same learner once more";
+    error.what = "the runs are erased, but traces may remain in the file: " + error.what;
+    error.remedy = "close other programs that have the records open, and erase the same learner again";
     return error;
   }
   return erased;

@@ -158,7 +158,7 @@ TEST(Records, EraseSaysWhenSomebodyKeepsTheLog) {
   ASSERT_EQ(sqlite3_exec(reader, "BEGIN; SELECT count(*) FROM runs", nullptr, nullptr, nullptr), SQLITE_OK);
   const auto kept = (*records)->erase("DOE^CANARY");
   ASSERT_FALSE(kept.ok());
-  EXPECT_THAT(kept.error().message(), HasSubstr("traces may be left"));
+  EXPECT_THAT(kept.error().message(), HasSubstr("traces may remain"));
   EXPECT_TRUE(listed(**records).empty());
   sqlite3_close(reader);
   ASSERT_TRUE((*records)->erase("DOE^CANARY").ok());
@@ -172,7 +172,7 @@ TEST(Records, RefusesWhatIsNone) {
   EXPECT_FALSE(Records::open(folder.path()).ok());
   const auto text = folder / "text.db";
   ASSERT_TRUE(write_file(text, "learner,task\n" + std::string(5000, 'x')).ok());
-  EXPECT_THAT(Records::open(text).error().message(), HasSubstr("no whole records"));
+  EXPECT_THAT(Records::open(text).error().message(), HasSubstr("not complete records"));
   EXPECT_THAT(*read_file(text), HasSubstr("learner,task"));
   // another program's database, and one with a view, trigger or the like
   const auto foreign = folder / "foreign.db";
@@ -180,7 +180,7 @@ TEST(Records, RefusesWhatIsNone) {
   ASSERT_EQ(sqlite3_open(foreign.c_str(), &database), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(database, "CREATE TABLE t(a)", nullptr, nullptr, nullptr), SQLITE_OK);
   sqlite3_close(database);
-  EXPECT_THAT(Records::open(foreign).error().message(), HasSubstr("not of palpate's records"));
+  EXPECT_THAT(Records::open(foreign).error().message(), HasSubstr("does not hold palpate's records"));
   const auto more = folder / "more.db";
   ASSERT_TRUE(Records::open(more).ok());
   ASSERT_EQ(sqlite3_open(more.c_str(), &database), SQLITE_OK);

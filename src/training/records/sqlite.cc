@@ -18,14 +18,14 @@ Error sqlite_error(int code, const std::string& what, const std::filesystem::pat
     case SQLITE_ERROR:
     case SQLITE_MISMATCH:
     case SQLITE_TOOBIG:
-      return {ErrorKind::kBadInput, "these are no whole records of palpate (" + why + ")", file.string(),
-              "name another file, or take the last copy of it"};
+      return {ErrorKind::kBadInput, "these are not complete records of palpate (" + why + ")", file.string(),
+              "give another file, or restore its last copy"};
     case SQLITE_CANTOPEN:
       return {ErrorKind::kOutput, "the records cannot be opened (" + why + ")", file.string(),
-              "check that its folder exists and may be written"};
+              "check that its folder exists and is writable"};
     default:
       return {ErrorKind::kOutput, "the records cannot be written (" + why + ")", file.string(),
-              "check the disk and the rights of the file and its folder"};
+              "check the disk and the permissions of the file and its folder"};
   }
 }
 

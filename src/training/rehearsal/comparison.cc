@@ -50,8 +50,8 @@ class RunMeter {
 
   Result<void> see(const TickRecord& tick) {
     if (!std::isfinite(tick.time_s) || (told_.ticks > 0 && tick.time_s < time_s_))
-      return Error{ErrorKind::kBadInput, "the clock does not go on at tick " + std::to_string(tick.tick), "",
-                   "record the run again"};
+      return Error{ErrorKind::kBadInput, "the clock does not advance at tick " + std::to_string(tick.tick),
+                   "", "record the run again"};
     if (told_.ticks == 0) begun_s_ = tick.time_s;
     const double dt_s = told_.ticks > 0 ? tick.time_s - time_s_ : 0;
     if (told_.ticks > 0 && tick.tick > last_tick_ + 1) told_.missing_s += dt_s;

@@ -458,7 +458,7 @@ TEST(ComparePlan, WhatNobodySawIsNotKept) {
   EXPECT_THAT(refused(run, 1), HasSubstr("it has no device 2"));
   Recording back = run;
   back.ticks[7].time_s = 0;
-  EXPECT_THAT(refused(back), HasSubstr("the clock does not go on at tick 7"));
+  EXPECT_THAT(refused(back), HasSubstr("the clock does not advance at tick 7"));
 }
 
 TEST(ComparePlan, TheWayIsThinnedOut) {

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 constexpr const char* kWayOut =
-    "a trajectory is a Line, first its entry and then its target, or two points called Entry and Target";
+    "a trajectory is a Line from entry to target, or two points called Entry and Target";
 
 Error no_trajectory(std::string what, const std::string& where) {
   return {ErrorKind::kBadInput, std::move(what), where, kWayOut};
@@ -44,10 +44,10 @@ Result<void> add_trajectory(PlanFile& plan, std::string name, const NamedPoint& 
   trajectory.target = Point<Patient>(target.at_mm);
   if (!(trajectory.length_mm() >= kMinTrajectory_mm))
     return Error{ErrorKind::kBadInput, "entry and target of \"" + trajectory.name + "\" are the same place",
-                 plan.source, "they have to be at least 0.1 mm apart"};
+                 plan.source, "they must be at least 0.1 mm apart"};
   if (plan.trajectories.size() == kMaxPlanParts)
     return Error{ErrorKind::kBadInput, "has more than " + std::to_string(kMaxPlanParts) + " trajectories",
-                 plan.source, "leave out what is not needed"};
+                 plan.source, "leave out markups that are not needed"};
   plan.trajectories.push_back(std::move(trajectory));
   return {};
 }
@@ -76,14 +76,13 @@ Result<PlanOfMarkups> plan_from_markups(std::string_view text, const std::string
       }
     } else if (markup.type == "Line") {
       if (markup.points.size() != 2)
-        return no_trajectory("a Line has " + std::to_string(markup.points.size()) + " points, and not 2",
-                             where);
+        return no_trajectory("a Line has " + std::to_string(markup.points.size()) + " points, not 2", where);
       auto added = add_trajectory(made.plan, name_of_line(markup, made.plan.trajectories.size() + 1),
                                   markup.points[0], markup.points[1]);
       if (!added) return added.error();
     } else {
-      return no_trajectory(type.empty() ? "a markup does not say what it is"
-                                        : "a markup is a " + type + ", which is no trajectory",
+      return no_trajectory(type.empty() ? "a markup does not state its type"
+                                        : "a markup is a " + type + ", which is not a trajectory",
                            where);
     }
   }

@@ -81,9 +81,9 @@ TEST(PlanFromMarkups, WhatIsNoTrajectoryIsRefusedByItsName) {
     EXPECT_THAT(refused_markups(markups_of(type, "LPS", kPointsLps)),
                 AllOf(StartsWith("m.mrk.json: a markup is a " + std::string(type)), HasSubstr("a Line")));
   EXPECT_THAT(refused_markups(R"({"markups": [{"controlPoints": []}]})"),
-              HasSubstr("does not say what it is"));
+              HasSubstr("does not state its type"));
   const std::string one = R"({"label": "Entry", "position": [1, 2, 3]})";
-  EXPECT_THAT(refused_markups(markups_of("Line", "LPS", one)), HasSubstr("a Line has 1 points, and not 2"));
+  EXPECT_THAT(refused_markups(markups_of("Line", "LPS", one)), HasSubstr("a Line has 1 points, not 2"));
   EXPECT_THAT(refused_markups(markups_of("Line", "LPS", std::string(kPointsLps) + ", " + one)),
               HasSubstr("a Line has 3 points"));
   EXPECT_THAT(refused_markups(markups_of("Fiducial", "LPS", one)),
@@ -100,7 +100,7 @@ TEST(PlanFromMarkups, WhatIsNoTrajectoryIsRefusedByItsName) {
   EXPECT_THAT(refused_markups(markups_of("Line", "IJK", kPointsLps)), HasSubstr("\"IJK\""));
   EXPECT_THAT(refused_markups(markups_of("Line", "LPS", R"({"position": [1, 2]})")),
               HasSubstr("three numbers"));
-  EXPECT_THAT(refused_markups("{"), HasSubstr("no JSON"));
+  EXPECT_THAT(refused_markups("{"), HasSubstr("not a JSON file"));
 }
 
 }  // namespace

@@ -108,7 +108,7 @@ std::uint64_t RegionInPlan::places_in(const GridGeometry& grid, int i, int j, in
 
 Result<PlanInScene> resolve_plan(const PlanFile& plan, const Model& model) {
   if (model.labels == nullptr)
-    return Error{ErrorKind::kBadInput, "the scene has no label map, and a plan is of structures", plan.source,
+    return Error{ErrorKind::kBadInput, "the scene has no label map, but a plan needs structures", plan.source,
                  "give the scene labels = \"...\" in [data]"};
   const std::vector<bool> has_voxel = labels_with_voxels(model);
   const auto labels_of = [&](const std::vector<LabelReference>& references,
@@ -119,7 +119,7 @@ Result<PlanInScene> resolve_plan(const PlanFile& plan, const Model& model) {
       if ((*labels)[label] && !has_voxel[label])
         return Error{ErrorKind::kBadInput,
                      "the structure \"" + model.name_of(static_cast<LabelId>(label)) + "\" has no voxel",
-                     plan.where(line), "name another one, or leave it out"};
+                     plan.where(line), "give another one, or leave it out"};
     return labels;
   };
   PlanInScene found{plan, {}, {}, {}};

@@ -135,7 +135,7 @@ TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {
               HasSubstr("the scene has no label 77"));
   EXPECT_THAT(
       refused("[[trajectory]]\nname = \"t\"\nentry = [0,0,0]\ntarget = [0,0,9]\nenters = [\"shell\"]\n"),
-      AllOf(HasSubstr("plan.toml:2: the structure \"shell\" has no voxel"), HasSubstr("name another one")));
+      AllOf(HasSubstr("plan.toml:2: the structure \"shell\" has no voxel"), HasSubstr("give another one")));
   const auto twice = resolve_plan(plan_of("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 2\n"
                                           "[[keep_away]]\nstructures = [5, \"fat\"]\ndistance = 1\n"),
                                   model);

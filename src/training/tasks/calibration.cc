@@ -68,12 +68,13 @@ Result<CutOff> cut_off(std::span<const double> experts, std::span<const double> 
     return std::any_of(values.begin(), values.end(), [](double value) { return !std::isfinite(value); });
   };
   if (unusable(experts) || unusable(novices))
-    return Error{ErrorKind::kBadInput, "a run has no value of it", "", "leave that run or that metric out"};
+    return Error{ErrorKind::kBadInput, "a run has no value of this metric", "",
+                 "leave that run or that metric out"};
   if (experts.size() < kFewest || (!novices.empty() && novices.size() < kFewest))
     return Error{ErrorKind::kBadInput,
                  "a cut-off of " +
                      std::to_string(experts.size() < kFewest ? experts.size() : novices.size()) + " runs",
-                 "", "give at least 3 runs of each group; from 10 on the interval means something"};
+                 "", "give at least 3 runs of each group; the interval is meaningful from 10 on"};
   const auto from = [&](const std::vector<double>& good, const std::vector<double>& bad) {
     if (!bad.empty()) return crossing(normal_of(good), normal_of(bad));
     return quantile(good, more_is_better ? 1 - options.share : options.share);
@@ -83,7 +84,7 @@ Result<CutOff> cut_off(std::span<const double> experts, std::span<const double> 
     const double a = normal_of(good).mean, b = normal_of(bad).mean;
     if (more_is_better ? a <= b : a >= b)
       return Error{ErrorKind::kBadInput, "the novices' mean is no worse than the experts'", "",
-                   "it tells the groups apart the wrong way around, or not at all: do not count it"};
+                   "the metric does not distinguish the groups, or in the wrong direction: do not count it"};
   }
   CutOff found;
   found.value = from(good, bad);

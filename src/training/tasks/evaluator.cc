@@ -128,11 +128,11 @@ void TaskEvaluator::tell(TaskEvent::Kind kind, std::size_t part, const TickRecor
 Result<void> TaskEvaluator::see(const TickRecord& tick) {
   if (ended_) return {};
   if (!std::isfinite(tick.time_s) || (begun_ && tick.time_s <= time_s_))
-    return Error{ErrorKind::kBadInput, "the clock does not go forward at tick " + std::to_string(tick.tick),
-                 "", "a run can be scored only up to there; record it again"};
+    return Error{ErrorKind::kBadInput, "the clock does not advance at tick " + std::to_string(tick.tick), "",
+                 "a run can be scored only up to this tick; record it again"};
   if (task_.sight && tick.devices < 2)
-    return Error{ErrorKind::kBadInput, "the task is done with two devices, of which the second holds a scope",
-                 "", "record it with --device twice, or by a script with a step scope"};
+    return Error{ErrorKind::kBadInput, "the task needs two devices, of which the second holds a scope", "",
+                 "record it with --device twice, or with a script that has a scope step"};
   const double dt_s = begun_ ? tick.time_s - time_s_ : 0;
   if (!begun_) begun_s_ = tick.time_s;
   const DeviceTick& device = tick.device[0];
@@ -435,8 +435,8 @@ Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource
       progress);
   if (!read) return read.error();
   if (reader.run().ticks() == 0 && recording.head().ticks > 0)
-    return Error{ErrorKind::kBadInput, "it has no tick of those that are to be scored", "",
-                 "leave out --from-tick and --to-tick, or give those of a run that palpate explore told"};
+    return Error{ErrorKind::kBadInput, "it has none of the ticks to be scored", "",
+                 "leave out --from-tick and --to-tick, or give those of a run as printed by palpate explore"};
   return reader.score(recording.head().summary.has_value());
 }
 

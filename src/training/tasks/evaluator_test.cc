@@ -510,7 +510,7 @@ TEST_F(TakeOff, NeedsAToolThatTakesAndSomethingToTake) {
   std::ofstream(folder_ / "plan.toml", std::ios::app) << "depth = -20\n";
   const auto beside = load_task((folder_ / "task.toml").string());
   ASSERT_TRUE(beside.ok()) << beside.error().message();
-  EXPECT_THAT(look_up(*beside, *loaded_.model).error().message(), HasSubstr("nothing that can be taken off"));
+  EXPECT_THAT(look_up(*beside, *loaded_.model).error().message(), HasSubstr("nothing removable"));
 }
 
 TEST(Evaluator, WhatIsNotKnownIsInNoBand) {

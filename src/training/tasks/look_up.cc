@@ -108,9 +108,8 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
 /// Resolves the plan of a task. Errors: no tool that cuts, absent structures, an empty region.
 Result<TaskPlan> resolve_task_plan(const TaskFile& task, const Model& model, const Progress& progress) {
   if (!model.cuts())
-    return Error{ErrorKind::kBadInput,
-                 "something is to be taken off, and no tool of the scene takes anything", task.source,
-                 "give the scene a burr or shaver as its [tool], docs/guide/scene.md"};
+    return Error{ErrorKind::kBadInput, "the task removes tissue, but no tool of the scene can cut",
+                 task.source, "give the scene a burr or shaver as its [tool], docs/guide/scene.md"};
   auto plan = resolve_plan(*task.plan, model);
   if (!plan) return plan.error();
   const auto planned = planned_volumes(*plan, model, progress);
@@ -121,8 +120,7 @@ Result<TaskPlan> resolve_task_plan(const TaskFile& task, const Model& model, con
     for (const auto& [label, part_mm3] : planned->of_regions[n]) mm3 += part_mm3;
     const PlanRegion& region = found.plan.file.regions[n];
     if (mm3 == 0)
-      return Error{ErrorKind::kBadInput,
-                   "nothing that can be taken off lies in region \"" + region.name + "\"",
+      return Error{ErrorKind::kBadInput, "nothing removable lies in region \"" + region.name + "\"",
                    found.plan.file.where(region.line), "move or widen it, or name other structures"};
     found.planned_mm3.push_back(mm3);
   }
@@ -240,7 +238,7 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
       const auto middle = centroid(*model.labels, region.has_label);
       if (!middle)
         return Error{ErrorKind::kBadInput, "the structures of region \"" + asked.name + "\" have no voxel",
-                     task.where(asked.line), "name others"};
+                     task.where(asked.line), "give others"};
       if (asked.landmark)
         region.centre_mm = farthest(*model.labels, region.has_label, asked.landmark->eigen());
       if (asked.half) region.planes.push_back({*middle, asked.half->eigen()});
@@ -252,7 +250,7 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
     if (is_covered) {
       add_patches(model, region);
       if (region.patches.count() == 0)
-        return Error{ErrorKind::kBadInput, "nothing of its structures lies in region \"" + asked.name + "\"",
+        return Error{ErrorKind::kBadInput, "none of its structures lies in region \"" + asked.name + "\"",
                      task.where(asked.line), "move its place, or widen its radius"};
     }
     found.regions.push_back(std::move(region));
@@ -273,8 +271,8 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
     if (!labels) return labels.error();
     found.answer_mm = centroid(*model.labels, *labels);
     if (!found.answer_mm)
-      return Error{ErrorKind::kBadInput, "what is to be found has no voxel", task.where(task.answer->line),
-                   "name another structure"};
+      return Error{ErrorKind::kBadInput, "the structure to find has no voxel", task.where(task.answer->line),
+                   "give another structure"};
     found.answer_labels = *std::move(labels);
   }
   if (task.scope) found.sight.emplace(task.scope->optics, model);

@@ -77,7 +77,7 @@ TEST(LookUp, SaysWhatTheSceneLacks) {
                                HasSubstr("slab, block")));
   EXPECT_THAT(with_region("structures = [9]").error().what, HasSubstr("no label 9"));
   EXPECT_THAT(with_region("structures = [1]\npoint = [500, 0, 0]\nradius = 3").error().what,
-              HasSubstr("nothing of"));
+              HasSubstr("none of its structures"));
 }
 
 TEST(RegionView, LooksWhereTheRegionIsFree) {

@@ -75,7 +75,7 @@ std::string event_text(const TaskFile& task, const TaskEvent& event) {
       return "touched " + names_of_structures(task.protections[event.part].structures, kMaxNamed) + " with " +
              short_number(event.force_N) + " N, which is protected";
     case TaskEvent::Kind::kUnseen:
-      return "touched out of the scope's view, with " + short_number(event.force_N) + " N";
+      return "touched outside the scope's view, with " + short_number(event.force_N) + " N";
     case TaskEvent::Kind::kEnded:
       return "the task was over";
   }

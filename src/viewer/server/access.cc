@@ -56,10 +56,9 @@ bool is_printable(char c) {
 
 Error bad_line(const std::string& source, int line, std::string what) {
   return {ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line),
-          "let `palpate token` make it, or write lines of \"control TOKEN\", \"view TOKEN\", \"teacher "
-          "TOKEN\" or "
-          "\"learner TOKEN PSEUDONYM\", with tokens of at least " +
-              std::to_string(kMinToken) + " printable characters without blanks, as random as you can"};
+          "create it with `palpate token`, or write lines of \"control TOKEN\", \"view TOKEN\", \"teacher "
+          "TOKEN\" or \"learner TOKEN PSEUDONYM\", with tokens of at least " +
+              std::to_string(kMinToken) + " random printable characters without blanks"};
 }
 
 std::optional<Role> role_named(std::string_view name) {
@@ -120,15 +119,15 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     if (token.size() < kMinToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");
     const double bits = entropy_bound_bits(token);
-    if (bits < kMinBits) return bad_line(source, line, "this line's token is guessed at once");
+    if (bits < kMinBits) return bad_line(source, line, "this line's token is trivial to guess");
     if (bits < kGoodBits && warn)
       warn(source + ":" + std::to_string(line) +
            ": this token could be guessed; `palpate token` makes one that cannot");
     if (*role == Role::kLearner && !check_learner(who.learner))
-      return bad_line(source, line, "this line has no pseudonym behind its token");
+      return bad_line(source, line, "this line has no pseudonym after its token");
     // a token in two lines would be ambiguous
     if (tokens.holder_of(token))
-      return bad_line(source, line, "this line's token stands in another one, too");
+      return bad_line(source, line, "this line's token is repeated in another one");
     tokens.tokens_.push_back({digest_of(token), std::move(who)});
   }
   if (tokens.empty())
@@ -144,11 +143,11 @@ Result<Tokens> Tokens::read(const std::filesystem::path& file,
   struct stat status;
   const mode_t mode = ::stat(file.c_str(), &status) == 0 ? status.st_mode : 0;
   if ((mode & S_IRWXO) != 0)
-    return Error{ErrorKind::kBadInput, "every account of this machine may read or change these tokens",
-                 file.string(),
-                 "chmod 600 it; if another account has read it, make new ones (palpate token)"};
+    return Error{
+        ErrorKind::kBadInput, "every account of this machine can read or change these tokens", file.string(),
+        "run chmod 600 on it; if another account may have read it, create new tokens (palpate token)"};
   if (warn && (mode & S_IRWXG) != 0)
-    warn(file.string() + ": its owner's group may read or change these tokens; chmod 600 it");
+    warn(file.string() + ": the group of its owner can read or change these tokens; run chmod 600 on it");
   return parse(*text, file.string(), warn);
 }
 
@@ -230,10 +229,10 @@ namespace palpate {
 Result<std::string> new_viewer_tokens(const NewTokens& wanted) {
   const bool is_learner = wanted.role == server::name_of(server::Role::kLearner);
   if (is_learner && wanted.learner.empty())
-    return Error{ErrorKind::kUsage, "a learner's token says whose it is", "--role learner",
+    return Error{ErrorKind::kUsage, "a learner's token needs a pseudonym", "--role learner",
                  "give a pseudonym: --learner L042"};
   if (!is_learner && !wanted.learner.empty())
-    return Error{ErrorKind::kUsage, "only a learner's token says whose it is", "--learner",
+    return Error{ErrorKind::kUsage, "only a learner's token has a pseudonym", "--learner",
                  "give --role learner, or leave it out"};
   if (is_learner)
     if (const auto named = check_learner(wanted.learner); !named) return named.error();
@@ -257,8 +256,8 @@ Result<void> write_viewer_tokens(const std::filesystem::path& file, const std::s
   // mode 0600 from creation on, and O_EXCL so that existing tokens are never overwritten
   const int handle = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (handle < 0 && errno == EEXIST)
-    return Error{ErrorKind::kOutput, "is there already, and whoever has its tokens would lose his way in",
-                 file.string(), "choose another name, or remove it first"};
+    return Error{ErrorKind::kOutput, "exists, and replacing it would revoke its tokens", file.string(),
+                 "choose another name, or remove it first"};
   if (handle < 0) return output_error(file, errno);
   const bool written = ::write(handle, lines.data(), lines.size()) == static_cast<ssize_t>(lines.size()) &&
                        ::fsync(handle) == 0;

@@ -103,7 +103,7 @@ void Connection::serve() {
 }
 
 void Connection::refuse_volume(const std::string& what) {
-  hub_.log().say(http_->peer(), what + " could not be made");
+  hub_.log().say(http_->peer(), what + " could not be created");
   send(Site::refusal(503), false);
 }
 
@@ -191,7 +191,7 @@ void Connection::check(Clock::time_point now) {
   // browsers open connections that they may never use, and keep used ones open: not worth a log line
   if (about_ == About::kSilent && http_->has_begun()) hub_.log().say(http_->peer(), "no request in time");
   if (about_ == About::kTaking && !answer_.text().empty())
-    hub_.log().say(http_->peer(), "takes its answer too slowly");
+    hub_.log().say(http_->peer(), "receives its answer too slowly");
   close();
 }
 

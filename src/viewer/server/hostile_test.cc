@@ -393,7 +393,7 @@ TEST_F(HostileTest, DownloadsThatNobodyReads) {
   // the bystander keeps reading while the time limit of a non-reading viewer expires
   EXPECT_TRUE(soon([&] {
     keep_up();
-    return large.log.text().find("takes its answer too slowly") != std::string::npos;
+    return large.log.text().find("receives its answer too slowly") != std::string::npos;
   }));
 }
 

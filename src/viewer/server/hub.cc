@@ -119,7 +119,7 @@ void Hub::make_room_for_connection() {
   const auto oldest =
       std::min_element(connections_.begin(), connections_.end(),
                        [&](const auto& one, const auto& other) { return place(one) < place(other); });
-  log_.say((*oldest)->peer(), "too many connections: this one, which gets on least, is closed");
+  log_.say((*oldest)->peer(), "too many connections: this one, with the least progress, is closed");
   std::shared_ptr(*oldest)->close();
 }
 
@@ -136,7 +136,7 @@ void Hub::drop_oldest_unauthenticated() {
     ++silent;
     if (!oldest || viewer->hello_by() < oldest->hello_by()) oldest = viewer;
   }
-  if (silent >= kMaxSilent) oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
+  if (silent >= kMaxSilent) oldest->end(kTryAgainLater, "too many viewers: a silent one is closed");
 }
 
 bool Hub::make_room_for_viewer(Role role) {
@@ -154,7 +154,7 @@ bool Hub::make_room_for_viewer(Role role) {
   if (!has_reserved_place(role) && looking >= kMaxViewers - kKeptForControl) return false;
   if (all < kMaxViewers) return true;
   if (!has_reserved_place(role) || !latest) return false;
-  latest->end(kTryAgainLater, "gives its place to one with control or a teacher");
+  latest->end(kTryAgainLater, "gives its place to a viewer with control or a teacher");
   return true;
 }
 
@@ -246,18 +246,19 @@ Result<void> Hub::check_hand(const Viewer& viewer) const {
   const ViewedTraining training = host_.training();
   const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
   if (state_.lesson.is_for(who.learner) && (!is_run || training.learner == who.learner)) return {};
-  return Error{ErrorKind::kUsage,
-               is_run ? "the run under way is somebody else's" : "the lesson is somebody else's now",
-               "learner",
-               is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
+  return Error{
+      ErrorKind::kUsage,
+      is_run ? "the run in progress belongs to another viewer" : "the lesson is led by another viewer now",
+      "learner",
+      is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
 }
 
 // the viewer that moves the tip is the one being assessed; a teacher may begin a task without it
 Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
   const Who& who = viewer.who();
   if (pointer_ && pointer_ != &viewer && !may(who.role, Right::kLesson, true))
-    return Error{ErrorKind::kUsage, "a task is begun and ended by whoever moves the tip", "",
-                 "ask them, or wait until they let go"};
+    return Error{ErrorKind::kUsage, "only the viewer that moves the tip can start and end a task", "",
+                 "ask that viewer, or wait until the tip is released"};
   request.learner = who.learner;
   return host_.train(request);
 }
@@ -278,16 +279,16 @@ Result<void> Hub::grant_lesson(const LessonRequest& request) {
 // the force is given back only to the viewer that moves the tip
 Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
   if (host_.scene().input == "pointer" && pointer_ != &viewer)
-    return Error{
-        ErrorKind::kUsage, "the force is given back by whoever moves the tip", "",
-        pointer_ ? "ask them, or wait until they let go" : "take the pointer first (Touch), then rearm"};
+    return Error{ErrorKind::kUsage, "only the viewer that moves the tip can rearm the force", "",
+                 pointer_ ? "ask that viewer, or wait until the tip is released"
+                          : "take the pointer first (Touch), then rearm"};
   request.by = viewer.identity();
   return host_.rearm(request);
 }
 
 Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
   if (pointer_ && pointer_ != &viewer)
-    return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until it lets go"};
+    return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until the tip is released"};
   // releasing the pointer without having it changes nothing
   if (!request.take && !pointer_) return {};
   if (auto taken = host_.take_pointer(request.take, viewer.identity()); !taken) return taken;

@@ -464,8 +464,7 @@ class SslIdentity : public TlsIdentity {
 };
 
 Error bad_tls(const std::filesystem::path& file, const char* what) {
-  return {ErrorKind::kBadInput, what, file.string(),
-          "give PEM files that belong together and that you may read"};
+  return {ErrorKind::kBadInput, what, file.string(), "give matching PEM files that you may read"};
 }
 
 class TcpListener : public Listener {
@@ -555,16 +554,16 @@ Result<std::shared_ptr<TlsIdentity>> TlsIdentity::read(const std::filesystem::pa
   const auto certificate = read_file(certificate_file, kMaxPemBytes);
   if (!certificate) return certificate.error();
   identity->context().use_certificate_chain(net::buffer(*certificate), failed);
-  if (failed) return bad_tls(certificate_file, "holds no certificate that can be read");
+  if (failed) return bad_tls(certificate_file, "holds no readable certificate");
   const auto key = read_file(key_file, kMaxPemBytes);
   if (!key) return key.error();
   struct stat status;
   if (::stat(key_file.c_str(), &status) == 0 && (status.st_mode & S_IRWXO) != 0)
-    return Error{ErrorKind::kBadInput, "every account of this machine may read or change this key",
-                 key_file.string(),
-                 "chmod 600 it; if another account has read it, make a new key and certificate"};
+    return Error{
+        ErrorKind::kBadInput, "every account of this machine can read or change this key", key_file.string(),
+        "run chmod 600 on it; if another account may have read it, create a new key and certificate"};
   identity->context().use_private_key(net::buffer(*key), net::ssl::context::pem, failed);
-  if (failed) return bad_tls(key_file, "holds no key of that certificate that can be read");
+  if (failed) return bad_tls(key_file, "holds no readable key for that certificate");
   return std::shared_ptr<TlsIdentity>(std::move(identity));
 }
 

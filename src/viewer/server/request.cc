@@ -90,7 +90,7 @@ class Fields {
     for (const auto& [key, value] : object_.entries) {
       if (std::find(read_.begin(), read_.end(), key) != read_.end()) continue;
       // the key is the viewer's own text, which is never sent back
-      refuse("", "a key that this kind of message does not have");
+      refuse("", "is not a key of this kind of message");
     }
   }
   void refuse(std::string_view key, std::string what) {
@@ -133,7 +133,7 @@ SettingsRequest read_settings(Fields& fields) {
                    request.passivity || request.paused || request.motor || request.max_force_N ||
                    request.rotation_wxyz;
   fields.end();
-  if (!any) fields.refuse("", "nothing is asked for");
+  if (!any) fields.refuse("", "the request is empty");
   return request;
 }
 
@@ -144,7 +144,7 @@ TissueRequest read_tissue(Fields& fields) {
   for (const ContactProperty& property : kContactProperties)
     request.changes[property.value] = fields.number(property.name);
   fields.end();
-  if (request.changes.empty()) fields.refuse("", "nothing is asked for");
+  if (request.changes.empty()) fields.refuse("", "the request is empty");
   return request;
 }
 
@@ -164,7 +164,7 @@ PlayRequest read_play(Fields& fields) {
   const double speed = std::abs(request.speed.value_or(1));
   if (!(speed >= kPlayingSpeeds[0] && speed <= kPlayingSpeeds[1])) fields.refuse("speed", "is out of range");
   fields.end();
-  if (!any) fields.refuse("", "nothing is asked for");
+  if (!any) fields.refuse("", "the request is empty");
   return request;
 }
 
@@ -173,7 +173,7 @@ TaskRequest read_task(Fields& fields) {
   request.begin = fields.name("begin", kMaxTask_bytes);
   request.end = fields.flag("end").value_or(false);
   fields.end();
-  if (request.begin.has_value() == request.end) fields.refuse("", "one of begin and end is asked for");
+  if (request.begin.has_value() == request.end) fields.refuse("", "needs exactly one of begin and end");
   return request;
 }
 
@@ -185,7 +185,7 @@ LessonRequest read_lesson(Fields& fields) {
   request.end = fields.flag("end").value_or(false);
   fields.end();
   if (!request.learner && !request.task && !request.names && !request.end)
-    fields.refuse("", "nothing is asked for");
+    fields.refuse("", "the request is empty");
   return request;
 }
 
@@ -205,9 +205,9 @@ PlanRequest read_plan(Fields& fields) {
   fields.end();
   const bool changes = request.name || request.entry_mm || request.target_mm;
   const int asked = int{changes} + int{request.remove} + int{request.back_to.has_value()} + int{request.save};
-  if (asked != 1) fields.refuse("", "one of a change, remove, back_to and save is asked for");
+  if (asked != 1) fields.refuse("", "needs exactly one of a change, remove, back_to and save");
   if (request.trajectory.has_value() != (changes || request.remove))
-    fields.refuse("trajectory", "belongs to a change and to remove, and to them alone");
+    fields.refuse("trajectory", "is only for a change and for remove");
   return request;
 }
 
@@ -276,7 +276,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     request.what = rearm;
     fields.end();
   } else {
-    fields.refuse("type", "is none that there is");
+    fields.refuse("type", "is unknown");
   }
   if (fields.refusal()) request.what = *fields.refusal();
   return request;

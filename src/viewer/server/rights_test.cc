@@ -143,7 +143,7 @@ TEST(Rights, ARefusalSaysWhichRoleIsNeeded) {
             "where there are tasks only a viewer with control or a teacher may change what is felt");
   EXPECT_EQ(lacks_right(Role::kLearner, Right::kFeel).remedy, "connect with a token for control or teacher");
   EXPECT_EQ(lacks_right(Role::kView, Right::kHand).what,
-            "only a viewer with control, a learner or a teacher may have the hand");
+            "only a viewer with control, a learner or a teacher may operate the tool");
   EXPECT_EQ(lacks_right(Role::kLearner, Right::kLesson).what, "only a teacher may lead the lesson");
 }
 
@@ -170,7 +170,7 @@ TEST(Rights, ALearnerSeesHisOrHerOwnCurvesAlone) {
   for (const Role role : {Role::kView, Role::kControl}) {
     const TestAnswer refused = school.get(kTokenOf.at(role), "/api/curves");
     EXPECT_EQ(refused.status, 403) << name_of(role);
-    EXPECT_THAT(refused.body, HasSubstr("teacher may see curves"));
+    EXPECT_THAT(refused.body, HasSubstr("teachers may see learning curves"));
   }
   EXPECT_EQ(school.get("no-token-k7wq2mzr9xbt4hvc", "/api/curves").status, 401);
   // only the token determines the learner

@@ -25,16 +25,16 @@ Error usage(std::string what, std::string where, std::string remedy) {
 Result<IpAddress> checked_address(const ViewerServerOptions& options) {
   const auto address = IpAddress::parse(options.address);
   if (!address)
-    return usage("is no numeric address", "--listen " + options.address,
-                 "give one of this machine's, 0.0.0.0 or [::] without its brackets for all of them");
+    return usage("is not a numeric address", "--listen " + options.address,
+                 "give an address of this machine, or 0.0.0.0 or :: for all of them");
   if (options.port < 0 || options.port > kMaxPort)
-    return usage("is no port", "--port " + std::to_string(options.port), "give a number from 1 to 65535");
+    return usage("is not a port", "--port " + std::to_string(options.port), "give a number from 1 to 65535");
   if (options.tls_certificate.empty() != options.tls_key.empty())
-    return usage("a certificate and its key go together",
+    return usage("a certificate needs its key, and a key its certificate",
                  options.tls_key.empty() ? "--tls-cert" : "--tls-key", "give both --tls-cert and --tls-key");
   if (!address->is_loopback() && options.token_file.empty())
-    return usage("whoever reaches this address could see and change the session",
-                 "--listen " + options.address, "give --token-file FILE, or listen at 127.0.0.1 alone");
+    return usage("anyone who reaches this address could view and change the session",
+                 "--listen " + options.address, "give --token-file FILE, or listen only at 127.0.0.1");
   return *address;
 }
 
@@ -104,7 +104,7 @@ class Server : public ViewerServer {
     while (!loop_->is_stopped()) try {
         loop_->run();
       } catch (const std::exception&) {
-        hub_->log().say("", "a fault in the server");
+        hub_->log().say("", "an error in the server");
       }
   }
 
@@ -161,20 +161,21 @@ Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
   if (!read) return read.error();
   if (!read->address.is_loopback() && options.tls_certificate.empty() && options.log)
     options.log(
-        "viewers: tokens and data cross the network in the clear; --tls-cert and --tls-key encrypt them");
+        "viewers: tokens and data cross the network unencrypted; --tls-cert and --tls-key encrypt them");
 
   // bind the socket before any expensive work
   auto loop = server::EventLoop::make();
   auto listener = loop->listen(read->address, options.port, std::move(read->tls));
   if (!listener)
-    return Error{ErrorKind::kUnavailable, "cannot be listened at: " + listener.error().what,
+    return Error{ErrorKind::kUnavailable, "cannot listen at this address: " + listener.error().what,
                  options.address + ":" + std::to_string(options.port),
-                 "choose another --port, or end the program that has this one"};
+                 "choose another --port, or close the program that uses this one"};
   return std::unique_ptr<ViewerServer>(std::make_unique<server::Server>(
       host, options, std::move(read->tokens), read->address, std::move(loop), *std::move(listener)));
 } catch (const std::system_error& error) {
-  return Error{ErrorKind::kUnavailable, std::string("no thread for the viewers: ") + error.what(), "",
-               "close other programs, or raise the limit of processes (ulimit -u)"};
+  return Error{ErrorKind::kUnavailable,
+               std::string("cannot start the thread for the viewers: ") + error.what(), "",
+               "close other programs, or raise the process limit (ulimit -u)"};
 }
 
 }  // namespace palpate

@@ -174,9 +174,9 @@ SiteAnswer Site::curves(const Who& who) const {
   const bool all = may(who.role, Right::kAllRuns, true);
   if (!all && !may(who.role, Right::kOwnRuns, true))
     return refusal(403,
-                   "only a learner, of his or her own, or a teacher may see curves: connect with a token for "
+                   "only learners (their own) and teachers may see learning curves: connect with a token for "
                    "learner or teacher");
-  if (!host_.keeps_runs()) return refusal(404, "no runs are kept in this session");
+  if (!host_.keeps_runs()) return refusal(404, "no runs are recorded in this session");
   CurvesWanted wanted;
   wanted.learner = all ? std::string() : who.learner;
   wanted.head.fields = field("Content-Type", "text/html; charset=utf-8") + field("Cache-Control", "no-store");

@@ -32,7 +32,7 @@ double norm(const std::array<double, 3>& v) {
 /// Drops the reason of a failure, because it may name structures.
 std::optional<Error> without_reason(const std::optional<Error>& failure) {
   if (!failure) return std::nullopt;
-  return Error{failure->kind, "could not be made ready", failure->where, ""};
+  return Error{failure->kind, "could not be prepared", failure->where, ""};
 }
 
 }  // namespace

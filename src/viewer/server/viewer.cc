@@ -78,7 +78,7 @@ void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
   if (outcome != WebSocket::Read::kText) return read_failed(outcome);
   if (!too_many() && !stop) take(message);
 } catch (const std::exception&) {
-  end(kInternalError, "an error of the server's own");
+  end(kInternalError, "an internal server error");
 }
 
 void Viewer::read_failed(WebSocket::Read outcome) {
@@ -101,7 +101,7 @@ void Viewer::take(const Request& request) {
   const bool room = answers_.size() < kMaxAnswers;
   if (!room && !std::holds_alternative<StopRequest>(request.what)) {
     if (!std::exchange(has_dropped_requests_, true))
-      hub_.log().say(peer_, "takes no answers, its requests are not granted");
+      hub_.log().say(peer_, "receives no answers, so its requests are refused");
     return;
   }
   std::string answer = hub_.answer(*this, request);
@@ -315,7 +315,7 @@ void Viewer::check(Clock::time_point now) {
   } else if (!welcomed_ && now >= hello_by_) {
     end(kNoHello, "no hello");
   } else if (writing_ && now >= write_begun_ + kReadWithin) {
-    hub_.log().say(peer_, "takes nothing");
+    hub_.log().say(peer_, "receives nothing");
     gone();
   } else if (open_) {
     read();

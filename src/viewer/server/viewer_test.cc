@@ -533,7 +533,7 @@ TEST(Viewer, OneThatTakesNothingIsClosed) {
   stuck.greet({{"poses_hz", 120}});
   ASSERT_TRUE(soon([&] { return test.server->viewers() == 1; }));
   EXPECT_TRUE(soon([&] { return test.server->viewers() == 0; }));
-  EXPECT_NE(test.log.text().find("takes nothing"), std::string::npos);
+  EXPECT_NE(test.log.text().find("receives nothing"), std::string::npos);
 }
 
 // the queue of unread answers is bounded, and a stop is always carried out
@@ -550,7 +550,7 @@ TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   ASSERT_TRUE(ask({{"type", "stop"}, {"id", 600}}));
   EXPECT_TRUE(soon([&] { return test.host.state().stop.has_value(); }));
   EXPECT_LT(test.host.state().max_force_N, 0.599) << "what cannot be answered is not done";
-  EXPECT_NE(test.log.text().find("takes no answers"), std::string::npos);
+  EXPECT_NE(test.log.text().find("receives no answers"), std::string::npos);
   EXPECT_EQ(test.log.text().find("too many messages"), std::string::npos);
   EXPECT_TRUE(soon([&] { return test.server->viewers() == 0; }));
 }
