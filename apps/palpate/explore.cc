@@ -179,7 +179,7 @@ void note_scheduling(const ExploreStatus& status, bool asked, Console& console) 
   console.note("watchdog: " + scheduling.watchdog);
   console.note("supervisor: " + (status.supervisor.empty() ? "none (--no-supervisor)" : status.supervisor));
   if (asked && !(scheduling.realtime && scheduling.memory_locked))
-    console.note("  ticks may come late; docs/guide/explore.md says how to grant what was refused");
+    console.note("  ticks may come late; docs/guide/explore.md describes how to grant the privileges");
 }
 
 // most serious reason why the force differs from that of the tissue

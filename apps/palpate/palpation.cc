@@ -93,12 +93,10 @@ void print_touches(const std::vector<TouchFigure>& touches) {
 }
 
 std::string held_defined() {
-  return "\"held\" is the longest time without a break in which a structure was touched with a force "
-         "within\n" +
+  return "\"held\" is the longest uninterrupted time in which a structure was touched with a force within\n" +
          std::to_string(std::lround(100 * kHeldWithin)) +
-         " % of one that the script presses it with (with any force, where nothing presses it). A step that\n"
-         "does not get what it asks for has failed: it is said, the hand goes back, and the run goes on "
-         "with\n"
+         " % of a force that the script presses it with (with any force if the script does not press it). A\n"
+         "failed step is reported; the hand withdraws, and the run continues with\n"
          "the next approach.";
 }
 
@@ -115,7 +113,7 @@ void print_protected(const std::vector<ProtectedFigure>& spared, const std::stri
     else if (figure.nearest_mm)
       std::printf("nearest distance to %s: %.2f mm; nothing was removed from it\n", name, *figure.nearest_mm);
     else
-      std::printf("the %s did not come near %s\n", cutter.c_str(), name);
+      std::printf("the %s was never near %s\n", cutter.c_str(), name);
   }
 }
 

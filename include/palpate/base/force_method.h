@@ -36,7 +36,7 @@ inline constexpr std::array kForceMethods{
     ForceMethodInfo{ForceMethod::kSmoothSphere, "smooth-sphere", "smooth sphere on raw labels"},
     ForceMethodInfo{ForceMethod::kStoredNormals, "stored-normals",
                     "magnitude and normal stored with every voxel"},
-    ForceMethodInfo{ForceMethod::kProxy, "proxy", "a proxy held out by every structure's surface"},
+    ForceMethodInfo{ForceMethod::kProxy, "proxy", "proxy constrained by the surface of every structure"},
 };
 /// Stateless methods: the force depends on the tip position alone.
 inline constexpr std::span<const ForceMethodInfo, 5> kDirectMethods = std::span(kForceMethods).first<5>();

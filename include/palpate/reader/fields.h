@@ -74,7 +74,7 @@ class Receiver {
   void get(std::string& text, std::size_t most = kMostText) {
     std::uint32_t size = 0;
     get(size);
-    if (size > most) fail("a text of it is too long");
+    if (size > most) fail("one of its strings is too long");
     if (!ok()) return;
     text.resize(size);
     get_bytes(std::as_writable_bytes(std::span(text)));

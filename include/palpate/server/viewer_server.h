@@ -347,24 +347,25 @@ class ViewerHost {
   virtual std::shared_ptr<const ViewedDebriefing> debriefing() const { return nullptr; }
   /// Begins or ends a run.
   virtual Result<void> train(const TaskRequest& /*request*/) {
-    return Error{ErrorKind::kUsage, "there are no tasks here", "", ""};
+    return Error{ErrorKind::kUsage, "this session has no tasks", "", ""};
   }
   /// Applies lesson settings, except for the names, which the server handles.
   virtual Result<void> teach(const LessonRequest& /*request*/) {
-    return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
+    return Error{ErrorKind::kUsage, "there is no session for a lesson", "", ""};
   }
   /// Whether learners' runs are stored, so that curves can be computed from them.
   virtual bool keeps_runs() const { return false; }
   /// HTML page with the learning curves of a learner, or of all learners (empty). Called on any thread; may
   /// take long.
   virtual Result<std::string> curves(const std::string& /*learner*/) const {
-    return Error{ErrorKind::kUsage, "no runs are kept here", "", "start palpate explore with --learner"};
+    return Error{ErrorKind::kUsage, "this session records no runs", "",
+                 "start palpate explore with --learner"};
   }
   /// Plan being rehearsed, a new object after each change; null: none.
   virtual std::shared_ptr<const ViewedPlan> plan() const { return nullptr; }
   /// Carries out the whole request, or returns an error. Saving waits for the disk.
   virtual Result<void> change(const PlanRequest& /*request*/) {
-    return Error{ErrorKind::kUsage, "there is no plan here", "", "start palpate explore with --plan"};
+    return Error{ErrorKind::kUsage, "this session has no plan", "", "start palpate explore with --plan"};
   }
 };
 

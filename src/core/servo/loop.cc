@@ -94,7 +94,7 @@ void Loop::run(std::promise<void>& ready) {
   const RealtimeGrant grant = make_this_thread_realtime(request);
   scheduling_.realtime = grant.fifo;
   scheduling_.memory_locked = grant.memory_locked;
-  scheduling_.scheduler = ticks_here_ ? grant.scheduler : "that of the vendor's thread";
+  scheduling_.scheduler = ticks_here_ ? grant.scheduler : "set by the vendor's thread";
   scheduling_.memory = grant.memory;
   running_.store(true);
   if (ticks_here_) late_ticks_.tick_here();

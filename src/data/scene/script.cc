@@ -41,7 +41,7 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> read_place(const Table
   if (!place) return std::nullopt;
   const auto* name = std::get_if<std::string>(&*place);
   if (!name || is_structure(*name)) return place;
-  problems.add(reader.line(key), std::string(key) + " = \"" + *name + "\" is no label number",
+  problems.add(reader.line(key), std::string(key) + " = \"" + *name + "\" is not a label number",
                "a label number is written \"#1\" ... \"#65535\"");
   return std::nullopt;
 }

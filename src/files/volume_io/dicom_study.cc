@@ -81,7 +81,7 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
   if (closest == VolumeRelation::kNone)
     return bad_input("",
                      "was not made on these images: it is in a different frame of reference from each of "
-                     "them (FrameOfReferenceUID (0020,0052)), so nothing says how they lie to each other",
+                     "them (FrameOfReferenceUID (0020,0052)), so their relative position is unknown",
                      "give the images that it was made on; if both are known to be aligned, as after a "
                      "registration, choose a volume with --volume N");
   std::vector<std::size_t> usable;

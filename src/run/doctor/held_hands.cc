@@ -90,7 +90,7 @@ class HeldDriver final : public DeviceDriver {
 
 std::string held_hands_text(const HeldHands& hands) {
   std::string text =
-      "# What a hand held with each device, measured by palpate doctor --hold; palpate explore uses it.\n"
+      "# Stable stiffness of each device, measured by palpate doctor --hold and used by palpate explore.\n"
       "# rate_hz delay_s held_N_per_mm swings_N_per_mm|- NAME\n";
   for (const auto& [name, figures] : hands) {
     char line[160];

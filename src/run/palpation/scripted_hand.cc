@@ -415,10 +415,10 @@ void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt
   const bool inside = (felt.device[0].flags & kFlagInside) != 0;
   met_s_ = met != 0 || inside ? met_s_ + dt_s : 0;
   if (const auto over = excess_depth(felt, dt_s); over || met_s_ > kEncounter_s)
-    return try_next_place(felt, "on the way the hand touched " +
+    return try_next_place(felt, "on the path the hand touched " +
                                     (met != 0 ? model_->name_of(met) : "something") + " at " +
                                     place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
-  if (stuck_s_ > kStuck_s) return try_next_place(felt, "the hand got stuck on the way");
+  if (stuck_s_ > kStuck_s) return try_next_place(felt, "the hand got stuck on the path");
   walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
 }
 
@@ -508,8 +508,8 @@ bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& felt, double 
   if (settled_s_ >= action.seconds - 0.5 * dt_s) return true;
   if (step_time_s_ < action.seconds + kHoldPatience_s) return false;
   return fail(step, felt,
-              text_of("held for %.2f s without a break, asked for %.2f N, felt %.2f N", longest_s_, asked_N_,
-                      felt_N_));
+              text_of("held for %.2f s without interruption, asked for %.2f N, felt %.2f N", longest_s_,
+                      asked_N_, felt_N_));
 }
 
 bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double dt_s) {

@@ -223,7 +223,7 @@ Result<void> check_devices(const std::vector<std::string>& names, const DeviceRe
       std::string all;
       for (const std::string& name : there) all += (all.empty() ? "" : ", ") + name;
       return fault("there is no device '" + names[n] + "'",
-                   "there are: " + all + "; palpate devices says what is connected");
+                   "there are: " + all + "; palpate devices shows what is connected");
     }
     if (std::find(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(n), names[n]) !=
         names.begin() + static_cast<std::ptrdiff_t>(n))
