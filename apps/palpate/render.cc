@@ -252,7 +252,7 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
       ->check(number_between(-1e9, 1e9))
       ->type_name("S");
   verb.add_option("--made-with", options.made_with,
-                  "Scene file, volume or data set that the recording was made with; not needed for data sets")
+                  "Scene file or volume of the recording; not needed for data sets")
       ->type_name("TARGET");
   verb.add_option("-o,--output", options.output,
                   "Picture to write (PNG); with --orbit an animated PNG, or a folder for the frames")
