@@ -200,13 +200,13 @@ class Trainee(viewer_test.Viewer):
         told = self.page.run(f"return {TRAINING}.debriefing")
         self.assertEqual(told["kept"], number)
         self.assertTrue(told["in_band"], told)
-        self.assertIn("Every counted figure in its band", self.text("#verdict"))
+        self.assertIn("Every counted metric in its band", self.text("#verdict"))
         rows = self.page.run("return [...document.querySelectorAll('#figures tbody tr')].map((row) => [...row.cells].map((cell) => cell.innerText))")
         self.assertEqual(len(rows), 5)
-        self.assertEqual(rows[0][0], "Steps done")
+        self.assertEqual(rows[0][0], "Steps completed")
         self.assertIn("100 %", rows[0][1])
         self.assertIn("not validated", rows[0][2])
-        self.assertIn("does not count", rows[2][2])
+        self.assertIn("not counted", rows[2][2])
         self.assertGreater(len(told["samples"]), 20)
         self.assertTrue(any(patch[3] for patch in told["patches"]) and not all(patch[3] for patch in told["patches"]))
         return told
@@ -227,9 +227,9 @@ class WholeTask(Trainee):
         # before it begins
         self.assertEqual(self.view(), "briefing")
         self.assertEqual(self.text("#task-title"), "Press the kneecap")
-        for words in ("Do not touch: tibia", "0.150 N to 1.00 N", "Passed by 1 runs in a row"):
+        for words in ("Do not touch: tibia", "0.150 N to 1.00 N", "Pass: 1 runs in a row"):
             self.assertIn(words, self.text("#training"))
-        self.assertIn("Runs are kept in the learner's records", self.text("#task-note"))
+        self.assertIn("Runs are saved in the learner's records", self.text("#task-note"))
         for is_dark in (True, False):
             self.page.dark(is_dark)
             self.assertEqual(self.barriers(), [])
@@ -247,7 +247,7 @@ class WholeTask(Trainee):
         self.assertEqual(self.page.run("return [...document.querySelectorAll('#task-steps li')].map((step) => step.dataset.state)"), ["done", "done"])
         said = self.text("#task-forces")
         self.assertIn("patella", said)
-        self.assertRegex(said, r"[0-9.]+ N · (in the band|too much|above the limit)")
+        self.assertRegex(said, r"[0-9.]+ N · (in band|too high|above the limit)")
         # deeper, until it is too much; what is below the warning stays where it was
         for _ in range(60):
             at = (at[0], at[1] + 1)
@@ -301,7 +301,7 @@ class WholeTask(Trainee):
 
         # in the other language, and on a telephone
         viewer_test.speak(self.page, "de")
-        for words in ("Noch einmal", "Jeder gezählte Wert in seinem Bereich", "Größte Kraft", "nicht validiert", "Erledigt: press"):
+        for words in ("Wiederholen", "Alle gezählten Werte im Sollbereich", "Maximalkraft", "nicht validiert", "Erledigt: press"):
             self.assertIn(words, self.text("#training"))
         self.page.resize(390, 844)
         self.page.wait("innerWidth <= 390")
@@ -432,7 +432,7 @@ class Lesson(Trainee):
         # a run is kept as his or hers, and so are the curves
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
-        self.assertIn("kept in the learner's records", self.text("#task-note"))
+        self.assertIn("saved in the learner's records", self.text("#task-note"))
         time.sleep(0.3)
         self.page.click("#task-end")
         self.page.wait(f"{TRAINING}.view === 'debriefing' && {TRAINING}.debriefing.kept === 1", 60)
@@ -500,7 +500,7 @@ class Played(viewer_test.Viewer):
         buttons = "['task-begin', 'task-end', 'task-again', 'task-other'].map((id) => document.getElementById(id).hidden)"
         self.assertEqual(self.page.run(f"return {buttons}"), [True] * 4)
         text = lambda selector: self.page.run("return document.querySelector(arguments[0]).innerText", selector)  # noqa: E731
-        self.assertIn("A recording", text("#task-note"))
+        self.assertIn("Recording", text("#task-note"))
         self.assertEqual(self.page.run(f"return {TRAINING}.run.done"), [False, False])
         # after its end, what came of it, as it is scored
         self.go(1)
@@ -586,7 +586,7 @@ class Picker(Trainee):
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.task === 'trace-an-edge'")
         self.page.click("#task-end")
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
-        self.assertIn("Not every counted figure in its band", self.text("#verdict"))
+        self.assertIn("Not every counted metric in its band", self.text("#verdict"))
         self.open_page(keeps=True)
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
 

@@ -779,7 +779,7 @@ class WithPointer(Viewer):
             rays = forward + numpy.outer(x * tangent, right) - numpy.outer(y * tangent, up)
             rays /= numpy.linalg.norm(rays, axis=1)[:, None]
             agreed.append(agree(pixels[disc], self.first_met(shares, frame["eye"], rays[disc], 0.5)))
-            self.page.wait(f"(palpateViewer.draw(), {words}.includes('off what is touched'))")
+            self.page.wait(f"(palpateViewer.draw(), {words}.includes('from the touched surface'))")
         print("  of the pixels agree " + ", ".join(f"{share:.4f}" for share in agreed), flush=True)
         self.assertGreaterEqual(min(agreed), 0.95)
         # where there is nothing but something solid as far as it may stand off, it says so
@@ -1027,7 +1027,7 @@ class WithPointer(Viewer):
             self.assertEqual([now["touched"], now["footer"], now["marked"]], [name, name, 1], now)
             self.assertGreater(now["rows"], 0, now)
             self.assertNotEqual(now["stiffness"], "–")
-            self.assertRegex(now["why"], r" deep at | of .*: | along the surface", now)
+            self.assertRegex(now["why"], r" deep at |reduced from .*: | along the surface", now)
 
         def assert_not_felt(words):
             self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) === 0")
@@ -1084,7 +1084,7 @@ class WithPointer(Viewer):
         self.page.wait(f"palpateViewer.state.stop > {first}")
         self.assertTrue(self.page.run("return palpateViewer.state.emergency_stop"))
         # the other has the hand, and is refused by name of another stop, and as long as it touches something
-        self.page.wait("document.getElementById('flags').textContent.includes('whoever moves the tip rearms')")
+        self.page.wait("document.getElementById('flags').textContent.includes('only the viewer moving the tip can rearm')")
         self.assertIn("stopped by this page", self.page.run("return document.getElementById('flags').textContent"))
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
         self.assertIn("another viewer has the pointer", self.page.run("return document.getElementById('viewers').textContent"))
@@ -1101,7 +1101,7 @@ class WithPointer(Viewer):
         self.page.run("window.hand.letGo()")
         self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
         # a pointer that nobody presses is no trouble
-        self.assertNotIn("no pose", self.page.run("palpateViewer.draw(); return document.getElementById('flags').textContent"))
+        self.assertNotIn("no current pose", self.page.run("palpateViewer.draw(); return document.getElementById('flags').textContent"))
         self.page.wait("!document.querySelector('[data-tool=touch]').disabled")
         time.sleep(0.3)
         self.page.click("[data-tool=touch]")
@@ -1386,11 +1386,11 @@ class WithoutParts(Viewer):
         line = "document.getElementById('missing-parts')"
         self.assertTrue(self.page.run(f"return {line}.hidden"))
         self.page.run("const choice = document.getElementById('language'); choice.value = 'de'; choice.dispatchEvent(new Event('change'))")
-        self.page.wait(f"!{line}.hidden && {line}.textContent.includes('the language')")
+        self.page.wait(f"!{line}.hidden && {line}.textContent.includes('language')")
         self.assertEqual(self.page.run("return [document.getElementById('language').value, document.getElementById('stop').textContent]"), ["en", "Emergency stop"])
         self.page.run("document.getElementById('plan-card').open = true")
         self.page.click("[data-layout=inside]")
-        self.page.wait(f"['the language', 'the panel of the plan', 'the picture from within'].every((name) => {line}.textContent.includes(name))")
+        self.page.wait(f"['language', 'plan', 'scope view'].every((name) => {line}.textContent.includes(name))")
         # it is in view, and covers no stop
         left, top, width, height = self.box("#missing-parts")
         self.assertTrue(width > 100 and 0 <= top and top + height <= SIZE[1], (left, top, width, height))
@@ -1402,7 +1402,7 @@ class WithoutParts(Viewer):
         self.block()
         self.page.click("[data-layout=two]")
         self.page.click("[data-layout=inside]")
-        self.page.wait(f"document.querySelector('#picture-scope canvas')?.width > 50 && !{line}.textContent.includes('from within')")
+        self.page.wait(f"document.querySelector('#picture-scope canvas')?.width > 50 && !{line}.textContent.includes('scope view')")
         self.page.click("[data-layout=two]")
 
 
@@ -1706,9 +1706,9 @@ class WithRamp(Viewer):
         self.assertEqual(self.page.run("return document.documentElement.lang"), "de")
         self.assertIn("Nur für Forschung und Lehre — nicht für den klinischen Einsatz", german)
         # names are the same, of what the scene has and of planes, and so are palpate's own sentences
-        names = {"palpate", "Esc", "Maximum (MIP)", "English", "Deutsch", "Pause", "Motor", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)", "Training"}
+        names = {"palpate", "Esc", "Maximum (MIP)", "English", "Deutsch", "Pause", "Motor", "ChainMail", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)", "Training"}
         names |= {s["name"].replace("_", " ") for s in self.scene["structures"] + self.scene["tissues"]} | set(self.scene["methods"]) | {c["text"] for c in self.scene["caveats"]}
-        same = {text for text in set(english) & set(german) - names if not text.startswith(("palpate ", "p50 ", "LPS "))}
+        same = {text for text in set(english) & set(german) - names if not text.startswith(("palpate ", "LPS "))}
         self.assertEqual(same, set())
         self.assertGreater(len(german), 120)
         # over the pictures, too, and after the page was opened anew
@@ -2129,7 +2129,7 @@ class WithFinger(Viewer):
         self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
         self.touch("End")
         self.assertLess(numpy.linalg.norm(numpy.subtract(self.tip(), wanted)), 0.01)
-        self.page.wait("(palpateViewer.draw(), document.getElementById('flags').textContent.includes('hold the button'))")
+        self.page.wait("(palpateViewer.draw(), document.getElementById('flags').textContent.includes('hold the mouse button'))")
 
     @campaign
     def test_a_second_finger_on_the_slider_leads_the_tip_deeper(self):
@@ -2611,7 +2611,7 @@ class WithBurr(Viewer):
         self.switch(True)
         self.wait_for_strokes(1, 0)
         self.assertEqual(self.offered(), [False, False])
-        self.assertEqual(self.page.run("return ['undo-stroke', 'redo-stroke'].map((id) => document.getElementById(id).title)"), 2 * ["Switch the motor off, or let go of its pedal, first"])
+        self.assertEqual(self.page.run("return ['undo-stroke', 'redo-stroke'].map((id) => document.getElementById(id).title)"), 2 * ["First switch the motor off, or release its pedal"])
         once = changed(whole, "first")
         # grey where nothing is left but the scan
         self.assertLess(numpy.ptp(once["first"], 1).max(), 8)
@@ -2938,7 +2938,7 @@ class WithDevice(Viewer):
             };""")
         self.page.click("#turn")
         self.drag("#picture-volume .stack", 100, 0)
-        self.page.wait("document.getElementById('toast').textContent.startsWith('Asked at the device')")
+        self.page.wait("document.getElementById('toast').textContent.startsWith('Waiting for consent at the device')")
         self.assertEqual(self.page.run("return palpateViewer.state.rotation_wxyz"), [1, 0, 0, 0], "nobody has agreed yet")
         self.page.wait("palpateViewer.state.rotation_wxyz[0] < 0.99")
         self.assertEqual(self.page.run("return window.asked.length"), 1)
@@ -3392,9 +3392,9 @@ outward = "right"
         self.lead(self.before_ball(-1.5))
         self.page.wait("palpateViewer.approach.pushes && palpateViewer.tone?.beeps_per_s === 0")
         self.assertAlmostEqual(self.page.run("return palpateViewer.approach.mm"), -1.5, delta=0.02)
-        self.assertRegex(self.text("no-go"), r"⚠ the ball: 1\.5\d mm too near · pushed out by [\d.]+ m?N")
-        self.page.wait("document.getElementById('flags').textContent.includes('kept away from the ball')")
-        self.page.wait("window.heard.some((text) => text.includes('kept away from the ball'))")
+        self.assertRegex(self.text("no-go"), r"⚠ the ball: 1\.5\d mm too close · pushed out with [\d.]+ m?N")
+        self.page.wait("document.getElementById('flags').textContent.includes('pushed away from the ball')")
+        self.page.wait("window.heard.some((text) => text.includes('pushed away from the ball'))")
         self.assertGreater(self.page.run("return Math.hypot(...palpateViewer.pose.devices[0].force)"), 0)
         # the ball's circle in the section, through whose middle it goes, and the rim
         circle = [[self.ball[0], self.ball[1] + self.BALL_MM * math.cos(angle), self.ball[2] + self.BALL_MM * math.sin(angle)] for angle in (0.3, 1.7, 4)]
@@ -3422,7 +3422,7 @@ outward = "right"
         self.assertEqual(voices(), [begun, begun])
         time.sleep(0.5)
         self.assertEqual([*voices(), self.page.run("return palpateViewer.tone")], [begun, begun, None])
-        self.assertIn("too near", self.text("no-go"))
+        self.assertIn("too close", self.text("no-go"))
         self.page.click("#sound")
         self.assertEqual(self.page.run("return document.getElementById('sound').ariaPressed"), "false")
 
@@ -3490,7 +3490,7 @@ outward = "right"
                 self.assertEqual([one["mm"] for one in told["structures"]], [float(numpy.float32(mm)) for mm in near[row][:len(told["structures"])]])
                 self.assertEqual(told["depth"], float(numpy.float32(depth[row])))
                 self.assertEqual(self.page.run("return palpateViewer.approach.pushes"), no_go[row] != 0)
-                self.assertEqual("too near" in self.text("no-go"), no_go[row] != 0)
+                self.assertEqual("too close" in self.text("no-go"), no_go[row] != 0)
             # at rest it is silent
             self.page.press("n")
             time.sleep(0.3)
@@ -3572,8 +3572,8 @@ distance = 6
         self.page.hear()
         self.lead([front[0], front[1] - 6, front[2]])
         self.page.wait("palpateViewer.draw(), !document.getElementById('plan-breach').hidden")
-        self.assertRegex(self.text("plan-breach"), r"⚠ patella: [\d.]+ mm away, 6.00 mm are planned")
-        self.page.wait("window.heard.some((text) => text.includes('nearer to patella than planned'))")
+        self.assertRegex(self.text("plan-breach"), r"⚠ patella: distance [\d.]+ mm, planned at least 6.00 mm")
+        self.page.wait("window.heard.some((text) => text.includes('closer to patella than planned'))")
         self.assertEqual(self.barriers(), [])
         self.page.run("clearInterval(window.leading)")
 

@@ -1,6 +1,15 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { decimalsFor, digits, limitText, measured, quantity, stepsText, valueText } from "../src/words/figures.js";
+import {
+  decimalsFor,
+  digits,
+  limitQuantity,
+  limitText,
+  measured,
+  quantity,
+  stepsText,
+  valueText,
+} from "../src/words/figures.js";
 import { positionText } from "../src/base/geometry.js";
 import { measureText } from "../src/drawing/measure.js";
 
@@ -29,10 +38,18 @@ test("what is small has a unit in which it does not begin with zeros", () => {
   assert.deepEqual(measured(1e-12, "N"), ["0.00", "N"], "what is left of a sum is nothing");
 });
 
-test("a limit that a warm motor has lowered does not pass for the one that is set", () => {
-  assert.equal(limitText(3.3, 3.3), "of 3.30 N");
-  assert.equal(limitText(Math.fround(3.3), 3.3), "of 3.30 N", "as floats make it");
-  assert.equal(limitText(3, 3.3), "of 3.00 N, set to 3.30 N");
+test("a force limit lowered by warm motors is displayed with the configured one", () => {
+  assert.equal(limitText(3.3, 3.3), "of 3.3 N");
+  assert.equal(limitText(Math.fround(3.3), 3.3), "of 3.3 N", "rounded to single precision");
+  assert.equal(limitText(3, 3.3), "of 3 N (set to 3.3 N)");
+  assert.equal(limitText(0, 3), "of 3 N", "no force is allowed");
+});
+
+test("a force limit has no trailing zeros", () => {
+  assert.deepEqual(
+    [120, 10, 3, 0.5, 0.005].map((limit_N) => limitQuantity(limit_N, limit_N)),
+    ["120 N", "10 N", "3 N", "0.5 N", "5 mN"],
+  );
 });
 
 test("a value of the scan has the digits that it came with", () => {

@@ -301,7 +301,7 @@ test("a quiz tells no names, and nothing of what is to be found before it pushes
   made.setPose(pose);
   assert.deepEqual(
     [made.approach, labels(), made.regionName(0), made.structureName(8)],
-    [null, [8], "some region", "some structure"],
+    [null, [8], "a no-go region", "a structure"],
   );
   // the structure whose region pushes is highlighted unless it is concealed
   made.near = [{ ...made.near[0]!, noGo: 0, depth: 0.5 }];

@@ -31,7 +31,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
       () => (line.hidden || said.push(line.textContent!), page.viewer.state.method === "trilinear"),
     );
     await page.wait("nothing is awaited", () => line.hidden);
-    assert.ok(said.includes("trilinear is made ready; proxy is felt until then"), said.join());
+    assert.ok(said.includes("Preparing trilinear; proxy remains active until then"), said.join());
   });
 
   test("what is cut away is gone from the page, and what is protected is told of", async () => {
@@ -44,11 +44,11 @@ testsOf(page, "a knee that is milled by a ball", () => {
     await page.wait("cut", () => !isThere(first));
     assert.deepEqual(places.map(isThere), [false, false, true]);
     await page.wait("told", () => page.text("removed").includes("170 mm³ of femur removed"));
-    assert.equal(page.text("damage"), "170 mm³ of femur gone, which is protected");
-    assert.equal(page.text("nearest"), "the tool came as near as 0.500 mm to tibia");
+    assert.equal(page.text("damage"), "170 mm³ of protected femur removed");
+    assert.equal(page.text("nearest"), "closest approach to tibia: 0.500 mm");
     // no stroke can be undone while the motor runs, whichever viewer started it
     assert.deepEqual(offered(), [false, false]);
-    assert.equal(page.byId("undo-stroke").title, "Switch the motor off, or let go of its pedal, first");
+    assert.equal(page.byId("undo-stroke").title, "First switch the motor off, or release its pedal");
     page.byId("undo-stroke").disabled = false;
     page.click("#undo-stroke");
     await page.wait(
@@ -128,7 +128,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
       "awaited",
       () =>
         !awaited.hidden &&
-        awaited.textContent!.includes("is made ready") &&
+        awaited.textContent!.includes("Preparing") &&
         law.value === "layers" &&
         page.viewer.state.law === "elastic",
     );

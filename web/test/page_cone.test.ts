@@ -30,7 +30,10 @@ testsOf(page, "a knee that is milled by a cone", () => {
 
     page.byId("toast").hidden = true;
     page.click("#undo-stroke");
-    await page.wait("asked", () => page.text("toast").startsWith("Asked at the device") && !page.byId("toast").hidden);
+    await page.wait(
+      "asked",
+      () => page.text("toast").startsWith("Waiting for consent at the device") && !page.byId("toast").hidden,
+    );
     assert.deepEqual(
       ["undo-stroke", "redo-stroke"].map((id) => !page.byId(id).disabled),
       [true, false],

@@ -30,14 +30,17 @@ testsOf(page, "a physical device", () => {
   test("it is stopped from here and armed there", async () => {
     await page.wait(
       "said",
-      () => (page.draw(), page.text("flags").includes("stopped by this page · armed again where palpate runs")),
+      () => (
+        page.draw(),
+        page.text("flags").includes("stopped by this page · free the tip, then press r in palpate's terminal")
+      ),
     );
     assert.ok(page.byId("rearm").disabled);
     assert.equal(page.text("stop"), "Stopped");
   });
 
   test("it is armed from here by the code that is shown there", async () => {
-    assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six digits");
+    assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six-digit code");
     types("12345");
     assert.ok(page.byId("rearm").disabled, "five digits are no code");
     // a wrong code is reported and the field cleared

@@ -25,9 +25,9 @@ test("a part that cannot be fetched is reported on the page until it can", async
   const part = new Part("training", make);
   assert.equal(await part.get(), null);
   assert.equal(part.now, null);
-  assert.match(said()!, /^Could not be loaded: the panel of tasks\. .*the emergency stop too/);
+  assert.match(said()!, /^Could not be loaded: tasks\. .*including the emergency stop/);
   assert.equal(await fetchPart("language", make), null);
-  assert.match(said()!, /the panel of tasks, the language\./);
+  assert.match(said()!, /tasks, language\./);
   failing.is = false;
   assert.equal(await fetchPart("language", make), "made");
   assert.equal(await part.get(), "made");

@@ -69,6 +69,6 @@ test("a measure is strong on planes that contain it, faint with its distance bes
   assert.deepEqual(shownAt(0.2, 0.25), { strength: 1, off: "" });
   const [near, far] = [shownAt(1.2, 0.25)!, shownAt(11, 0.25)!];
   assert.ok(near.strength < 0.5 && far.strength < near.strength && far.strength > 0.1);
-  assert.equal(near.off, " · 1.20 mm off this plane");
+  assert.equal(near.off, " · 1.20 mm from this plane");
   assert.equal(shownAt(12.5, 0.25), null);
 });

@@ -46,8 +46,8 @@ test("what is touched is felt as long as there is a force, or nothing withholds 
     assert.deepEqual(contact(3, 7, Flag.contact | withheld), notFelt);
   }
   assert.deepEqual(contact(3, 0, Flag.inside), notFelt, "from the beginning");
-  assert.deepEqual(contact(0, 0, 0), { label: 0, words: "free" });
-  assert.deepEqual(contact(0, 0, Flag.stale), { label: 0, words: "free" });
+  assert.deepEqual(contact(0, 0, 0), { label: 0, words: "no contact" });
+  assert.deepEqual(contact(0, 0, Flag.stale), { label: 0, words: "no contact" });
   assert.deepEqual(contact(-9, 0, Flag.outside), { label: 0, words: "outside the volume" });
 });
 
@@ -68,7 +68,7 @@ test("a nested structure is told with those around it, but not in a quiz", () =>
   assert.equal(touched(), "gross tumour (within target, liver)");
   assert.equal(made.contactOf(device(3, 9, Flag.contact, [0, 0, 0.4])).words, "liver");
   made.quiz = [9];
-  assert.equal(touched(), "some structure");
+  assert.equal(touched(), "a structure");
 });
 
 test("each device has its own tool, and the first is drawn over the others", () => {

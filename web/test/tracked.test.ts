@@ -7,10 +7,10 @@ test("a tracked tip's error is told with its bound, and what makes it doubtful",
   assert.equal(trackedText(told), "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm");
   assert.equal(
     trackedText({ ...told, far: true }),
-    "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm · far outside the points that were touched",
+    "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm · far outside the registration points",
   );
   assert.equal(
     trackedText({ ...told, seen: false, tre_mm: null, tre_95_mm: null }),
-    "the tracker does not see the tool · TRE not known · FRE 0.3 mm",
+    "tool not visible to the tracker · TRE unknown · FRE 0.3 mm",
   );
 });

@@ -48,11 +48,17 @@ test("what pulls along the surface is told where it is felt", () => {
 
 test("what the hand does not get is told with the reason, of several the one that bounds most", () => {
   const less = (flags: number) => whyText(pressed({ askedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
-  assert.equal(less(Flag.clamped), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the limit");
-  assert.equal(less(Flag.clamped | Flag.thermal), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the motor is warm");
-  assert.equal(less(Flag.ramp), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: it fades in");
-  assert.equal(less(Flag.passivity), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: damped against swinging");
-  assert.equal(less(0), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the output changes no faster");
+  assert.equal(less(Flag.clamped), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: force limit");
+  assert.equal(
+    less(Flag.clamped | Flag.thermal),
+    "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: motors warm",
+  );
+  assert.equal(less(Flag.ramp), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: fading in");
+  assert.equal(
+    less(Flag.passivity),
+    "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: damped against oscillation",
+  );
+  assert.equal(less(0), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: rate of change limited");
   // a difference of 1 % is rounding
   assert.equal(whyText(pressed({ askedForce: 1.01 }), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
 });

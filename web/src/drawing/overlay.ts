@@ -2,7 +2,7 @@
 // `ratio` is the number of canvas pixels per CSS pixel.
 
 import type { Scene } from "../protocol/messages.js";
-import { quantity } from "../words/figures.js";
+import { limitQuantity, quantity } from "../words/figures.js";
 import { add, length, niceLength, rotate, scale, type Letters, type Vec3 } from "../base/geometry.js";
 import type { Session } from "../state/session.js";
 import type { DevicePose } from "../protocol/wire.js";
@@ -308,7 +308,10 @@ export function drawForceBar(frame: Frame, session: Session, device: DevicePose)
   context.fillRect(x, y, long * share, thick);
   text(
     frame,
-    words.figureOf(quantity(length(device.force), "N"), quantity(device.forceLimit, "N")),
+    words.figureOf(
+      quantity(length(device.force), "N"),
+      limitQuantity(device.forceLimit, session.state?.max_force_N ?? device.forceLimit),
+    ),
     width - 12 * ratio,
     y + thick + 5 * ratio,
     11,

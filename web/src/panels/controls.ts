@@ -4,7 +4,16 @@ import type { HeldTool, Scene, State } from "../protocol/messages.js";
 import { announce, toast } from "../base/announce.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
-import { decimalsFor, digits, limitText, measured, quantity, stepsText, valueText } from "../words/figures.js";
+import {
+  decimalsFor,
+  digits,
+  limitQuantity,
+  limitText,
+  measured,
+  quantity,
+  stepsText,
+  valueText,
+} from "../words/figures.js";
 import { angleOf_deg, length, positionText } from "../base/geometry.js";
 import type { History } from "../state/history.js";
 import { keep, recall } from "../state/kept.js";
@@ -600,10 +609,11 @@ export class Controls {
       const device = pose.devices[0]!;
       const contact = session.contactOf(device);
       const force_N = length(device.force);
+      const set_N = session.state?.max_force_N ?? device.forceLimit;
       const [force, unit] = measured(force_N, "N");
       write(byId("force"), force);
       write(byId("force-unit"), unit);
-      write(byId("force-limit"), limitText(device.forceLimit, session.state?.max_force_N ?? device.forceLimit));
+      write(byId("force-limit"), limitText(device.forceLimit, set_N));
       byId<HTMLMeterElement>("force-meter").value = Math.min(1, force_N / Math.max(device.forceLimit, 1e-6));
       write(byId("touched"), contact.words);
       write(byId("stiffness"), contact.label > 0 && device.stiffness > 0 ? quantity(device.stiffness, "N/mm") : "–");
@@ -629,7 +639,7 @@ export class Controls {
           String(pose.dropped),
         ),
       );
-      write(byId("plot-force-value"), words.figureOf(quantity(force_N, "N"), quantity(device.forceLimit, "N")));
+      write(byId("plot-force-value"), words.figureOf(quantity(force_N, "N"), limitQuantity(device.forceLimit, set_N)));
       write(byId("plot-late-value"), words.lateness(pose.lateness.p50.toFixed(0), pose.lateness.p99.toFixed(0)));
       write(byId("plot-rate-value"), pose.rate.toFixed(0));
     }

@@ -34,9 +34,18 @@ export function measured(value: number, unit: Unit): [string, string] {
 /** Text of a quantity: "12.3 mm", "4.20 µm". */
 export const quantity = (value: number, unit: Unit): string => measured(value, unit).join(" ");
 
+/**
+ * Text of a force limit without trailing zeros: "3 N".
+ * @param limit_N  limit of the tick; 0 while no force is allowed: the configured limit is displayed instead
+ * @param set_N  configured limit
+ */
+export function limitQuantity(limit_N: number, set_N: number): string {
+  const [figure, unit] = measured(limit_N > 0 ? limit_N : set_N, "N");
+  return `${figure.includes(".") ? figure.replace(/\.?0+$/, "") : figure} ${unit}`;
+}
 /** Text of the force limit of a tick and, if that is lower (warm motors), of the configured limit, too. */
 export function limitText(limit_N: number, set_N: number): string {
-  const [now, wanted] = [quantity(limit_N, "N"), quantity(set_N, "N")];
+  const [now, wanted] = [limitQuantity(limit_N, set_N), limitQuantity(set_N, set_N)];
   return limit_N < set_N && now !== wanted ? words.limitNowAndSet(now, wanted) : words.limitNow(now);
 }
 
