@@ -32,7 +32,7 @@ export const de: Words = {
   themeTitle: "Helles, dunkles oder Systemfarbschema (D)",
   stop: "Not-Halt",
   stopped: "Angehalten",
-  stopTitle: "Kraft sofort aus; erneutes Drücken schaltet sie nicht wieder ein (Leertaste)",
+  stopTitle: "Kraft sofort aus; sie bleibt aus (Leertaste)",
 
   // connection
   link: {
@@ -49,7 +49,7 @@ export const de: Words = {
   notConnected: "Nicht verbunden.",
   waitForIt: "Warten Sie, bis die Seite verbunden ist.",
   stopIsKept: "Nicht verbunden: Der Halt wird gesendet, falls die Verbindung innerhalb von 5 s zurückkehrt.",
-  stopThere: "Die Leertaste am Rechner, auf dem palpate läuft, hält sofort an.",
+  stopThere: "Die Leertaste am Rechner von palpate hält sofort an.",
   loadedShare: "Fortschritt beim Laden des Volumens",
   lostBeforeAnswer: "Die Verbindung ging verloren, bevor eine Antwort eintraf.",
   askedAtDevice: "Zustimmung am Gerät angefragt: wird wirksam, wenn dort innerhalb von 20 s jemand zustimmt.",
@@ -232,7 +232,7 @@ export const de: Words = {
   },
   rearmThere:
     "Spitze ins Freie führen, dann r im Terminal von palpate drücken oder die sechs Ziffern von dort eingeben",
-  rearmOther: "nur der Betrachter, der die Spitze führt, kann freigeben",
+  rearmOther: "freigeben kann nur, wer die Spitze führt",
   rearmWhenFree: "warten, bis die simulierte Hand nichts berührt, dann Freigeben drücken",
   rearmAfterWay: "Spitze ins Freie führen, dann Freigeben drücken",
   rearmNow: "Freigeben drücken, um die Kraft wieder einzuschalten",
@@ -391,7 +391,7 @@ export const de: Words = {
   endSessionTitle: "Kraft ausblenden und Aufzeichnung abschließen",
   endSessionAsked: "Endet für alle: erneut drücken",
   lessonOf: (name: string) => `Die nächsten Durchgänge werden für ${name} gespeichert.`,
-  lessonOfNobody: "Die nächsten Durchgänge werden niemandem zugeordnet, außer denen, die Lernende selbst beginnen.",
+  lessonOfNobody: "Die nächsten Durchgänge gehören niemandem, außer Lernende beginnen sie selbst.",
   lessonOfAnother: "Jemand anderes ist an der Reihe: nur ansehen.",
   lessonVeiled: "Quiz: Strukturnamen und Ziel sind verborgen.",
   lessonYours: "Die von Ihnen begonnenen Durchgänge werden als Ihre gespeichert.",
@@ -420,7 +420,7 @@ export const de: Words = {
   yours: "Ergebnis",
   expertBand: "Sollbereich",
   ownBest: "Bestwert",
-  figuresAbout: "Messgrößen im Vergleich mit dem Sollbereich der Geübten und dem bisherigen eigenen Bestwert",
+  figuresAbout: "Messgrößen, Sollbereich der Geübten und bisheriger Bestwert",
   metricIn: "im Sollbereich",
   metricOut: "außerhalb",
   doesNotCount: "zählt nicht",
@@ -472,16 +472,15 @@ export const de: Words = {
   entryAt: "Eintritt: drei Koordinaten, mm, im angezeigten System",
   targetAt: "Ziel: drei Koordinaten, mm, im angezeigten System",
   here: "Hier",
-  entryHere: "Eintritt in die Mitte der angehaltenen Ebenen setzen, sonst an die Spitze",
-  targetHere: "Ziel in die Mitte der angehaltenen Ebenen setzen, sonst an die Spitze",
+  entryHere: "Eintritt an den Schnittpunkt fester Ebenen, sonst an die Spitze",
+  targetHere: "Ziel an den Schnittpunkt fester Ebenen, sonst an die Spitze",
   showEntry: "Ebenen zum Eintritt bewegen",
   showTarget: "Ebenen zum Ziel bewegen",
   threeNumbers: "Drei Koordinaten in Millimetern eingeben.",
   newTrajectory: "Neu",
-  newTrajectoryTitle:
-    "Trajektorie von der Mitte der angehaltenen Ebenen, sonst von der Spitze, 20 mm zur Mitte des Volumens hinzufügen",
+  newTrajectoryTitle: "Trajektorie vom Schnittpunkt fester Ebenen, sonst von der Spitze, 20 mm zur Volumenmitte",
   savePlan: "Speichern",
-  savePlanTitle: "In der Plandatei auf dem Rechner speichern, auf dem palpate läuft",
+  savePlanTitle: "In die Plandatei auf dem Rechner von palpate",
   planSaved: "Plan gespeichert.",
   planIsSaved: "Keine ungespeicherten Änderungen.",
   planNotSaved: "Ungespeicherte Änderungen.",
@@ -575,7 +574,7 @@ export const de: Words = {
   reload: "Seite neu laden",
   answered: (path, status) => `${path} antwortete mit Status ${status}`,
   notThere: (path) => `${path} wurde nicht gefunden`,
-  cameWith: (path, bytes) => `${path} hat eine unerwartete Größe von ${bytes} Bytes`,
+  cameWith: (path, bytes) => `${path} hat unerwartet ${bytes} Bytes`,
   refuses: (path, status) =>
     `palpate hat eine Anfrage dieser Seite abgelehnt: ${path} antwortete mit Status ${status}.`,
   mend403:
@@ -604,7 +603,7 @@ export const de: Words = {
   lostVolume: "Der Browser hat den Grafikkontext verloren: Das Volumen kann nicht gezeichnet werden.",
   lostBoth: "Der Browser hat den Grafikkontext verloren: Die Schnitte und das Volumen können nicht gezeichnet werden.",
   mendLost: "Laden Sie diese Seite neu; falls das nicht hilft, starten Sie den Browser neu.",
-  lostHeals: "Die Darstellung kehrt automatisch zurück, sobald der Kontext wiederhergestellt ist.",
+  lostHeals: "Die Darstellung kehrt mit dem Kontext automatisch zurück.",
   failedVolume: "Die Volumendarstellung ist ausgefallen: Das Volumen kann nicht gezeichnet werden.",
   failedHeals: "Sie wird neu gestartet.",
   mendFailed:
@@ -614,7 +613,7 @@ export const de: Words = {
   // token
   token: "Zugangscode",
   tokenAbout:
-    "Diese Sitzung verlangt einen Zugangscode (Token), den Sie von der Person erhalten, die sie gestartet hat. " +
+    "Diese Sitzung verlangt einen Zugangscode (Token). Wer sie gestartet hat, kann ihn nennen. " +
     "Er bleibt gespeichert, bis dieser Tab geschlossen wird.",
   tokenWrong: "Der Zugangscode wurde nicht akzeptiert.",
   open: "Öffnen",
@@ -664,7 +663,7 @@ export const de: Words = {
     ],
     ["`Esc`", "Messung abbrechen, Hilfe schließen"],
   ],
-  letters: "Tastenkürzel mit einer Taste (Buchstaben, Ziffern, ?)",
+  letters: "Einzeltasten als Kürzel (Buchstaben, Ziffern, ?)",
   close: "Schließen",
 
   // arthroscopic view
@@ -703,7 +702,7 @@ export const de: Words = {
   playTitle: "Aufzeichnung abspielen oder anhalten (P)",
   tickBack: "Vorheriger Takt",
   tickOn: "Nächster Takt",
-  playSpeed: "Abspielgeschwindigkeit, negativ für rückwärts",
+  playSpeed: "Tempo, negativ: rückwärts",
   lineAbout: "Kraft, Kontakte in den Farben ihrer Strukturen und aufgezeichnete Ereignisse",
   place: "Position in der Aufzeichnung, s",
   goTo: "Gehe zu …",

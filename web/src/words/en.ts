@@ -30,7 +30,7 @@ export const en = {
   themeTitle: "Light, dark or system theme (D)",
   stop: "Emergency stop",
   stopped: "Stopped",
-  stopTitle: "Force off immediately; a second press does not bring it back (space bar)",
+  stopTitle: "Force off immediately; it stays off (space bar)",
 
   // connection
   link: {
@@ -468,14 +468,14 @@ export const en = {
   entryAt: "Entry: three coordinates, mm, in the displayed frame",
   targetAt: "Target: three coordinates, mm, in the displayed frame",
   here: "Here",
-  entryHere: "Set the entry to the fixed planes' centre, or else to the tip",
-  targetHere: "Set the target to the fixed planes' centre, or else to the tip",
+  entryHere: "Set the entry to the intersection of fixed planes, or else to the tip",
+  targetHere: "Set the target to the intersection of fixed planes, or else to the tip",
   showEntry: "Move the planes to the entry",
   showTarget: "Move the planes to the target",
   threeNumbers: "Enter three coordinates in millimetres.",
   newTrajectory: "New",
   newTrajectoryTitle:
-    "Add a trajectory from the fixed planes' centre, or else from the tip, 20 mm towards the centre of the volume",
+    "Add a trajectory from the intersection of fixed planes, or else the tip, 20 mm towards the centre of the volume",
   savePlan: "Save",
   savePlanTitle: "Save to the plan file on the computer running palpate",
   planSaved: "Plan saved.",
