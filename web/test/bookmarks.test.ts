@@ -17,7 +17,7 @@ const whole: Bookmark = {
   },
 };
 
-test("what a browser kept is shown when it is a whole bookmark, and nothing else is", () => {
+test("stored bookmarks are listed if complete, and others are ignored", () => {
   assert.ok(isBookmark(JSON.parse(JSON.stringify(whole))));
   assert.ok(isBookmark({ ...whole, seen: { ...whole.seen, cross: [1, 2, 3], rotation: null } }));
   const wrong: Record<string, unknown>[] = [

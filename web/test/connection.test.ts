@@ -77,7 +77,7 @@ function pose(version: number): { data: ArrayBuffer } {
   return { data: view.buffer as ArrayBuffer };
 }
 
-test("what passes is tried again, ever more seldom", () => {
+test("temporary errors are retried at increasing intervals", () => {
   for (const code of [1001, 1006, 1013, 4408, 4429]) {
     const { sockets, timers, told } = connection();
     for (let n = 0; n < 8; n++) {
@@ -91,7 +91,7 @@ test("what passes is tried again, ever more seldom", () => {
   }
 });
 
-test("a stop without a connection is sent to the next one, if that comes soon", async (t) => {
+test("a stop without a connection is sent to the next one within its time limit", async (t) => {
   let now = 1000;
   t.mock.method(performance, "now", () => now);
   const stops = (after_ms: number, type: "stop" | "set") => {
@@ -112,7 +112,7 @@ test("a stop without a connection is sent to the next one, if that comes soon", 
   assert.match(refusal!.what, /within 5 s/);
 });
 
-test("a stop that nobody answered is sent to the next connection, if that comes soon", async (t) => {
+test("an unanswered stop is sent to the next connection within its time limit", async (t) => {
   let now = 1000;
   t.mock.method(performance, "now", () => now);
   for (const [pressedAfter_ms, comesAgain] of [
@@ -139,7 +139,7 @@ test("a stop that nobody answered is sent to the next connection, if that comes 
   }
 });
 
-test("a stop on a connection that is being closed is kept", async (t) => {
+test("a stop on a closing connection is queued", async (t) => {
   let now = 1000;
   t.mock.method(performance, "now", () => now);
   const { made, sockets, sent } = connection();
@@ -164,7 +164,7 @@ test("a stop on a connection that is being closed is kept", async (t) => {
   assert.equal(sent.length, 1);
 });
 
-test("a connection that does not come about is given up", (t) => {
+test("a connection attempt times out", (t) => {
   let now = 1000;
   t.mock.method(performance, "now", () => now);
   const { made, timers, isAnswered } = connection();
@@ -178,7 +178,7 @@ test("a connection that does not come about is given up", (t) => {
   assert.equal(timers.length, 1);
 });
 
-test("another version of the protocol is not tried again by itself", () => {
+test("another protocol version is not retried automatically", () => {
   for (const isSpoken of [false, true]) {
     const { made, sockets, timers, told } = connection();
     if (isSpoken) {
@@ -193,7 +193,7 @@ test("another version of the protocol is not tried again by itself", () => {
   }
 });
 
-test("a server whose poses cannot be read is asked ever more seldom, too", () => {
+test("connections with invalid poses are retried at increasing intervals", () => {
   const { sockets, timers, told } = connection();
   for (let n = 0; n < 8; n++) {
     sockets.at(-1)!.onmessage(WELCOME);
@@ -204,7 +204,7 @@ test("a server whose poses cannot be read is asked ever more seldom, too", () =>
   assert.ok(timers[7]!.ms > 3000);
 });
 
-test("an answer of HTTP is trouble that lasts, or passes", () => {
+test("HTTP errors are permanent or temporary", () => {
   for (const status of [400, 403, 404, 405, 413, 421, 431]) {
     const trouble = troubleOf("/api/scene", status);
     assert.ok(trouble instanceof Lasting && trouble.message.includes(String(status)) && trouble.how.length > 20);
@@ -218,7 +218,7 @@ test("an answer of HTTP is trouble that lasts, or passes", () => {
   );
 });
 
-test("tissue that yields is told, and what is no such message ends the connection as a pose does that is none", () => {
+test("deformation messages are decoded, and an invalid one ends the connection like an invalid pose", () => {
   const { sockets, yields, told, links } = connection();
   sockets[0]!.onmessage(WELCOME);
   const view = new DataView(new ArrayBuffer(96));
@@ -237,7 +237,7 @@ test("tissue that yields is told, and what is no such message ends the connectio
   assert.equal(yields.length, 1);
 });
 
-test("runs of tasks are asked for, and told in their order", () => {
+test("task runs are requested and delivered in order", () => {
   const { sockets, sent, tasks } = connection();
   sockets[0]!.onopen();
   assert.equal(sent[0]!.task, true);
@@ -251,7 +251,7 @@ test("runs of tasks are asked for, and told in their order", () => {
   assert.deepEqual(tasks, [3, -3, 4]);
 });
 
-test("what is near is asked for and told, and is no pose", () => {
+test("distances are requested and delivered apart from poses", () => {
   const { sockets, sent, nears, told } = connection();
   sockets[0]!.onopen();
   assert.equal((sent[0] as { near?: boolean }).near, true);
@@ -269,7 +269,7 @@ test("what is near is asked for and told, and is no pose", () => {
   assert.deepEqual([nears.length, told.problems], [1, 1], "of more devices than it has room for");
 });
 
-test("how wrong a tracked tip's place may be is asked for and told", () => {
+test("the registration error of a tracked tip is requested and delivered", () => {
   const { sockets, sent, tracks } = connection();
   sockets[0]!.onopen();
   assert.equal((sent[0] as { navigation?: boolean }).navigation, true);

@@ -74,7 +74,7 @@ const isInside = (n: number, { lo, size }: VoxelBox): boolean =>
 const expected = (sweeps: Sweep[], isCut = IS_FELT): Uint8Array =>
   volumes().structure.map((structure, n) => (isCut[structure] && isSwept(n, sweeps) ? 0 : structure));
 
-test("a felt structure is gone where its voxels' centres were swept", () => {
+test("voxels of felt structures are removed where a sweep contains their centres", () => {
   const cuts = new Cuts(),
     its = volumes(),
     before = its.structure.slice();
@@ -93,7 +93,7 @@ test("a felt structure is gone where its voxels' centres were swept", () => {
   assert.equal(cuts.takeFrom(its, IS_FELT), null, "nothing new");
 });
 
-test("another session's cuts begin with what is whole", () => {
+test("another session's cuts start from the intact volume", () => {
   const cuts = new Cuts(),
     its = volumes(),
     whole = its.structure.slice();
@@ -107,7 +107,7 @@ test("another session's cuts begin with what is whole", () => {
   assert.deepEqual(its.structure, expected(SWEEPS.slice(3)));
 });
 
-test("volumes that come later are cut by all that was told", () => {
+test("volumes that load later receive all earlier cuts", () => {
   const cuts = new Cuts();
   cuts.tell(0, SWEEPS);
   cuts.takeFrom(volumes(), IS_FELT);
@@ -116,7 +116,7 @@ test("volumes that come later are cut by all that was told", () => {
   assert.deepEqual(others.structure, expected(SWEEPS));
 });
 
-test("what sweeps took that are not any more comes back, and nothing else changes", () => {
+test("voxels removed by undone sweeps are restored, and no others change", () => {
   let seed = Date.now() & 0x7fffffff;
   const began = seed;
   const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
@@ -176,7 +176,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
   assert.ok(done.back > 100 && done.gone > 100 && done.kept > 100, `seed ${began}: ${JSON.stringify(done)}`);
 });
 
-test("what comes after sweeps that are not known is left alone", () => {
+test("sweeps that follow unknown ones are ignored", () => {
   const cuts = new Cuts(),
     its = volumes();
   cuts.tell(0, SWEEPS.slice(0, 1));

@@ -10,7 +10,7 @@ const nodeFromPatient: Affine = [
   [0, 0, 0, 1],
 ];
 
-test("boxes of nodes are written where they are, and given as they were written", () => {
+test("boxes of nodes are written at their position and read back unchanged", () => {
   const displacement = new Displacement({ dims: [4, 3, 5], nodeFromPatient });
   assert.equal(displacement.max_mm, 0);
   const [lo, size]: [Vec3, Vec3] = [
@@ -28,7 +28,7 @@ test("boxes of nodes are written where they are, and given as they were written"
   assert.equal(displacement.max_mm, 0);
 });
 
-test("no displacement of so many mm goes farther along an axis of the voxels than is said", () => {
+test("displacements do not exceed their reported extent along the voxel axes", () => {
   const turned = (v: Vec3) => rotate(aboutAxis([1, 2, 3], 1.1), v);
   const columns = (
     [

@@ -13,7 +13,7 @@ import {
 import { positionText } from "../src/base/geometry.js";
 import { measureText } from "../src/drawing/measure.js";
 
-test("a figure has three significant digits, however small it is, and none before the point is lost", () => {
+test("figures have three significant digits and keep all integer digits", () => {
   assert.deepEqual(
     [12345, 123.4, 99.96, 12.34, 9.996, 1.234, 0.99951, 0.1234, 0.01234, 0.00042, -0.00042, 0].map(digits),
     ["12345", "123", "100", "12.3", "10.0", "1.23", "1.00", "0.123", "0.0123", "0.000420", "−0.000420", "0.00"],
@@ -28,7 +28,7 @@ test("a figure has three significant digits, however small it is, and none befor
   }
 });
 
-test("what is small has a unit in which it does not begin with zeros", () => {
+test("small quantities have a unit without leading zeros", () => {
   assert.deepEqual(
     [0.00042, 0.0099, 0.01, 1.4, 3.3, 0].map((force) => quantity(force, "N")),
     ["0.420 mN", "9.90 mN", "0.0100 N", "1.40 N", "3.30 N", "0.00 N"],
@@ -52,7 +52,7 @@ test("a force limit has no trailing zeros", () => {
   );
 });
 
-test("a value of the scan has the digits that it came with", () => {
+test("scan values have the precision of their step", () => {
   assert.equal(valueText(-1024, 1), "−1024");
   assert.equal(valueText(0.00042, 1 / 65535 / 10), "0.000420");
   assert.equal(valueText(0.00042, 0.00002), "0.00042");
@@ -60,12 +60,12 @@ test("a value of the scan has the digits that it came with", () => {
   assert.equal(valueText(0.0004, 0.3), "0.0", "less than a step is not told");
 });
 
-test("a scan that was rounded on its way says how finely", () => {
+test("the quantization step of a rounded scan is displayed", () => {
   assert.equal(stepsText(1), "");
   assert.ok(stepsText(2.5 / 65535).includes("steps of 0.0000381"));
 });
 
-test("positions tell half a voxel, and a short ruler is no 0.0 mm", () => {
+test("positions resolve half a voxel, and short lengths keep their digits", () => {
   assert.deepEqual([5, 0.9, 0.35, 0.1, 0.01].map(decimalsFor), [1, 1, 1, 2, 3]);
   assert.equal(positionText([0.1234, -2, 3], "LPS", 3), "LPS +0.123  −2.000  +3.000 mm");
   assert.equal(

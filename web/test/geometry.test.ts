@@ -37,7 +37,7 @@ const vector = (): Vec3 => [random(), random(), random()];
 const near = (a: readonly number[], b: readonly number[], most = 1e-9) =>
   a.forEach((x, i) => assert.ok(Math.abs(x - b[i]!) <= most, `${a} is not ${b} (seed ${began})`));
 
-test("an affine map and its inverse cancel, mirrored and sheared ones too", () => {
+test("an affine map and its inverse cancel, with reflection and shear, too", () => {
   for (let i = 0; i < 200; i++) {
     const m: Affine = [
       [...vector(), 10],
@@ -54,13 +54,13 @@ test("an affine map and its inverse cancel, mirrored and sheared ones too", () =
   }
 });
 
-test("two fingers spread", () => {
+test("the distance of two fingers gives the zoom factor", () => {
   assert.equal(spread([0, 0], [30, 40], [60, 80]), 2);
   assert.equal(spread([10, 0], [10, 100], [60, 0]), 0.5);
   assert.equal(spread([5, 5], [5, 5], [8, 9]), 5, "from the same place");
 });
 
-test("rotations turn by the right-hand rule, keep lengths and compose from right to left", () => {
+test("rotations follow the right-hand rule, preserve lengths and compose from right to left", () => {
   near(rotate(aboutAxis([0, 0, 1], Math.PI / 2), [1, 0, 0]), [0, 1, 0]);
   assert.ok(Math.abs(angleOf_deg(aboutAxis([1, 2, 3], 0.5)) - (0.5 * 180) / Math.PI) < 1e-9);
   for (let i = 0; i < 200; i++) {
@@ -72,7 +72,7 @@ test("rotations turn by the right-hand rule, keep lengths and compose from right
   }
 });
 
-test("letters name the nearest direction, and more where it is oblique by more than 20 degrees", () => {
+test("orientation letters name the nearest direction, and further ones beyond 20 degrees", () => {
   assert.deepEqual(
     [
       [1, 0, 0],
@@ -97,7 +97,7 @@ test("letters name the nearest direction, and more where it is oblique by more t
   assert.equal(directionLetters([0.8, -0.5, 0.4]), "LAS");
 });
 
-test("planes hang as in radiology", () => {
+test("planes have radiological orientation", () => {
   const centre: Vec3 = [1, 2, 3];
   const letters = (kind: "axial" | "sagittal" | "coronal") => {
     const { right, down } = anatomicalPlane(kind, centre);
@@ -108,7 +108,7 @@ test("planes hang as in radiology", () => {
   assert.deepEqual(letters("sagittal"), { left: "A", right: "P", top: "S", bottom: "I" });
 });
 
-test("an oblique plane hangs as the nearest of the three, whichever way its normal points", () => {
+test("an oblique plane is oriented like the nearest anatomical plane, for either sign of its normal", () => {
   const shown = (normal: Vec3) => {
     const { right, down } = hang(normal, [0, 0, 0]).plane;
     return orientationLetters(right, down);
@@ -127,7 +127,7 @@ test("an oblique plane hangs as the nearest of the three, whichever way its norm
   }
 });
 
-test("a plane that is about to hang otherwise keeps hanging as it did", () => {
+test("the orientation of a plane has hysteresis", () => {
   const at = (x: number): Vec3 => [x, Math.sqrt(1 - x * x), 0];
   const before = hang(at(0.9), [0, 0, 0]).hanging;
   assert.equal(before.sagittal, true);
@@ -136,7 +136,7 @@ test("a plane that is about to hang otherwise keeps hanging as it did", () => {
   assert.equal(hang(at(0.83), [0, 0, 0], { axial: false, sagittal: false }).hanging.sagittal, false);
 });
 
-test("the section contains what it follows and is as near as can be to what is wanted", () => {
+test("the section contains the followed direction and is as close as possible to the preferred plane", () => {
   for (let i = 0; i < 500; i++) {
     const direction = normalize(vector());
     const normal = normalContaining(direction, [1, 0, 0], [0, 1, 0]);
@@ -148,7 +148,7 @@ test("the section contains what it follows and is as near as can be to what is w
   near(normalContaining([1, 0, 0], [1, 0, 0], [0, 1, 0]), [0, 1, 0]);
 });
 
-test("positions name their convention, and R and A turn round", () => {
+test("positions name their convention, and RAS negates two coordinates", () => {
   assert.equal(positionText([1.25, -2, 3], "LPS", 1), "LPS +1.3  −2.0  +3.0 mm");
   assert.equal(positionText([1.25, -2, 3], "RAS", 1), "RAS −1.3  +2.0  +3.0 mm");
 });
@@ -157,7 +157,7 @@ test("scale bars are 1, 2 or 5 times a power of ten", () => {
   assert.deepEqual([0.09, 1, 1.9, 4.9, 5, 23, 99].map(niceLength), [0.05, 1, 1, 2, 5, 20, 50]);
 });
 
-test("an angle is measured at its corner", () => {
+test("an angle is measured at its vertex", () => {
   assert.ok(Math.abs(angleAt_deg([0, 0, 0], [2, 0, 0], [0, 0, 5]) - 90) < 1e-9);
   for (let i = 0; i < 100; i++) {
     const [a, b, c] = [vector(), vector(), vector()];

@@ -49,7 +49,7 @@ function loop() {
   });
 }
 
-test("a slider's movement is one step, and what it was is asked for again", async () => {
+test("a slider movement is one undo step, and undo requests the previous value", async () => {
   const { requests, history, state, asked } = loop();
   for (const value of [1.5, 1.6, 1.7])
     await requests.latest("stiffness 0", { type: "tissue", tissue: 0, stiffness_N_per_mm: value });
@@ -71,7 +71,7 @@ test("a slider's movement is one step, and what it was is asked for again", asyn
   assert.equal(history.canRedo, false);
 });
 
-test("movements of one slider, one after another, are steps of their own", async () => {
+test("successive movements of one slider are separate undo steps", async () => {
   const { requests, history, state } = loop();
   await requests.latest("limit", { type: "set", max_force_N: 1.2 });
   history.gesture += 1;
@@ -80,7 +80,7 @@ test("movements of one slider, one after another, are steps of their own", async
   assert.equal(state.max_force_N, 1.2);
 });
 
-test("a turn is asked for again, and one drag is one of them", async () => {
+test("undo requests the previous rotation, and a drag is one undo step", async () => {
   const { requests, history, state, asked } = loop();
   state.rotation_wxyz = [1, 0, 0, 0];
   const turned = (angle: number): [number, number, number, number] => [Math.cos(angle), 0, Math.sin(angle), 0];
@@ -101,7 +101,7 @@ test("a turn is asked for again, and one drag is one of them", async () => {
   assert.deepEqual(state.rotation_wxyz, turned(0.31));
 });
 
-test("a stop, a pause and a rearm are no steps", async () => {
+test("a stop, a pause and a rearm are not undo steps", async () => {
   const { requests, history } = loop();
   for (const request of [
     { type: "stop" },
@@ -114,7 +114,7 @@ test("a stop, a pause and a rearm are no steps", async () => {
   assert.equal(history.canUndo, false);
 });
 
-test("what is refused is told and stays to be undone; what somebody else has changed since is left", async () => {
+test("a refused undo is reported and remains available; values changed by others are kept", async () => {
   const made = loop();
   const { requests, history, state, told } = made;
   made.refuses = "max_force_N";
@@ -139,7 +139,7 @@ test("what is refused is told and stays to be undone; what somebody else has cha
   assert.equal(state.max_force_N, 1.4);
 });
 
-test("the table of measures has points in LPS and names as they were written", () => {
+test("the table of measurements has points in LPS and unchanged names", () => {
   const made = { plane: "axial", slice: 12, normal: [0, 0, 1] } as Pick<Measure, "plane" | "slice" | "normal">;
   const table = measuresTable([
     {
@@ -171,7 +171,7 @@ test("the table of measures has points in LPS and names as they were written", (
   ]);
 });
 
-test("what is seen otherwise goes back part by part, and what has changed by itself stays", async () => {
+test("changes of the view are undone one by one, and automatic changes are kept", async () => {
   const history = new History();
   const seen = { zoom: 1, pan: [0, 0], window: 5 };
   history.part(

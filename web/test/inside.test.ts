@@ -29,7 +29,7 @@ const worldFromPatient: Affine = [
   [0, 0, 0, 1],
 ];
 
-test("the scope looks along the shaft, or as far beside it as its optics say, and the post turns them about it", () => {
+test("the scope looks at the angle of its optics to the shaft, and the light post rotates it about the shaft", () => {
   const scope = new Scope();
   scope.back_mm = 0;
   const axes: [Vec3, Vec3, Vec3] = [
@@ -58,7 +58,7 @@ test("the scope looks along the shaft, or as far beside it as its optics say, an
   assert.equal(scope.post_deg, 345);
 });
 
-test("a scope that is moved leaves the tip, and stays where it is until it goes back", () => {
+test("a moved scope keeps its position until it returns to the tip", () => {
   const scope = new Scope();
   scope.back_mm = 0;
   scope.optics_deg = 0;
@@ -79,7 +79,7 @@ test("a scope that is moved leaves the tip, and stays where it is until it goes 
   near(scope.frame([50, 50, 50], axes).eye, [50, 50, 50]);
 });
 
-test("a scope stands off no farther than it must, in the middle of a gap, and nowhere else than it may", () => {
+test("the scope's stand-off is minimal, centred in a gap and within its bounds", () => {
   const between = (from: number, to: number, most = 8) => standOff((off) => off < from || off > to, most, 1.5, 0.05);
   near([between(0, 100)!, between(2, 100)!, between(7.5, 100)!], [1.5, 3.5, 8], 0.06);
   near([between(2, 3)!], [2.5], 0.06);
@@ -87,7 +87,7 @@ test("a scope stands off no farther than it must, in the middle of a gap, and no
   assert.equal(between(1, 100, 0), null);
 });
 
-test("in perspective, what is nearer is larger, and pixels lead back to where they came from", () => {
+test("in perspective, closer objects are larger, and unprojected pixels return their points", () => {
   const camera = new Camera();
   camera.place(worldFromPatient);
   camera.orbit(40, -70);
@@ -115,7 +115,7 @@ test("in perspective, what is nearer is larger, and pixels lead back to where th
   near(camera.project([20, 0, 5]), parallel[1]!);
 });
 
-test("what a picture has found says of a point whether something solid is in front of it", () => {
+test("the depth of a picture determines the occlusion of a point", () => {
   for (const isPerspective of [false, true]) {
     const camera = new Camera();
     camera.place(worldFromPatient);
@@ -172,7 +172,7 @@ function room(): { volumes: Volumes; isFelt: (p: Vec3) => boolean } {
   return { volumes, isFelt: (p) => volumes.structureAt(p) !== null };
 }
 
-test("a press finds the first surface under it", () => {
+test("a press picks the first surface under it", () => {
   const { volumes, isFelt } = room();
   near(firstFelt(volumes, isFelt, [0, -100, 0], [0, 1, 0])!, [0, -7.5, 0], 0.02);
   near(firstFelt(volumes, isFelt, [12, 100, 0], [0, 1, 0])!, [12, 15.5, 0], 0.02);
@@ -182,7 +182,7 @@ test("a press finds the first surface under it", () => {
   near(firstFelt(volumes, isWall, [0, -100, 0], [0, 1, 0])!, [0, 15.5, 0], 0.02);
 });
 
-test("the tip's way to a surface goes through nothing that is felt", () => {
+test("the path of the tip to a surface avoids felt structures", () => {
   const { volumes, isFelt } = room();
   const into: Vec3 = [0, 1, 0];
   // tips behind the ball, next to it, in front of it, and within it
@@ -220,7 +220,7 @@ test("the tip's way to a surface goes through nothing that is felt", () => {
   }
 });
 
-test("the height above what is felt is to the nearest of it", () => {
+test("the height is the distance to the nearest felt structure", () => {
   const { volumes, isFelt } = room();
   const ground = new Ground(volumes, 20, 9000);
   for (const p of [
@@ -243,7 +243,7 @@ test("the height above what is felt is to the nearest of it", () => {
   assert.equal(new Ground(volumes, 3).below([0, -15, 0], isFelt), null, "none where it is far");
 });
 
-test("what is below a tool is looked for anew where it has moved, and after voxels have changed", () => {
+test("the structure below a tool is searched again after movements and changes of voxels", () => {
   const { volumes, isFelt } = room();
   const ground = new Ground(volumes, 20, 9000);
   let looked = 0;
@@ -275,7 +275,7 @@ test("what is below a tool is looked for anew where it has moved, and after voxe
   );
 });
 
-test("a plane's outline is where it goes through the volume's box", () => {
+test("the outline of a plane is its intersection with the volume's box", () => {
   const { volumes } = room();
   const square = boxSection(anatomicalPlane("axial", [0, 0, 3]), volumes);
   assert.equal(square.length, 4);
@@ -293,7 +293,7 @@ test("a plane's outline is where it goes through the volume's box", () => {
   assert.equal(boxSection(anatomicalPlane("coronal", [0, 90, 0]), volumes).length, 0);
 });
 
-test("a line's parts are hidden where something is in front of them", () => {
+test("occluded parts of a line are hidden", () => {
   const parts = runs([0, 0, 0], [10, 0, 0], 10, ([x]) => x > 3 && x < 6);
   assert.deepEqual(
     parts.map(({ from, to, isHidden }) => [from[0], to[0], isHidden]),

@@ -15,7 +15,7 @@ const scene = {
   ],
 } as unknown as Scene;
 
-test("presets show what they say, and leave colours as they are", () => {
+test("presets set visibility and opacity and keep colours", () => {
   const now = looksOf(scene).map((look) => ({
     ...look,
     colour: [9, 9, 9] as [number, number, number],
@@ -33,7 +33,7 @@ test("presets show what they say, and leave colours as they are", () => {
   assert.ok(!hasBone({ ...scene, tissues: [{ name: "carbon" }, { name: "tribe" }] } as unknown as Scene));
 });
 
-test("a bone is known by its own name where its tissue has another", () => {
+test("a structure is recognised as bone by its own name or its tissue's", () => {
   const seen = (tissue: string, names: string[]) => {
     const one = {
       tissues: [{ name: tissue, opacity: 1 }],
@@ -95,7 +95,7 @@ test("a bone is known by its own name where its tissue has another", () => {
   assert.deepEqual(seen("fat", ["infrapatellar_fat_body"]), []);
 });
 
-test("kept looks are given back by label, and what is none is left out", () => {
+test("stored looks are restored by label, and invalid ones are ignored", () => {
   const own = looksOf(scene);
   const changed = own.map((look, place) => ({ ...look, opacity: 0.1 * place, visible: place > 0 }));
   const kept = JSON.parse(JSON.stringify(keptLooks(scene, changed))) as KeptLooks;

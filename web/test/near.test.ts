@@ -30,7 +30,7 @@ function written(devices: Near[]): DataView {
 const decoded = (view: DataView) => decodeNear(view.buffer as ArrayBuffer);
 const NOTHING: Near = { noGo: -1, depth: 0, force: 0, structures: [] };
 
-test("what is near is read by the table of the protocol", () => {
+test("distances are decoded as specified by the protocol", () => {
   const near: Near[] = [
     {
       noGo: 4,
@@ -85,7 +85,7 @@ const leastOf = (parts: ToolPart[], of: (p: Vec3) => number): number =>
     ),
   );
 
-test("planes and balls are as far from the tool's outline as its nearest ball is", () => {
+test("the distance to planes and balls is that of the closest sphere of the tool", () => {
   const plane = region({ plane: { point_mm: [0, 0, -10], outward: [0, 0, 1] }, keep_away_mm: 2 });
   assert.ok(Math.abs(nearestNoGo([plane], toolParts(PROBE, [3, 4, 0], same), NOTHING)!.mm - 6.5) < 1e-9);
   const ball = region({ ball: { centre_mm: [0, 0, 12], radius_mm: 5 }, keep_away_mm: 1 });
@@ -107,7 +107,7 @@ test("planes and balls are as far from the tool's outline as its nearest ball is
   }
 });
 
-test("what pushes is as palpate tells it; else the nearest of what is told or follows", () => {
+test("the approach is the reported pushing region, else the nearest of the reported and computed ones", () => {
   const regions = [
     region({ label: 7, keep_away_mm: 2 }),
     region({ label: 9 }),
@@ -140,7 +140,7 @@ test("what pushes is as palpate tells it; else the nearest of what is told or fo
   assert.equal(nearestNoGo([regions[0]!], parts, NOTHING), null);
 });
 
-test("it sounds faster and higher the nearer it is, and without a break where it pushes", () => {
+test("beeps get faster and higher with proximity, and the tone is continuous while a region pushes", () => {
   assert.equal(toneAt(HEARD_FROM_MM), null);
   assert.equal(toneAt(NaN), null);
   let before = toneAt(9.99)!;
@@ -204,7 +204,7 @@ function audio() {
   return { told, loud };
 }
 
-test("nothing sounds before it is switched on and somebody has pressed something", () => {
+test("no sound is played before it is switched on and the user has interacted with the page", () => {
   const { told } = audio();
   const sound = new ApproachSound();
   sound.tell(-1);
@@ -219,7 +219,7 @@ test("nothing sounds before it is switched on and somebody has pressed something
   assert.deepEqual([sound.tone!.beeps_per_s, told.started, sound.isHeldBack], [0, 1, false]);
 });
 
-test("a tone without a break ends by itself where it is not renewed, and at once where it is silenced", () => {
+test("a continuous tone ends unless it is renewed, and immediately when silenced", () => {
   const { told, loud } = audio();
   const sound = new ApproachSound();
   sound.switch(true);
@@ -239,7 +239,7 @@ test("a tone without a break ends by itself where it is not renewed, and at once
   assert.deepEqual([loud(told.now + 0.1), sound.tone, told.stopped], [0, null, 2]);
 });
 
-test("so many beeps come in a second as the tone has", () => {
+test("the number of beeps per second equals the tone's rate", () => {
   const { told, loud } = audio();
   const sound = new ApproachSound();
   sound.switch(true);
@@ -264,7 +264,7 @@ test("so many beeps come in a second as the tone has", () => {
   assert.ok(loud(told.now) > 0);
 });
 
-test("a quiz tells no names, and nothing of what is to be found before it pushes", () => {
+test("a quiz hides names, and the distance to its target until the target pushes", () => {
   const made = new Session();
   made.scene = {
     structures: [

@@ -22,7 +22,7 @@ const first: Vec3 = [x, y, z],
   second: Vec3 = [x, y, z + 7];
 
 testsOf(page, "a knee that is milled by a ball", () => {
-  test("what is felt until a method is made ready is told", async () => {
+  test("the active method is displayed while another one is prepared", async () => {
     const said: string[] = [];
     const line = page.byId("method-awaited");
     page.set("#method", "trilinear");
@@ -34,7 +34,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     assert.ok(said.includes("Preparing trilinear; proxy remains active until then"), said.join());
   });
 
-  test("what is cut away is gone from the page, and what is protected is told of", async () => {
+  test("removed voxels disappear, and damage to protected structures is reported", async () => {
     const places: Vec3[] = [first, [x, y + 2.2, z], [x, y + 4.2, z]];
     assert.deepEqual(places.map(isThere), [true, true, true]);
     assert.equal(page.byId("motor").hidden, false);
@@ -68,7 +68,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     assert.deepEqual(places.map(isThere), [false, false, true]);
   });
 
-  test("strokes are undone and done again, by buttons and by keys", async () => {
+  test("strokes are undone and redone by buttons and keys", async () => {
     await isSwitched(true);
     await isSwitched(false);
     await areStrokes(2, 0);
@@ -108,7 +108,7 @@ testsOf(page, "a knee that is milled by a ball", () => {
     assert.deepEqual(offered(), [true, false]);
   });
 
-  test("soft tissue goes by another law and back, and one with other surfaces is awaited", async () => {
+  test("the law of soft tissue changes and returns, with a wait for other surfaces", async () => {
     const law = page.byId<HTMLSelectElement>("law"),
       awaited = page.byId("law-awaited");
     assert.deepEqual(

@@ -5,7 +5,7 @@ import { openPage, testsOf } from "./page.js";
 const page = await openPage(["--scan", "knee", "--input", "device", "--tool", "burr", "--burr", "cone"]);
 
 testsOf(page, "a knee that is milled by a cone", () => {
-  test("a cone removes its row of balls, and somebody at the device confirms that a stroke is undone", async () => {
+  test("a cone removes its row of balls, and undoing a stroke is confirmed at the device", async () => {
     assert.ok(page.text("device").includes("conical burr"), page.text("device"));
     const isSwitched = async (on: boolean) => {
       page.click("#motor");

@@ -27,7 +27,7 @@ testsOf(page, "a physical device", () => {
     );
   });
 
-  test("it is stopped from here and armed there", async () => {
+  test("it is stopped from the page and armed at the device", async () => {
     await page.wait(
       "said",
       () => (
@@ -39,7 +39,7 @@ testsOf(page, "a physical device", () => {
     assert.equal(page.text("stop"), "Stopped");
   });
 
-  test("it is armed from here by the code that is shown there", async () => {
+  test("it is armed from the page with the code shown at the device", async () => {
     assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six-digit code");
     types("12345");
     assert.ok(page.byId("rearm").disabled, "five digits are no code");

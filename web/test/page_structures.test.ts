@@ -39,7 +39,7 @@ testsOf(page, "the page", () => {
     assert.equal(scene.caveats.length, 1);
   });
 
-  test("structures are found by words of their names, and shown alone", () => {
+  test("structures are found by words of their names and shown in isolation", () => {
     find("menis LAT");
     assert.deepEqual(listed(), ["lateral meniscus"]);
     find("no such thing");
@@ -64,7 +64,7 @@ testsOf(page, "the page", () => {
     assert.deepEqual(sorted(visible()), sorted(names));
   });
 
-  test("groups fold and switch as one, presets are steps that are undone, and keys go from line to line", async () => {
+  test("groups fold and toggle together, presets are undo steps, and keys move between lines", async () => {
     assert.equal(names.length, 116);
     const asItCame = opacities();
     const hidden = () =>
@@ -134,7 +134,7 @@ testsOf(page, "the page", () => {
     assert.equal(page.all(".structure button, .structure input").filter((one) => one.tabIndex !== -1).length, 4);
   });
 
-  test("what was done is undone, and neither a pause nor a stop is", async () => {
+  test("changes are undone, but neither a pause nor a stop", async () => {
     const stiffness = () => page.viewer.state.tissues[0].stiffness_N_per_mm as number;
     const isAt = (wanted: number) =>
       page.wait(`a stiffness of ${wanted}`, () => Math.abs(stiffness() / wanted - 1) < 0.01);
@@ -198,7 +198,7 @@ testsOf(page, "the page", () => {
     }
   });
 
-  test("help opens and closes by key and button, and letters are shortcuts only where they are wanted", () => {
+  test("help opens and closes by key and button, and single-key shortcuts can be disabled", () => {
     const isHidden = () => page.byId("help-box").hidden;
     const tool = () => document.querySelector<HTMLElement>("[data-tool][aria-checked=true]")!.dataset.tool;
     assert.ok(isHidden());

@@ -10,8 +10,8 @@ const page = await openPage(
   () => dialog().open,
 );
 
-testsOf(page, "a page of tokens", () => {
-  test("a viewer without control is asked for a token, looks and can stop", async () => {
+testsOf(page, "a page with tokens", () => {
+  test("a viewer without control is asked for a token, can view and stop", async () => {
     const show = (token: string) => {
       page.byId("token").value = token;
       dialog().open = false;

@@ -36,8 +36,8 @@ async function mended(): Promise<void> {
   await page.wait("the page is loaded", () => page.isLoaded() && page.viewer.link === "connected");
 }
 
-testsOf(page, "a page in trouble", () => {
-  test("old data is grey, and a server that comes back is found", async () => {
+testsOf(page, "a page with errors", () => {
+  test("old data is grey, and a restarted server is found", async () => {
     server.signal("SIGSTOP");
     await page.wait(
       "stale",
@@ -55,7 +55,7 @@ testsOf(page, "a page in trouble", () => {
     await page.wait("found", () => page.isLoaded() && page.viewer.link === "connected" && page.viewer.age_ms < 250);
   });
 
-  test("a page that is left lets go, and one that is come back to goes on", async () => {
+  test("a page that is left releases the connection, and reconnects when it is shown again", async () => {
     const leave = (type: string) => window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
     leave("pagehide");
     await page.wait("ended", () => page.viewer.link === "ended");
@@ -63,7 +63,7 @@ testsOf(page, "a page in trouble", () => {
     await page.wait("connected", () => page.viewer.link === "connected" && page.viewer.isFresh);
   });
 
-  test("another version of the protocol is told of", async () => {
+  test("another protocol version is reported", async () => {
     await restart(["--protocol", "4"]);
     await toldAndLeftAlone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
     page.click("#again"); // a retry, which fails
@@ -71,7 +71,7 @@ testsOf(page, "a page in trouble", () => {
     await mended();
   });
 
-  test("a refusal that lasts is told of", async () => {
+  test("a permanent refusal is reported", async () => {
     await restart(["--refuse", "421"]);
     await toldAndLeftAlone("421", "--host-name");
     await mended();

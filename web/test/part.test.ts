@@ -19,7 +19,7 @@ const make = async (): Promise<string> => {
   return "made";
 };
 
-test("a part that cannot be fetched is reported on the page until it can", async () => {
+test("a part that cannot be loaded is reported on the page until it is loaded", async () => {
   const said = pageOfItsOwn();
   failing.is = true;
   const part = new Part("training", make);
@@ -35,7 +35,7 @@ test("a part that cannot be fetched is reported on the page until it can", async
   assert.equal(said(), null);
 });
 
-test("a part is made once, however often it is asked for", async () => {
+test("a part is constructed once", async () => {
   pageOfItsOwn();
   let made = 0;
   const part = new Part("plan", async () => ++made);

@@ -25,7 +25,7 @@ const plan = (of: Partial<Plan> = {}): Plan => ({
 });
 const near = (a: number, b: number, slack = 1e-9) => assert.ok(Math.abs(a - b) < slack, `${a} ${b}`);
 
-test("distance, depth and shaft angle of a tip at a trajectory, whichever way that runs", () => {
+test("distance, depth and shaft angle of a tip at trajectories of any direction", () => {
   let seed = 5;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
   for (let n = 0; n < 200; n++) {
@@ -44,7 +44,7 @@ test("distance, depth and shaft angle of a tip at a trajectory, whichever way th
   assert.equal(besideTrajectory(trajectory([0, 0, 0], [0, 0, 1]), [0, 0, 0], null).angle_deg, null);
 });
 
-test("a tool's shaft goes from the tip to the handle along the longest part", () => {
+test("the shaft of a tool is its longest part, from tip to handle", () => {
   const tool = (...capsules: [Vec3, Vec3][]) =>
     ({
       capsules: capsules.map(([from_mm, to_mm]) => ({ from_mm, to_mm, radius_mm: 1, end_radius_mm: 1 })),
@@ -67,7 +67,7 @@ test("a tool's shaft goes from the tip to the handle along the longest part", ()
   );
 });
 
-test("what is nearer than planned is told, the worst first", () => {
+test("violated distances of the plan are listed, the worst first", () => {
   const of = plan({
     keep_away: [
       { label: 7, mm: 3 },
@@ -89,7 +89,7 @@ test("what is nearer than planned is told, the worst first", () => {
   );
 });
 
-test("a plan is written as its file has it", () => {
+test("a plan is written in the format of its file", () => {
   assert.equal(
     planText(
       plan({ trajectories: [trajectory([0.1, -0, 2], [1e-7, 3, 4.25])], keep_away: [{ label: 7, mm: 3 }] }),
@@ -134,7 +134,7 @@ function shared() {
 }
 const later = () => new Promise((done) => setTimeout(done, 0));
 
-test("where palpate has the plan it is asked for each change, and for the way back", async () => {
+test("each change and undo of a shared plan is requested", async () => {
   const { history, asked, store, names } = shared();
   store.add([1, 2, 3], [4, 5, 6]);
   await later();
@@ -160,7 +160,7 @@ test("where palpate has the plan it is asked for each change, and for the way ba
   assert.equal(store.plan!.saved, true);
 });
 
-test("what palpate refuses is not done, nor is it a step", async () => {
+test("a refused change is not applied and is not an undo step", async () => {
   const { history, may, store, names } = shared();
   may.refuses = true;
   store.add([1, 2, 3], [4, 5, 6]);
@@ -168,7 +168,7 @@ test("what palpate refuses is not done, nor is it a step", async () => {
   assert.deepEqual([names(), history.canUndo], [["hole"], false]);
 });
 
-test("a page that may not, or whose palpate has no plan, makes one of its own", async () => {
+test("a page without permission or a shared plan has its own plan", async () => {
   const { history, asked, may, store, names } = shared();
   may.ask = false;
   store.addTowards([0, 0, 0], [0, 30, 0]);
@@ -197,7 +197,7 @@ test("a page that may not, or whose palpate has no plan, makes one of its own", 
   assert.equal(alone.plan, null);
 });
 
-test("two presses make a trajectory, a drag makes one, and an end is taken hold of and moved", () => {
+test("two presses or a drag add a trajectory, and an end can be dragged", () => {
   const store = new PlanStore(
     new History(),
     async () => assert.fail(),

@@ -33,7 +33,7 @@ function pointer() {
   return { device, session, sent, at };
 }
 
-test("a finger moves nothing before a second one could have come", () => {
+test("a finger moves the tip only after the delay for a second finger", () => {
   const { device, sent, at } = pointer();
   device.hold([40, 0, 0], true);
   at(140);
@@ -53,7 +53,7 @@ test("a mouse moves the tip at once", () => {
   assert.deepEqual(sent.at(-1), [1, 0, 0]);
 });
 
-test("what presses in two pictures moves nothing any more", () => {
+test("presses in two pictures release the tip", () => {
   const { device, session, sent, at } = pointer();
   device.hold([1, 0, 0], false);
   at(48);
@@ -65,7 +65,7 @@ test("what presses in two pictures moves nothing any more", () => {
   assert.equal(sent.length, before);
 });
 
-test("a measure is strong on planes that contain it, faint with its distance beside, and gone far off", () => {
+test("a measurement is opaque in its plane, faint with its distance near it and hidden far away", () => {
   assert.deepEqual(shownAt(0.2, 0.25), { strength: 1, off: "" });
   const [near, far] = [shownAt(1.2, 0.25)!, shownAt(11, 0.25)!];
   assert.ok(near.strength < 0.5 && far.strength < near.strength && far.strength > 0.1);

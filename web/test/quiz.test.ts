@@ -33,7 +33,7 @@ function block(): Volumes {
   return new Volumes("0", 1, dims, UNIT, null, structure, 1, 0);
 }
 
-test("what is to be found is drawn as what lies around it, and comes back", () => {
+test("the target is drawn like its surroundings, and restored afterwards", () => {
   const volumes = block();
   const whole = volumes.structure.slice();
   const concealed = conceal(scene, volumes, [9])!;
@@ -69,7 +69,7 @@ function shownOf(
   return { whole, shown: volumes.structure };
 }
 
-test("what borders on air most is not drawn as air", () => {
+test("a target that borders mostly on air is not drawn as air", () => {
   const { whole, shown } = shownOf([15, 15, 15], (i, j, k) =>
     k < 7 ? 1 : (i - 7) ** 2 + (j - 7) ** 2 + (k - 7) ** 2 <= 9 ? 2 : 0,
   );
@@ -79,7 +79,7 @@ test("what borders on air most is not drawn as air", () => {
   );
 });
 
-test("a thin layer goes on over the plate beneath", () => {
+test("a thin layer continues over the plate below it", () => {
   const { whole, shown } = shownOf([24, 24, 24], (i, j, k) =>
     k < 10 ? 3 : k >= 13 ? 0 : (i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 25 ? 2 : 1,
   );
@@ -89,24 +89,24 @@ test("a thin layer goes on over the plate beneath", () => {
   );
 });
 
-test("a border goes on through what hid it", () => {
+test("a border continues through the concealed target", () => {
   const { shown } = shownOf([24, 24, 24], (i, j, k) =>
     (i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 27 ? 2 : k < 12 ? 3 : 1,
   );
   assert.ok(shown.every((value, n) => value === (Math.floor(n / 576) < 12 ? 3 : 1)));
 });
 
-test("what touches air alone is air", () => {
+test("a target that touches only air is drawn as air", () => {
   const { shown } = shownOf([9, 9, 9], (i, j, k) => (i === 7 && j === 4 && k === 4 ? 2 : i < 4 ? 1 : 0));
   assert.equal(shown[7 + 9 * (4 + 9 * 4)], 0);
 });
 
-test("a quiz without an answer, or whose answer has no voxel, conceals none", () => {
+test("a quiz without an answer, or with an empty one, conceals no voxels", () => {
   assert.equal(conceal(scene, block(), []), null);
   assert.equal(conceal(scene, block(), [77]), null);
 });
 
-test("a place is looked at from outside, with superior up where that can be", () => {
+test("a position is viewed from outside, with superior up if possible", () => {
   for (const outward of [
     [0, -1, 0],
     [0.6, 0, 0.8],

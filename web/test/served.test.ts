@@ -15,7 +15,7 @@ const view: View = {
   isFine: true,
 };
 
-test("a picture is asked for as the protocol has it", () => {
+test("a picture is requested as specified by the protocol", () => {
   assert.equal(pictureQuery(view, Uint8Array.of(255, 0, 10, 255)), "view=64,48,-10,-10.5,0,1,0,0,0,1,0&looks=ff000aff");
   const eye = { at: [1, 2, -30] as [number, number, number], nearest_mm: 0, reach_mm: Infinity, isRound: false };
   const cut = { at: [1, 2, 3] as [number, number, number], radius_mm: 0, widening: Infinity, kept: 0 };
@@ -29,7 +29,7 @@ test("a picture is asked for as the protocol has it", () => {
   );
 });
 
-test("its bytes are colours, depths and structures", () => {
+test("a response has colours, depths and structures", () => {
   const [w, h] = [3, 2];
   const bytes = new Uint8Array(24 + 6 * w * h);
   const head = new DataView(bytes.buffer);

@@ -34,7 +34,7 @@ function session(): Session {
 const device = (x: number, label: number, flags: number, force: Vec3): DevicePose =>
   ({ tip: [x, 0, 0], label, flags, force }) as DevicePose;
 
-test("what is touched is felt as long as there is a force, or nothing withholds it", () => {
+test("a touched structure is felt while there is a force or nothing withholds it", () => {
   const contact = (x: number, label: number, flags: number, force: Vec3 = [0, 0, 0]) =>
     session().contactOf(device(x, label, flags, force));
   const felt = { label: 7, words: "femoral cartilage" };
@@ -51,7 +51,7 @@ test("what is touched is felt as long as there is a force, or nothing withholds 
   assert.deepEqual(contact(-9, 0, Flag.outside), { label: 0, words: "outside the volume" });
 });
 
-test("a nested structure is told with those around it, but not in a quiz", () => {
+test("a nested structure is named with those that enclose it, except in a quiz", () => {
   const made = session();
   const structure = (label: number, name: string, within: number[]) => ({
     label,
@@ -71,7 +71,7 @@ test("a nested structure is told with those around it, but not in a quiz", () =>
   assert.equal(touched(), "a structure");
 });
 
-test("each device has its own tool, and the first is drawn over the others", () => {
+test("each device has its own tool, and the first one is drawn on top", () => {
   const made = session();
   const [ball, burr] = [
     { name: "ball", cuts: false },
@@ -92,7 +92,7 @@ test("each device has its own tool, and the first is drawn over the others", () 
   assert.deepEqual(made.pose!.devices, devices, "which stay in their order");
 });
 
-test("a tool is drawn at the surface that it touches, in its dent where that yields", () => {
+test("a tool in contact is drawn at the surface, deformed if it yields", () => {
   const made = session();
   const pressed = {
     ...device(3, 7, Flag.contact, [0, 0, 1]),
@@ -107,7 +107,7 @@ test("a tool is drawn at the surface that it touches, in its dent where that yie
     assert.deepEqual(made.toolAt({ ...pressed, flags }), [3, 0, 0], "where the hand is");
 });
 
-test("a recording that rests leaves no trail", () => {
+test("a paused recording adds no trail", () => {
   const made = session();
   const at = (time: number) => made.setPose({ time, devices: [device(3, 0, 0, [0, 0, 0])] } as unknown as Pose);
   for (let n = 0; n < 1000; n++) at(1.5);
@@ -116,7 +116,7 @@ test("a recording that rests leaves no trail", () => {
   assert.equal(made.trail.length, 2);
 });
 
-test("the same voxels elsewhere, or under other structures, are another scene", () => {
+test("equal voxels with another placement or other structures are another scene", () => {
   const scene = (affine: number, ...labels: number[]) =>
     ({
       volume: { hash: "h", patient_from_voxel: [affine] },

@@ -8,7 +8,7 @@ import { sliceAt, slicesAlong } from "../src/section/slices.js";
 const volume = (dims: Vec3, X: Affine): Volumes =>
   new Volumes("h", 1, dims, X, null, new Uint8Array(dims[0] * dims[1] * dims[2]), 1, 0);
 
-test("a plane along the grid has the grid's slices, from either side", () => {
+test("a plane aligned with the grid has the grid's slices, from either side", () => {
   // j from superior to inferior in steps of 2 mm, k to the right in steps of 0.5 mm
   const volumes = volume(
     [10, 20, 30],
@@ -29,7 +29,7 @@ test("a plane along the grid has the grid's slices, from either side", () => {
   );
 });
 
-test("an oblique plane goes through the whole volume in steps of a voxel's shortest edge", () => {
+test("the slices of an oblique plane cover the volume in steps of a voxel's shortest edge", () => {
   const volumes = volume(
     [11, 11, 11],
     [
@@ -42,7 +42,7 @@ test("an oblique plane goes through the whole volume in steps of a voxel's short
   assert.deepEqual(slicesAlong(volumes, [0.6, 0.8, 0]), { first_mm: 0, step_mm: 1, count: 15 });
 });
 
-test("a slab is looked at twice for each voxel that it goes through, and in its middle", () => {
+test("a slab is sampled twice per voxel, and at its centre", () => {
   // slabs of 10 mm along slices of 1 mm, along pixels of 0.25 mm, and obliquely
   assert.equal(placesThrough([0, 0, 10], 2), 21);
   assert.equal(placesThrough([0, -40, 0], 2), 81);

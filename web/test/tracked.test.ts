@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { trackedText } from "../src/panels/tracked.js";
 
-test("a tracked tip's error is told with its bound, and what makes it doubtful", () => {
+test("the error of a tracked tip is displayed with its bound and warnings", () => {
   const told = { device: 0, seen: true, fre_mm: 0.31, tre_mm: 0.81, tre_95_mm: 1.42, far: false };
   assert.equal(trackedText(told), "TRE 0.8 mm, 95 %: 1.4 mm · FRE 0.3 mm");
   assert.equal(

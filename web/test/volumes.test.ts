@@ -30,7 +30,7 @@ const worldFromPatient: Affine = [
 const near = (a: readonly number[], b: readonly number[]) =>
   a.forEach((x, i) => assert.ok(Math.abs(x - b[i]!) < 1e-9, `${a} is not ${b}`));
 
-test("a shrunk voxel lies in the middle of those that it is the mean of", () => {
+test("a downsampled voxel lies at the centre of those it averages", () => {
   for (const shrink of [2, 4]) {
     const corners = [0, shrink - 1].map((i) => apply(grid, [i, i, i]));
     near(
@@ -40,14 +40,14 @@ test("a shrunk voxel lies in the middle of those that it is the mean of", () => 
   }
 });
 
-test("a volume is shrunk until it suits the device", () => {
+test("a volume is downsampled until it fits the device", () => {
   assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e7 }), 1);
   assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e6 * 2 }), 2);
   assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e5 * 2 }), 4);
   assert.equal(shrinkFor([600, 100, 100], { mostSide: 512, mostTexels: 1e9 }), 2);
 });
 
-test("a texel is a voxel where there is room, and else what is finest is coarsened first", () => {
+test("texels are voxels if memory allows, else the finest axis is coarsened first", () => {
   const card = { mostTexels: 64e6, mostSide: 2048 };
   assert.deepEqual(coarsening([100, 100, 100], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [1, 1, 1]);
   assert.deepEqual(coarsening([200, 200, 200], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [2, 2, 2]);
@@ -72,7 +72,7 @@ function cube(patientFromVoxel: Affine): Volumes {
   return new Volumes("h", 1, dims, patientFromVoxel, scan, structure, 2, -7);
 }
 
-test("values and structures are read at positions of the patient", () => {
+test("values and structures are sampled at positions in the patient", () => {
   for (const m of [grid, mirrored]) {
     const volumes = cube(m);
     assert.equal(volumes.valueAt(apply(m, [1.4, 2.4, 2.6])), 2 * 40 - 7);
@@ -139,7 +139,7 @@ function randomVolume(dims: Vec3, structures: number): { dims: Vec3; structure: 
   return { dims, structure, scan: Int16Array.from({ length: voxels }, () => Math.floor(2000 * random() - 1000)) };
 }
 
-test("a texel has what a sum over its neighbourhood says, in pieces too", () => {
+test("texels equal direct sums over their neighbourhoods, in pieces, too", () => {
   const volume = randomVolume([13, 11, 9], 3);
   for (const factor of FACTORS) {
     const field = fieldOf(volume, factor, 2);
@@ -165,7 +165,7 @@ test("a texel has what a sum over its neighbourhood says, in pieces too", () => 
   }
 });
 
-test("a box that changed is made anew, and nothing else", () => {
+test("only a changed box is recomputed", () => {
   for (const factor of FACTORS) {
     const volume = randomVolume([17, 14, 11], 3);
     const field = fieldOf(volume, factor);
@@ -186,7 +186,7 @@ test("a box that changed is made anew, and nothing else", () => {
   }
 });
 
-test("a ray's leap ends before the next block that holds anything that is shown", () => {
+test("a ray's leap ends before the next block with visible structures", () => {
   const dims: Vec3 = [80, 50, 40];
   const structure = new Uint8Array(80 * 50 * 40);
   structure[3 + 80 * (3 + 50 * 3)] = 1;
@@ -219,7 +219,7 @@ test("a ray's leap ends before the next block that holds anything that is shown"
   }
 });
 
-test("what texels cover is what their structures' opacities make solid or let through", () => {
+test("the coverage of texels follows the opacities of their structures", () => {
   const volume = randomVolume([13, 11, 9], 5);
   const looks = Uint8Array.from({ length: 1024 }, (_, n) =>
     n % 4 < 3 ? n & 255 : ([0, 255, 128, 255, 0, 1][n >> 2] ?? 0),
@@ -264,7 +264,7 @@ test("half floats are the values to eleven bits", () => {
   );
 });
 
-test("what is written into a volume is read there, and a picture of it has all its rays through it", () => {
+test("values written into a volume are read back, and all rays of its picture hit it", () => {
   for (const m of [grid, mirrored]) {
     const volumes = cube(m);
     volumes.write([7, 8, 9], [2, 1, 2], new Uint8Array([1, 2, 2, 1]));
@@ -289,7 +289,7 @@ test("what is written into a volume is read there, and a picture of it has all i
   }
 });
 
-test("seen from anterior, the patient's left is on picture right and the head on top", () => {
+test("in the anterior view, the patient's left is on image right and the head on top", () => {
   const camera = new Camera();
   camera.place(worldFromPatient);
   for (const rotation of [[1, 0, 0, 0], aboutAxis([1, 2, 3], 1.1)] as const) {
@@ -308,7 +308,7 @@ test("seen from anterior, the patient's left is on picture right and the head on
   }
 });
 
-test("a point of the picture leads back to the patient", () => {
+test("a point of the picture is unprojected to the patient", () => {
   const camera = new Camera();
   camera.place(worldFromPatient);
   camera.setRotation(aboutAxis([3, -1, 2], 0.8));
@@ -317,7 +317,7 @@ test("a point of the picture leads back to the patient", () => {
   near(camera.unproject(...camera.project(p), p), p);
 });
 
-test("dragging to the right brings the front to the right", () => {
+test("dragging to the right moves the front to the right", () => {
   const camera = new Camera();
   camera.place(worldFromPatient);
   camera.look("anterior");
@@ -327,7 +327,7 @@ test("dragging to the right brings the front to the right", () => {
   assert.ok(camera.project([0, -50, 0])[0] > x, `${front}`);
 });
 
-test("a stiffness slider goes by ratios and comes back", () => {
+test("a stiffness slider is logarithmic and invertible", () => {
   const limits: [number, number] = [0.01, 10];
   assert.equal(toSlider(0.01, limits), 0);
   assert.equal(toSlider(10, limits), 1);

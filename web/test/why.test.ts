@@ -25,12 +25,12 @@ const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
   ...other,
 });
 
-test("the spring says why, and in free space nothing does", () => {
+test("the explanation names the spring, and is empty in free space", () => {
   assert.equal(whyText(pressed(), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
   assert.equal(whyText(pressed({ flags: 0, askedForce: 0 }), [0, 0, 0]), "");
 });
 
-test("of several layers the list says what each gives", () => {
+test("for several layers the list replaces the explanation of the spring", () => {
   const felt = [
     { label: 1, depth: 10, share: 0.05 },
     { label: 2, depth: 5, share: 0.95 },
@@ -38,7 +38,7 @@ test("of several layers the list says what each gives", () => {
   assert.equal(whyText(pressed({ felt }), [0, 0, 1]), "");
 });
 
-test("what pulls along the surface is told where it is felt", () => {
+test("a perceptible tangential force is displayed", () => {
   assert.equal(
     whyText(pressed({ askedForce: Math.hypot(1, 0.2) }), [0.2, 0, 1]),
     "0.500 mm deep at 2.00 N/mm · 0.200 N along the surface",
@@ -46,7 +46,7 @@ test("what pulls along the surface is told where it is felt", () => {
   assert.equal(whyText(pressed(), [0.03, 0, 1]), "0.500 mm deep at 2.00 N/mm");
 });
 
-test("what the hand does not get is told with the reason, of several the one that bounds most", () => {
+test("a reduction of the force is displayed with its most likely reason", () => {
   const less = (flags: number) => whyText(pressed({ askedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
   assert.equal(less(Flag.clamped), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: force limit");
   assert.equal(

@@ -37,7 +37,7 @@ function written(devices: number): DataView {
   return view;
 }
 
-test("a pose is read by the table of the protocol", () => {
+test("a pose is decoded as specified by the protocol", () => {
   const pose = decodePose(written(2).buffer as ArrayBuffer);
   assert.equal(pose.sequence, 4_294_967_301);
   assert.equal(pose.tick, 1234);
@@ -88,7 +88,7 @@ test("a pose is read by the table of the protocol", () => {
   ]);
 });
 
-test("whatever is no whole pose is refused", () => {
+test("anything but a complete pose is refused", () => {
   const refused = (change: (view: DataView) => void) => {
     const view = written(1);
     change(view);
@@ -105,7 +105,7 @@ test("whatever is no whole pose is refused", () => {
     assert.throws(() => decodePose(whole.slice(0, bytes)), WireError);
 });
 
-test("random bytes never do anything else than to be refused", () => {
+test("random bytes are always refused", () => {
   let seed = Date.now() & 0x7fffffff;
   const began = seed;
   const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff);

@@ -20,7 +20,7 @@ function messages(of: object, path = ""): [string, string][] {
 const marks = (text: string): string[] =>
   [...text.matchAll(/‹\d›|`[^`]*`/g)].map(([mark]) => (mark.startsWith("`") ? "`" : mark)).sort();
 
-test("every language has every message, with the same gaps and as many keys", async () => {
+test("every language has every message, with equal parameters and numbers of keys", async () => {
   const english = messages(en);
   for (const [name, fetchWords] of Object.entries(LANGUAGES)) {
     const own = messages(await fetchWords());
@@ -36,14 +36,14 @@ test("every language has every message, with the same gaps and as many keys", as
   }
 });
 
-test("the browser's first language that the page speaks is taken, and English where there is none", () => {
+test("the first supported language of the browser is selected, else English", () => {
   assert.equal(preferred(["xx-XX", "de-AT", "en"]), "de");
   assert.equal(preferred(["EN-gb", "de"]), "en");
   assert.equal(preferred(["xx", "toString"]), "en");
   assert.equal(preferred([]), "en");
 });
 
-test("the page's text comes from the words", () => {
+test("the page has no text outside the catalogues", () => {
   const html = readFileSync("index.html", "utf8");
   // the menu of languages has each one by its own name
   const choices = [...html.matchAll(/<option value="(\w+)" lang="(\w+)" title="([^"]+)">(\w+)<\/option>/g)];
@@ -156,7 +156,7 @@ function ownWords(file: string, source: string): string[] {
   return found;
 }
 
-test("the sources write no words of their own", () => {
+test("the sources have no text outside the catalogues", () => {
   assert.deepEqual(
     ownWords(
       "example.ts",

@@ -51,7 +51,7 @@ function written(
 const rest = (device: number) => written(() => [0, 0, 0], { dims: [0, 0, 0], lo: [0, 0, 0], size: [0, 0, 0], device });
 const decoded = (view: DataView) => decodeYield(view.buffer as ArrayBuffer);
 
-test("tissue that yields is read by the table of the protocol", () => {
+test("deformation is decoded as specified by the protocol", () => {
   const moved = (i: number, j: number, k: number): Vec3 => [0.1 * i, -0.2 * j, k];
   const { device, frame, nodes, moved_mm } = decoded(written(moved, { device: 2 }));
   assert.deepEqual([device, frame, nodes!.dims], [2, 77, [12, 10, 9]]);
@@ -75,7 +75,7 @@ test("tissue that yields is read by the table of the protocol", () => {
   assert.ok(isYield(rest(1).buffer as ArrayBuffer) && !isYield(new ArrayBuffer(392)) && !isYield(new ArrayBuffer(2)));
 });
 
-test("whatever is no whole message of tissue is refused", () => {
+test("anything but a complete deformation message is refused", () => {
   const refused = (change: (view: DataView) => void) => {
     const view = written(() => [1, 1, 1]);
     change(view);
@@ -104,7 +104,7 @@ test("whatever is no whole message of tissue is refused", () => {
   assert.throws(() => decodeYield(new ArrayBuffer(whole.byteLength + 1)), WireError);
 });
 
-test("random bytes of tissue never do anything else than to be refused, or make a field without a gap", () => {
+test("random deformation messages are refused or give a field without gaps", () => {
   let seed = Date.now() & 0x7fffffff;
   const began = seed;
   const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff) >> 8;
@@ -130,7 +130,7 @@ test("random bytes of tissue never do anything else than to be refused, or make 
 const bump = (node: Vec3, middle: Vec3, mm: Vec3): Vec3 =>
   mm.map((x) => x * Math.exp(-(length(sub(node, middle)) ** 2) / 4)) as Vec3;
 
-test("pictures look up where tissue came from, and know nothing of what is not told any more", () => {
+test("pictures look up rest positions, and tissue that is no longer reported is undeformed", () => {
   const yields = new Yields();
   const mm: Vec3 = [1.2, -0.8, 0.9];
   yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9] })));
@@ -189,7 +189,7 @@ test("pictures look up where tissue came from, and know nothing of what is not t
   assert.deepEqual(yields.movedAt(place), [0, 0, 0]);
 });
 
-test("two devices' tissue is in one grid, and adds up", () => {
+test("deformations by two devices share a grid and add up", () => {
   const yields = new Yields();
   const told = (device: number, first: Vec3, mm: Vec3) =>
     yields.tell(
@@ -222,7 +222,7 @@ test("two devices' tissue is in one grid, and adds up", () => {
   );
 });
 
-test("where there is nothing, what lies beside tissue that moves goes along; where something is, it stays", () => {
+test("positions next to moving tissue move along in empty space and stay inside structures", () => {
   const yields = new Yields();
   const straight: Vec3[] = [
     [1, 0, 0],
