@@ -149,7 +149,7 @@ export function openToTests(page: Page): void {
       return page.scope.now?.frame() ?? null;
     },
     get scopeWords() {
-      return page.scope.now?.told ?? "";
+      return page.scope.now?.caption ?? "";
     },
     get isScopeSharp() {
       return page.scope.now?.isSharp === true;

@@ -16,7 +16,7 @@ import {
 import { boxSection, runs } from "../src/drawing/in_volume.js";
 import { Volumes } from "../src/protocol/scene.js";
 import { OPTICS_DEG, Scope, standOff } from "../src/volume/scope.js";
-import { firstFelt, Ground, wayTo } from "../src/volume/touch.js";
+import { firstFelt, Ground, pathTo } from "../src/volume/touch.js";
 import { Found, viewOf } from "../src/volume/view.js";
 
 const near = (a: readonly number[], b: readonly number[], within = 1e-9) =>
@@ -200,11 +200,11 @@ test("the path of the tip to a surface avoids felt structures", () => {
       [6, 0],
     ] as const) {
       const surface = firstFelt(volumes, isFelt, [x, -100, z], into)!;
-      const way = wayTo(isFelt, tip, surface, into, 0.5);
+      const path = pathTo(isFelt, tip, surface, into, 0.5);
       let from = tip,
         hasLeft = false,
         through_mm = 0;
-      for (const to of way.slice(0, -1)) {
+      for (const to of path.slice(0, -1)) {
         for (let n = 0; n <= 200; n++) {
           const felt = isFelt(add(from, scale(sub(to, from), n / 200)));
           hasLeft ||= !felt;
@@ -214,8 +214,8 @@ test("the path of the tip to a surface avoids felt structures", () => {
         }
         from = to;
       }
-      assert.ok(isFelt(way.at(-1)!), "and it is felt at the end");
-      assert.ok(length(sub(way.at(-1)!, surface)) < 1);
+      assert.ok(isFelt(path.at(-1)!), "and it is felt at the end");
+      assert.ok(length(sub(path.at(-1)!, surface)) < 1);
     }
   }
 });

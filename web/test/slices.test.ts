@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import type { Affine, Vec3 } from "../src/base/geometry.js";
 import { Volumes } from "../src/protocol/scene.js";
-import { placesThrough } from "../src/section/slicer.js";
+import { samplesThrough } from "../src/section/slicer.js";
 import { sliceAt, slicesAlong } from "../src/section/slices.js";
 
 const volume = (dims: Vec3, X: Affine): Volumes =>
@@ -44,14 +44,14 @@ test("the slices of an oblique plane cover the volume in steps of a voxel's shor
 
 test("a slab is sampled twice per voxel, and at its centre", () => {
   // slabs of 10 mm along slices of 1 mm, along pixels of 0.25 mm, and obliquely
-  assert.equal(placesThrough([0, 0, 10], 2), 21);
-  assert.equal(placesThrough([0, -40, 0], 2), 81);
-  assert.equal(placesThrough([20, -30.2, 4], 2), 63);
-  assert.equal(placesThrough([0, 0, 10], 1), 11);
-  assert.equal(placesThrough([0.1, 0, 0], 2), 3);
+  assert.equal(samplesThrough([0, 0, 10], 2), 21);
+  assert.equal(samplesThrough([0, -40, 0], 2), 81);
+  assert.equal(samplesThrough([20, -30.2, 4], 2), 63);
+  assert.equal(samplesThrough([0, 0, 10], 1), 11);
+  assert.equal(samplesThrough([0.1, 0, 0], 2), 3);
   for (const mm of [1, 2.3, 7, 50])
     for (const density of [1, 2]) {
-      const places = placesThrough([0, 0, mm], density);
+      const places = samplesThrough([0, 0, mm], density);
       assert.equal(places % 2, 1);
       assert.ok(mm / (places - 1) <= 1 / density);
     }

@@ -16,7 +16,7 @@ export function announce(text: string): void {
 }
 
 /** Discards pending announcements; to be called after a change of the language. */
-export function hush(): void {
+export function discardAnnouncements(): void {
   clearTimeout(timer);
   waiting = [];
   byId("spoken").textContent = "";

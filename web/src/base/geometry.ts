@@ -20,7 +20,7 @@ export const normalize = (a: Vec3): Vec3 => scale(a, 1 / (length(a) || 1));
 /** Component of `a` orthogonal to the unit vector `n`. */
 export const reject = (a: Vec3, n: Vec3): Vec3 => sub(a, scale(n, dot(a, n)));
 /** Two unit vectors that form an orthonormal basis with a unit vector. */
-export function besides(n: Vec3): [Vec3, Vec3] {
+export function tangents(n: Vec3): [Vec3, Vec3] {
   const first = normalize(reject(Math.abs(n[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0], n));
   return [first, cross(n, first)];
 }

@@ -9,7 +9,7 @@ const waiting: (() => void)[] = [];
 let port: MessagePort | null = null; // posts a message that is handled after all pending tasks
 
 /** Yields to all pending tasks, by a message port, because browsers throttle timers of background pages to 1 s. */
-export function breathe(): Promise<void> {
+export function nextTask(): Promise<void> {
   if (!port) {
     const { port1, port2 } = new MessageChannel();
     port1.onmessage = () => waiting.shift()!();
@@ -25,7 +25,7 @@ export function breathe(): Promise<void> {
 export async function inPieces(count: number, most: number, work: (from: number, to: number) => void): Promise<void> {
   for (let from = 0; from < count; from += most) {
     work(from, Math.min(from + most, count));
-    await breathe();
+    await nextTask();
   }
 }
 

@@ -57,7 +57,7 @@ export class Displacement {
  */
 export const MOVED = `
 #if DISPLACED
-uniform highp sampler3D displacement; // of nodes, mm
+uniform highp sampler3D displacement; // displacement at nodes, mm
 uniform mat4x3 nodeFromVoxel;
 uniform mat3 voxelFromMm;
 #if STRAIN
@@ -71,8 +71,8 @@ float strain(vec3 voxel) {
   vec3 step = 1.0 / size;
   mat3 byNode;
   for (int axis = 0; axis < 3; axis++) {
-    vec3 way = vec3(axis == 0, axis == 1, axis == 2) * step;
-    byNode[axis] = 0.5 * (texture(displacement, node + way).xyz - texture(displacement, node - way).xyz);
+    vec3 offset = vec3(axis == 0, axis == 1, axis == 2) * step;
+    byNode[axis] = 0.5 * (texture(displacement, node + offset).xyz - texture(displacement, node - offset).xyz);
   }
   mat3 slope = byNode * nodeFromMm;
   mat3 by = -0.5 * (slope + transpose(slope) + transpose(slope) * slope);

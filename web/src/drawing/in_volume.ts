@@ -1,7 +1,7 @@
 // Overlays on a picture of the volume, positioned in 3-D and dashed where a solid surface occludes them.
 
 import { quantity } from "../words/figures.js";
-import { add, apply, besides, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
+import { add, apply, tangents, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
 import { line, text, type Frame } from "./overlay.js";
 import type { Volumes } from "../protocol/scene.js";
 
@@ -97,7 +97,7 @@ export function drawShaft(
       line(frame, begin, end, 1.3, colour, run.isHidden ? [3, 4] : []);
     }
     // round ends
-    for (const [end, at, way] of [
+    for (const [end, at, phase] of [
       [from, run.from, 0],
       [to, run.to, Math.PI],
     ] as const) {
@@ -109,8 +109,8 @@ export function drawShaft(
         x,
         y,
         Math.max(1.5 * ratio, radiusAt(end) * seen.pixelsPerMm(end)),
-        towards + way,
-        towards + way + Math.PI,
+        towards + phase,
+        towards + phase + Math.PI,
       );
       context.lineWidth = 1.3 * ratio;
       context.strokeStyle = colour;
@@ -133,7 +133,7 @@ export function drawHeight(
   const colour = "rgba(238, 243, 245, 0.8)";
   const up = scale(sub(tool, foot), 1 / height_mm);
   // shadow: a disc orthogonal to the line
-  const [aside, forward] = besides(up);
+  const [aside, forward] = tangents(up);
   const size = Math.max(1.2, radius_mm);
   context.save();
   context.beginPath();

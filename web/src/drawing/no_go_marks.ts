@@ -2,7 +2,7 @@
 // to push; while a region pushes, a border around the picture and a text. Colour is never the only cue.
 
 import { quantity } from "../words/figures.js";
-import { add, besides, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
+import { add, tangents, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
 import { boxSection, drawLine, type InVolume } from "./in_volume.js";
 import { line, ring, text, type Frame } from "./overlay.js";
 import type { Volumes } from "../protocol/scene.js";
@@ -43,16 +43,17 @@ function drawBorder(
   const size = length(free);
   // parallel planes do not intersect
   if (size < 1e-3) return;
-  const way = scale(free, 1 / size);
-  const on = add(plane.centre, scale(way, dot(sub(point, plane.centre), outward) / size));
+  const direction = scale(free, 1 / size);
+  const on = add(plane.centre, scale(direction, dot(sub(point, plane.centre), outward) / size));
   const far_mm = Math.hypot(frame.width, frame.height) * mmPerPixel;
   if (length(sub(on, plane.centre)) > far_mm) return;
   const along: Vec3 = [
-    way[1] * normal[2] - way[2] * normal[1],
-    way[2] * normal[0] - way[0] * normal[2],
-    way[0] * normal[1] - way[1] * normal[0],
+    direction[1] * normal[2] - direction[2] * normal[1],
+    direction[2] * normal[0] - direction[0] * normal[2],
+    direction[0] * normal[1] - direction[1] * normal[0],
   ];
-  const at = (mm: number, back_mm = 0): [number, number] => pixel(add(on, add(scale(along, mm), scale(way, -back_mm))));
+  const at = (mm: number, back_mm = 0): [number, number] =>
+    pixel(add(on, add(scale(along, mm), scale(direction, -back_mm))));
   if (isWhereItPushes) return line(frame, at(-far_mm), at(far_mm), 1.4, NO_GO, [5, 5]);
   twice((thick, colour) => line(frame, at(-far_mm), at(far_mm), thick, colour));
   // hatching on the forbidden side
@@ -102,7 +103,7 @@ function hatchDisc(frame: Frame, [x, y]: [number, number], radius: number): void
 export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session, volumes: Volumes): void {
   for (const { plane, ball } of session.scene!.no_go) {
     if (plane) {
-      const [right, down] = besides(plane.outward);
+      const [right, down] = tangents(plane.outward);
       const corners = boxSection({ centre: plane.point_mm, right, down }, volumes);
       corners.forEach((corner, n) => drawLine(frame, seen, corner, corners[(n + 1) % corners.length]!, 1.8, NO_GO, 1));
       // short strokes on the forbidden side

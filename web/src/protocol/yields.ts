@@ -200,15 +200,15 @@ class Field {
 
 /** Deformation by all devices, from the latest report of each. */
 export class Yields {
-  private readonly told: (Yield | undefined)[] = [];
+  private readonly latest: (Yield | undefined)[] = [];
   private seen: Field[] = []; // fields of the latest call of displaced()
 
   tell(told: Yield): void {
-    this.told[told.device] = told;
+    this.latest[told.device] = told;
   }
   /** Discards everything; each connection reports again in full. */
   forget(): void {
-    this.told.length = 0;
+    this.latest.length = 0;
     this.seen = [];
   }
 
@@ -227,7 +227,7 @@ export class Yields {
    * @returns null without deformation
    */
   displaced(isEmptyAt: (p: Vec3) => boolean): { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null {
-    const fields = this.told.flatMap((one) => (one?.nodes ? [new Field(one.nodes, one.moved_mm, isEmptyAt)] : []));
+    const fields = this.latest.flatMap((one) => (one?.nodes ? [new Field(one.nodes, one.moved_mm, isEmptyAt)] : []));
     this.seen = fields;
     if (fields.length === 0) return null;
     const nodes = nodesAround(fields);

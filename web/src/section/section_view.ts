@@ -392,13 +392,13 @@ export class SectionView {
   private step(count: number, by = "keys"): void {
     if (!this.session.volumes) return;
     const normal = normalOf(this.plane);
-    const way = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
+    const shift = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
     if (this.held) {
-      this.held = add(this.held, way);
+      this.held = add(this.held, shift);
       this.pointer.move(this.held);
     } else {
       // the displayed normal may be opposite to the stored one
-      this.change(by, () => (this.offset_mm += dot(way, this.normal)));
+      this.change(by, () => (this.offset_mm += dot(shift, this.normal)));
     }
     this.session.touch();
   }
@@ -418,7 +418,7 @@ export class SectionView {
       if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
       if (this.pointers.size > 1) {
         this.dropPlan();
-        return this.letGo();
+        return this.release();
       }
       if (event.button !== 0) return;
       if (session.tool === "touch" && this.pointer.isTaken) {
@@ -448,7 +448,7 @@ export class SectionView {
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
-      this.letGo();
+      this.release();
       if (this.plans) {
         this.plans = false;
         if (event.type === "pointerup")
@@ -506,7 +506,7 @@ export class SectionView {
       if (!event.repeat) this.history.gesture += 1;
       action();
     });
-    const keyUp = () => this.byKeys && this.letGo();
+    const keyUp = () => this.byKeys && this.release();
     surface.addEventListener("keyup", keyUp);
     surface.addEventListener("blur", keyUp);
   }
@@ -522,7 +522,7 @@ export class SectionView {
     this.plans = false;
     this.session.plans.drop();
   }
-  private letGo(): void {
+  private release(): void {
     if (!this.held) return;
     this.held = null;
     this.byKeys = false;
@@ -535,7 +535,7 @@ export class SectionView {
    */
   private moveTipByKey(key: string): boolean {
     const { right, down } = this.plane;
-    const ways: Record<string, Vec3> = {
+    const directions: Record<string, Vec3> = {
       ArrowLeft: scale(right, -1),
       ArrowRight: right,
       ArrowUp: scale(down, -1),
@@ -543,10 +543,11 @@ export class SectionView {
       PageUp: scale(normalOf(this.plane), -1),
       PageDown: normalOf(this.plane),
     };
-    const way = ways[key];
+    const direction = directions[key];
     const tip = this.pointer.position ?? this.session.pose?.devices[0]?.tip;
-    if (!way || !tip || this.session.tool !== "touch" || !this.pointer.isTaken || this.pointers.size > 0) return false;
-    const to = add(this.held ?? tip, scale(way, KEY_STEP_PIXELS * this.mmPerPixel));
+    if (!direction || !tip || this.session.tool !== "touch" || !this.pointer.isTaken || this.pointers.size > 0)
+      return false;
+    const to = add(this.held ?? tip, scale(direction, KEY_STEP_PIXELS * this.mmPerPixel));
     if (!this.byKeys) this.pointer.hold(to, false);
     this.byKeys = true;
     this.holdAt(to);

@@ -29,22 +29,22 @@ precision highp float;
 precision highp isampler3D;
 precision highp usampler3D;
 // as stored, in an integer texture, which keeps all 16 bits but does not interpolate
-uniform isampler3D scan;      
+uniform isampler3D scan;
 uniform usampler3D structures;
-uniform sampler2D colours;     // of structures; alpha: opacity
-uniform vec3 origin;           // voxel of the pixel's corner (0, 0) on top left
-uniform vec3 acrossStep;       // voxels a pixel
+uniform sampler2D colours;     // RGBA of structures; alpha: opacity
+uniform vec3 origin;           // position of the top left corner of the picture, voxels
+uniform vec3 acrossStep;       // voxels per pixel
 uniform vec3 downStep;
 #if SLAB
-uniform int samples;           // of the scan, through the slab: an odd number
-uniform vec3 throughStep;      // voxels from one to the next
-uniform int kind;              // what is shown of them: 0 the mean, 1 the largest, 2 the least
+uniform int samples;           // number of samples through the slab, odd
+uniform vec3 throughStep;      // voxels between samples
+uniform int kind;              // projection: 0 mean, 1 maximum, 2 minimum
 #endif
 uniform vec3 dims;
 uniform float height;
-uniform vec2 window;           // least and largest value
+uniform vec2 window;           // lower and upper end
 uniform bool hasScan;
-uniform float fill;            // 0 ... 1
+uniform float fill;            // opacity of structures, 0 to 1
 uniform bool outlines;
 out vec4 colour;
 ${MOVED}
@@ -399,7 +399,7 @@ export class Slicer {
   cost_msOf(plane: Plane, slab: Slab, pixels: number): number {
     const { place_ms } = this;
     if (!this.volumes || slab.kind === "none") return place_ms.plane * pixels;
-    return (place_ms.slab ?? place_ms.plane) * placesThrough(this.through(plane, slab.mm), FINE) * pixels;
+    return (place_ms.slab ?? place_ms.plane) * samplesThrough(this.through(plane, slab.mm), FINE) * pixels;
   }
 
   /** Draws a band of a plane into a context; without volumes, clears it. */
@@ -448,7 +448,7 @@ export class Slicer {
     gl.uniform1f(this.at("fill"), style.fill);
     gl.uniform1i(this.at("outlines"), style.outlines ? 1 : 0);
     const through = this.through(plane, mm);
-    const places = kind === "none" ? 1 : placesThrough(through, reduction > 1 ? COARSE : FINE);
+    const places = kind === "none" ? 1 : samplesThrough(through, reduction > 1 ? COARSE : FINE);
     if (kind !== "none") {
       gl.uniform1i(this.at("samples"), places);
       gl.uniform3fv(this.at("throughStep"), scale(through, 1 / (places - 1)));
@@ -479,5 +479,5 @@ export class Slicer {
  * @param density  samples per voxel along the axis with the most voxels; with FINE each extremum is within a quarter
  *   of a voxel of a sample
  */
-export const placesThrough = (through: Vec3, density: number): number =>
+export const samplesThrough = (through: Vec3, density: number): number =>
   2 * Math.max(1, Math.ceil((density * Math.max(...through.map(Math.abs))) / 2)) + 1;

@@ -21,7 +21,7 @@ import { onLanguage } from "../words/language.js";
 import { Plot } from "../panels/plots.js";
 import { refusalText, type Requests } from "../state/requests.js";
 import { readable, type Session } from "../state/session.js";
-import { drawPatches, drawPlace, drawRegion, drawWay } from "./training_marks.js";
+import { drawPatches, drawPlace, drawRegion, drawPath } from "./training_marks.js";
 import type { VolumeView } from "../volume/volume_view.js";
 import { says, words, type Message } from "../words/words.js";
 
@@ -42,16 +42,16 @@ export class Training {
   debriefing: Debriefing | null = null;
   private tasks: Task[] = [];
   private chosen = ""; // name of the selected task; "": none
-  private left = 0; // number of the run whose results were closed
-  private toldEvents = 0; // number of events of the run that were announced
-  private toldRun = 0;
+  private closedRun = 0; // number of the run whose results were closed
+  private announcedEvents = 0; // number of events of the run that were announced
+  private liveRun = 0;
   private warning = { text: "", until_ms: -Infinity };
   private plots: Plot[] = [];
   private listed = ""; // key of the displayed list of steps
   private tookFocus = false; // the panel had the focus before the run was stored
-  private looked = -1; // step whose region the camera shows; -1: none
+  private viewedStep = -1; // step whose region the camera shows; -1: none
   private shownRun = 0; // number of the run whose results are displayed
-  private spokenRun = 0; // number of the run whose result was announced
+  private announcedRun = 0; // number of the run whose result was announced
   private scopedRun = 0; // number of the run for which the scope was set
   private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
 
@@ -61,7 +61,7 @@ export class Training {
     private readonly requests: Requests,
     private readonly volume: VolumeView,
     private readonly hide: Hide,
-    private readonly lookBy: (scope: TaskScope) => void,
+    private readonly setScope: (scope: TaskScope) => void,
   ) {
     byId("task").addEventListener("change", (event) => this.choose((event.target as HTMLSelectElement).value));
     byId("task-begin").addEventListener("click", () => this.begin());
@@ -92,7 +92,7 @@ export class Training {
       this.tasks = scene.tasks ?? [];
       // keeps the task of a run that was reported before the scene
       if (!this.task) this.chosen = this.tasks.length === 1 ? this.tasks[0].name : "";
-      this.looked = -1;
+      this.viewedStep = -1;
       this.listed = "";
     }
     byId("training").hidden = this.tasks.length === 0;
@@ -103,21 +103,21 @@ export class Training {
     byId("task-line").hidden = this.tasks.length < 2;
     this.update();
     // a single task is the one that the session was started for
-    if (isNew && this.tasks.length === 1) this.lookAtStep(0, false);
+    if (isNew && this.tasks.length === 1) this.viewStep(0, false);
   }
   tell(run: TaskRun): void {
     const before = this.run;
     this.run = run;
     if (run.phase === "running" && (before?.phase !== "running" || before.run !== run.run)) {
       this.debriefing = null;
-      this.toldRun = run.run;
+      this.liveRun = run.run;
       // past events of a run already in progress are not announced
-      this.toldEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
+      this.announcedEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
       this.warning = { text: "", until_ms: -Infinity };
       if (before && !this.isPlayed)
         announce(words.taskBegun(this.tasks.find(({ name }) => name === run.task)?.title ?? ""));
     }
-    if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.left !== run.run))
+    if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.closedRun !== run.run))
       this.chosen = run.task;
     this.tellEvents();
     this.update();
@@ -129,25 +129,25 @@ export class Training {
   /** Discards runs, because another connection may have another session, which counts runs from 1 again. */
   beginAnew(): void {
     this.run = this.debriefing = null;
-    this.shownRun = this.spokenRun = this.scopedRun = this.left = this.toldRun = this.toldEvents = 0;
+    this.shownRun = this.announcedRun = this.scopedRun = this.closedRun = this.liveRun = this.announcedEvents = 0;
     this.plots = [];
     this.update();
   }
 
   private choose(name: string): void {
     this.chosen = name;
-    this.left = this.run?.run ?? 0;
+    this.closedRun = this.run?.run ?? 0;
     this.listed = "";
-    this.looked = -1;
+    this.viewedStep = -1;
     this.update();
-    if (this.task) this.lookAtStep(0);
+    if (this.task) this.viewStep(0);
   }
   private begin(): void {
     if (this.task) void this.requests.once({ type: "task", begin: this.task.name });
   }
   /** Returns from the results to the briefing. */
   private leave(): void {
-    this.left = this.run?.run ?? 0;
+    this.closedRun = this.run?.run ?? 0;
     this.update();
     byId("task-title").focus();
   }
@@ -226,11 +226,11 @@ export class Training {
   /** Announces each event once. */
   private tellEvents(): void {
     const { run, task } = this;
-    if (!run || !task || run.run !== this.toldRun) return;
+    if (!run || !task || run.run !== this.liveRun) return;
     const all = run.events_before + run.events.length;
-    const fresh = Math.min(run.events.length, all - this.toldEvents);
+    const fresh = Math.min(run.events.length, all - this.announcedEvents);
     if (fresh > 0) for (const event of run.events.slice(-fresh)) announce(this.eventText(task, event));
-    this.toldEvents = all;
+    this.announcedEvents = all;
   }
 
   private speak(): void {
@@ -244,22 +244,22 @@ export class Training {
   /** Enables the controls that this viewer may use now. */
   allow(): void {
     const { connection, session } = this;
-    const isAnothers = session.state?.lesson.of_another === true;
-    const isAllowed = connection.allows("hand") && !isAnothers;
+    const isOthersTurn = session.state?.lesson.of_another === true;
+    const isAllowed = connection.allows("hand") && !isOthersTurn;
     // whoever leads a lesson needs no control of the device
     const isOthers = session.state?.pointer_by === "viewer" && !connection.allows("lesson");
     for (const id of ["task-begin", "task-end", "task-again"])
       byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
-    const keeps = connection.allows("own_runs") || this.run?.keeps === true;
+    const areRunsSaved = connection.allows("own_runs") || this.run?.keeps === true;
     const note = this.isPlayed
       ? words.taskPlayed
       : connection.link === "connected" && !connection.allows("hand")
         ? words.taskWatch
-        : isAnothers
+        : isOthersTurn
           ? words.lessonOfAnother
           : isOthers
             ? words.taskOthers
-            : keeps
+            : areRunsSaved
               ? words.taskKept
               : words.taskNotKept;
     write(byId("task-note"), note);
@@ -284,12 +284,12 @@ export class Training {
       this.debriefing !== null &&
       run?.phase === "over" &&
       this.debriefing.run === run.run &&
-      this.left !== run.run &&
+      this.closedRun !== run.run &&
       this.debriefing.task === task?.name;
     // once per run, because the user may have moved the scope since
     if (isRunning && task?.scope && this.scopedRun !== run.run) {
       this.scopedRun = run.run;
-      this.lookBy(task.scope);
+      this.setScope(task.scope);
     }
     this.view = !task ? "none" : isRunning ? "running" : isOver ? "debriefing" : "briefing";
     const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
@@ -335,9 +335,9 @@ export class Training {
   }
 
   private listSteps(task: Task): void {
-    const made = [task.name, this.session.quiz !== null, words.now].join();
-    if (made === this.listed) return;
-    this.listed = made;
+    const listing = [task.name, this.session.quiz !== null, words.now].join();
+    if (listing === this.listed) return;
+    this.listed = listing;
     byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));
     byId("task-steps").replaceChildren(
       ...task.steps.map((step, n) => {
@@ -346,7 +346,7 @@ export class Training {
           { text: "where", label: "whereIs" },
           step.name,
         );
-        where.addEventListener("click", () => this.lookAtStep(n));
+        where.addEventListener("click", () => this.viewStep(n));
         return element(
           "li",
           {},
@@ -440,18 +440,18 @@ export class Training {
       meter.hidden = state !== "current";
       meter.value = run?.share[n] ?? 0;
     });
-    if (view === "running" && current >= 0 && current !== this.looked && this.looked >= 0) {
-      this.looked = current;
+    if (view === "running" && current >= 0 && current !== this.viewedStep && this.viewedStep >= 0) {
+      this.viewedStep = current;
       byId("task-steps").children[current]?.scrollIntoView({ block: "nearest" });
     }
   }
 
   private showRun(task: Task, run: TaskRun): void {
-    const left =
+    const remaining =
       task.time_limit_s === null ? "" : ` · ${words.timeLeft(seconds(Math.max(0, task.time_limit_s - run.time_s)))}`;
     write(
       byId("task-time"),
-      run.phase === "keeping" ? words.beingKept : `${words.underWay(seconds(run.time_s))}${left}`,
+      run.phase === "keeping" ? words.beingKept : `${words.underWay(seconds(run.time_s))}${remaining}`,
     );
     task.forces.forEach(({ band_N, limit_N }, n) => {
       const { said, bar, value } = this.bars[n]!;
@@ -500,32 +500,32 @@ export class Training {
     write(byId("task-warning"), isShown ? this.warning.text : "");
   }
 
-  private showDebriefing(task: Task, told: Debriefing): void {
-    if (this.shownRun === told.run) return;
-    this.shownRun = told.run;
-    const isNews = this.toldRun === told.run && this.spokenRun !== told.run;
-    byId("verdict").dataset.inBand = String(told.in_band);
-    const row = words.inARow(String(told.in_a_row), String(task.in_a_row));
-    const verdict = told.in_band ? `✓ ${words.runIn}` : `✗ ${words.runOut}`;
-    write(byId("verdict"), `${verdict} · ${told.in_a_row >= task.in_a_row ? words.passed : row}`);
+  private showDebriefing(task: Task, result: Debriefing): void {
+    if (this.shownRun === result.run) return;
+    this.shownRun = result.run;
+    const isLive = this.liveRun === result.run && this.announcedRun !== result.run;
+    byId("verdict").dataset.inBand = String(result.in_band);
+    const row = words.inARow(String(result.in_a_row), String(task.in_a_row));
+    const verdict = result.in_band ? `✓ ${words.runIn}` : `✗ ${words.runOut}`;
+    write(byId("verdict"), `${verdict} · ${result.in_a_row >= task.in_a_row ? words.passed : row}`);
     write(
       byId("verdict-more"),
       [
-        words.tookAndEnded(seconds(told.time_s), words.endedBy[told.end]),
-        ...(told.missing_s > 0 ? [words.ticksMissing(seconds(told.missing_s))] : []),
-        told.kept !== null
-          ? words.keptAs(String(told.kept))
-          : told.not_kept
-            ? words.notKept(refusalText(told.not_kept))
+        words.tookAndEnded(seconds(result.time_s), words.endedBy[result.end]),
+        ...(result.missing_s > 0 ? [words.ticksMissing(seconds(result.missing_s))] : []),
+        result.kept !== null
+          ? words.keptAs(String(result.kept))
+          : result.not_kept
+            ? words.notKept(refusalText(result.not_kept))
             : words.keptNowhere,
-        words.runsSoFar(String(told.runs)),
-        words.ticksOfRun(String(told.first_tick), String(told.last_tick)),
+        words.runsSoFar(String(result.runs)),
+        words.ticksOfRun(String(result.first_tick), String(result.last_tick)),
       ].join(" "),
     );
 
     // only results of a run that was observed live are announced
-    if (isNews) announce(byId("verdict").textContent ?? "");
-    this.spokenRun = told.run;
+    if (isLive) announce(byId("verdict").textContent ?? "");
+    this.announcedRun = result.run;
     const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
     byId("figures").replaceChildren(
       says(element("caption"), { text: "figuresAbout" }),
@@ -538,7 +538,7 @@ export class Training {
         "tbody",
         {},
         ...task.metrics.map((metric, n) => {
-          const { value, in_band, best } = told.metrics[n]!;
+          const { value, in_band, best } = result.metrics[n]!;
           const counts = metric.at_least !== null || metric.at_most !== null;
           const verdict = !counts
             ? []
@@ -566,10 +566,10 @@ export class Training {
         }),
       ),
     );
-    this.plotRun(task, told);
+    this.plotRun(task, result);
 
-    const events = told.events.slice(0, MOST_EVENTS);
-    const left = told.events.length - events.length + told.more_events;
+    const events = result.events.slice(0, MOST_EVENTS);
+    const omitted = result.events.length - events.length + result.more_events;
     byId("run-events").replaceChildren(
       ...events.map((event) =>
         element(
@@ -580,16 +580,16 @@ export class Training {
           this.eventText(task, event),
         ),
       ),
-      ...(left > 0 ? [element("li", { className: "quiet" }, words.moreEvents(String(left)))] : []),
+      ...(omitted > 0 ? [element("li", { className: "quiet" }, words.moreEvents(String(omitted)))] : []),
     );
-    byId("show-coverage-line").hidden = told.patches.length === 0;
+    byId("show-coverage-line").hidden = result.patches.length === 0;
     this.session.touch();
   }
   private mark({ kind }: TaskEvent): string {
     return { step_done: "✓", over_limit: "▲", protected: "■", unseen: "◌", ended: "●" }[kind];
   }
   /** Plots each force of the task over time, or the total force if there are none. */
-  private plotRun(task: Task, told: Debriefing): void {
+  private plotRun(task: Task, result: Debriefing): void {
     const shown =
       task.forces.length > 0
         ? task.forces
@@ -609,12 +609,12 @@ export class Training {
       const plot = new Plot(
         figures[n]!.canvas,
         ["--force"],
-        Math.max(told.time_s, 0.1),
+        Math.max(result.time_s, 0.1),
         1.2 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, band_N?.[0] ?? 0, 0.5),
       );
       plot.band = band_N && [band_N[0], band_N[1] ?? Infinity];
       plot.limit = limit_N;
-      plot.marks = told.events
+      plot.marks = result.events
         .filter(
           (event) =>
             event.kind === "step_done" ||
@@ -627,7 +627,7 @@ export class Training {
           text: this.mark(event),
           colour: event.kind === "step_done" ? "--good" : "--alert-text",
         }));
-      for (const sample of told.samples) plot.push(sample[0]!, [sample[column] ?? 0]);
+      for (const sample of result.samples) plot.push(sample[0]!, [sample[column] ?? 0]);
       return plot;
     });
   }
@@ -644,9 +644,9 @@ export class Training {
    * Moves the camera to view the region of a step.
    * @param isAsked  requested by the user, hence undoable
    */
-  lookAtStep(n: number, isAsked = true): void {
+  viewStep(n: number, isAsked = true): void {
     const region = this.task?.regions[this.task.steps[n]?.region ?? -1];
-    this.looked = n;
+    this.viewedStep = n;
     if (region) this.volume.lookAt(region.middle_mm, region.radius_mm, region.outward, isAsked);
     this.session.touch();
   }
@@ -654,14 +654,14 @@ export class Training {
     const { task, view, debriefing } = this;
     if (!task) return;
     if (view !== "debriefing") {
-      const step = task.steps[view === "running" ? this.currentStep(task) : this.looked];
+      const step = task.steps[view === "running" ? this.currentStep(task) : this.viewedStep];
       const region = step && task.regions[step.region];
       if (region) drawRegion(frame, seen, region, step.name);
       return;
     }
     if (!debriefing) return;
     if (byId<HTMLInputElement>("show-coverage").checked) drawPatches(frame, seen, debriefing);
-    if (byId<HTMLInputElement>("show-way").checked) drawWay(frame, seen, debriefing, task.forces);
+    if (byId<HTMLInputElement>("show-way").checked) drawPath(frame, seen, debriefing, task.forces);
     if (debriefing.to_find_mm) drawPlace(frame, seen, debriefing.to_find_mm, words.wasHere, true);
     if (debriefing.answer_mm) drawPlace(frame, seen, debriefing.answer_mm, words.yourAnswer, false);
   }

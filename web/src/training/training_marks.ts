@@ -36,7 +36,7 @@ function hardness(sample: number[], forces: TaskForce[]): number {
 const hasPlace = (sample: number[]): boolean => sample.slice(1, 4).every((x) => x !== null && Number.isFinite(x));
 
 /** Draws the tip's path: thin in free space, thick in contact, thicker above a limit; dashed where occluded. */
-export function drawWay(frame: Frame, seen: InVolume, { samples }: Debriefing, forces: TaskForce[]): void {
+export function drawPath(frame: Frame, seen: InVolume, { samples }: Debriefing, forces: TaskForce[]): void {
   let before: number[] | null = null;
   for (const sample of samples) {
     if (!hasPlace(sample)) {

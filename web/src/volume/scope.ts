@@ -83,12 +83,12 @@ export class Scope {
     const post = (this.post_deg * Math.PI) / 180;
     const side = add(scale(up, Math.cos(post)), scale(right, Math.sin(post)));
     // the optics rotate, the camera head keeps its orientation
-    const lean = aboutAxis(cross(forward, side), (this.optics_deg * Math.PI) / 180);
+    const tilt = aboutAxis(cross(forward, side), (this.optics_deg * Math.PI) / 180);
     return {
       eye: add(tip, scale(shaft, this.back_mm)),
-      forward: rotate(lean, forward),
-      right: rotate(lean, right),
-      up: rotate(lean, up),
+      forward: rotate(tilt, forward),
+      right: rotate(tilt, right),
+      up: rotate(tilt, up),
     };
   }
 

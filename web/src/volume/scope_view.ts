@@ -70,7 +70,7 @@ export function scopeView({ eye, forward, right, up }: ScopeFrame, size: number)
 export class ScopeView {
   readonly picture = new Picture("scope");
   readonly scope = new Scope();
-  told = ""; // text displayed in the picture
+  caption = ""; // text displayed in the picture
   private readonly live: LivePicture<Stand>;
   private readonly pointers = new Map<number, [number, number]>();
   private readonly holder = says(element("select", { className: "small", hidden: true }), {
@@ -210,7 +210,10 @@ export class ScopeView {
       const place = volumes!.structureAt(p);
       return place !== null && looks[place]!.visible && looks[place]!.opacity === 1;
     };
-    return isSolid(eye) || 2 * AROUND.filter((way) => isSolid(add(eye, scale(way, NEAREST_MM)))).length > AROUND.length;
+    return (
+      isSolid(eye) ||
+      2 * AROUND.filter((direction) => isSolid(add(eye, scale(direction, NEAREST_MM)))).length > AROUND.length
+    );
   }
 
   draw(now: number): void {
@@ -256,7 +259,7 @@ export class ScopeView {
     const { scope } = this;
     const { found, camera } = this.live.seen!;
     const ahead = found.at(0.5, 0.5);
-    const stands = scope.isFree
+    const placement = scope.isFree
       ? words.movedFromTip
       : [
           camera.off_mm !== null
@@ -268,8 +271,8 @@ export class ScopeView {
           ...(scope.optics_deg > 0 ? [words.post(`${scope.post_deg}°`)] : []),
         ].join(", ");
     return ahead
-      ? `${stands} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.nameAt(ahead.place)))}`
-      : stands;
+      ? `${placement} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.nameAt(ahead.place)))}`
+      : placement;
   }
 
   private drawOver(): void {
@@ -318,9 +321,9 @@ export class ScopeView {
     context.stroke();
     if (!scope.isFree && scope.optics_deg > 0) {
       const post = (scope.post_deg * Math.PI) / 180;
-      const at = (way: number, aside: number): [number, number] => [
-        x + way * Math.sin(post) + aside * Math.cos(post),
-        y - way * Math.cos(post) + aside * Math.sin(post),
+      const at = (along: number, across: number): [number, number] => [
+        x + along * Math.sin(post) + across * Math.cos(post),
+        y - along * Math.cos(post) + across * Math.sin(post),
       ];
       context.beginPath();
       context.moveTo(...at(radius - 14 * ratio, 0));
@@ -331,9 +334,9 @@ export class ScopeView {
       context.fill();
     }
 
-    this.told = around ? words.insideOf(around) : this.where();
-    if (around) text(frame, this.told, x, y, 14, "#f5c277", "center", "middle");
-    else text(frame, this.told, 12 * ratio, 58 * ratio, 12, "#eef3f5", "left", "top");
+    this.caption = around ? words.insideOf(around) : this.where();
+    if (around) text(frame, this.caption, x, y, 14, "#f5c277", "center", "middle");
+    else text(frame, this.caption, 12 * ratio, 58 * ratio, 12, "#eef3f5", "left", "top");
     if (device)
       text(
         frame,

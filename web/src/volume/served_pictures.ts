@@ -75,13 +75,13 @@ class ServedPictures {
     private readonly port: Port,
     private readonly served: () => Served | null,
   ) {
-    port.onmessage = (event) => this.hear(event.data as Asked);
+    port.onmessage = (event) => this.handle(event.data as Asked);
     this.say({ type: "ready", held: "" });
   }
   private say(message: Answered, transfer: Transferable[] = []): void {
     this.port.postMessage(message, transfer);
   }
-  private hear(asked: Asked): void {
+  private handle(asked: Asked): void {
     switch (asked.type) {
       case "begin":
         return this.say({ type: "begun", fits: true });

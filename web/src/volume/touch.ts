@@ -1,6 +1,6 @@
 // Picking of surfaces with contact forces along a ray, and the path of the tip to them.
 
-import { add, apply, besides, column, dot, length, scale, sub, turn, type Vec3 } from "../base/geometry.js";
+import { add, apply, tangents, column, dot, length, scale, sub, turn, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 
 /** Predicate: whether contact forces act at a position, patient frame. */
@@ -35,10 +35,10 @@ function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
 export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
   const [begin, end] = within(volumes, from, into);
   const step = volumes.voxelSize / 3;
-  const at = (way: number) => add(from, scale(into, way));
-  for (let way = Math.max(begin, min_mm); way < end; way += step) {
-    if (!isFelt(at(way))) continue;
-    let [outside, inside] = [way - step, way];
+  const at = (distance_mm: number) => add(from, scale(into, distance_mm));
+  for (let distance_mm = Math.max(begin, min_mm); distance_mm < end; distance_mm += step) {
+    if (!isFelt(at(distance_mm))) continue;
+    let [outside, inside] = [distance_mm - step, distance_mm];
     for (let n = 0; n < 6; n++) {
       const middle = (outside + inside) / 2;
       if (isFelt(at(middle))) inside = middle;
@@ -50,22 +50,22 @@ export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Ve
 }
 
 /** Path of the tip to a surface, free of contact up to there: waypoints, the last of which is below the surface. */
-export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
+export function pathTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
   const [outside, inside] = [sub(surface, scale(into, OUTSIDE_MM)), add(surface, scale(into, DEEP_MM))];
   // leaves_mm: initial path length within which the tip may be in contact
   const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
     const far = length(sub(b, a));
     let hasLeft = false;
-    for (let way = 0; way < far; way += step_mm) {
-      const felt = isFelt(add(a, scale(sub(b, a), way / far)));
+    for (let distance_mm = 0; distance_mm < far; distance_mm += step_mm) {
+      const felt = isFelt(add(a, scale(sub(b, a), distance_mm / far)));
       hasLeft ||= !felt;
-      if (felt && (hasLeft || way > leaves_mm)) return false;
+      if (felt && (hasLeft || distance_mm > leaves_mm)) return false;
     }
     return true;
   };
   if (isFree(tip, outside, LEAVES_MM)) return [outside, inside];
   // detours on the viewer's side, because the proxy would stay on the near side of an obstacle
-  const [first, second] = besides(into);
+  const [first, second] = tangents(into);
   const least = Math.min(dot(tip, into), dot(outside, into));
   const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));
   for (const aside of ASIDE_MM) {
@@ -86,7 +86,7 @@ export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step
 
 /** Height above the nearest surface with contact below a position. */
 export class Ground {
-  private readonly steps: { way: Vec3; far_mm: number }[] = []; // offsets of sampled voxels, nearest first
+  private readonly steps: { offset: Vec3; far_mm: number }[] = []; // offsets of sampled voxels, nearest first
   private readonly stride: number; // spacing of offsets, voxels
   // cache of `below` by device number
   private readonly ofTools = new Map<number, { at: string; found: ReturnType<Ground["below"]> }>();
@@ -104,10 +104,10 @@ export class Ground {
     for (let k = -nk; k <= nk; k++)
       for (let j = -nj; j <= nj; j++)
         for (let i = -ni; i <= ni; i++) {
-          const way = [0, 1, 2].map(
+          const offset = [0, 1, 2].map(
             (c) => stride * (i * edges[0]![c]! + j * edges[1]![c]! + k * edges[2]![c]!),
           ) as Vec3;
-          if (length(way) <= max_mm) this.steps.push({ way, far_mm: length(way) });
+          if (length(offset) <= max_mm) this.steps.push({ offset, far_mm: length(offset) });
         }
     this.steps.sort((a, b) => a.far_mm - b.far_mm);
   }
@@ -127,16 +127,16 @@ export class Ground {
     const { volumes } = this;
     // starts at the voxel's centre, so that offsets end at centres of voxels
     const middle = apply(volumes.patientFromVoxel, apply(volumes.voxelFromPatient, p).map(Math.round) as Vec3);
-    const met = this.steps.find(({ way }) => isFelt(add(middle, way)));
+    const met = this.steps.find(({ offset }) => isFelt(add(middle, offset)));
     if (!met) return null;
     // refines the hit among the voxels that the stride has skipped
-    let towards = sub(add(middle, met.way), p);
+    let towards = sub(add(middle, met.offset), p);
     const size = 2 * this.stride - 1;
     for (let n = 0; n < size ** 3; n++) {
       const by = [n % size, Math.floor(n / size) % size, Math.floor(n / size ** 2)].map(
         (x) => x - this.stride + 1,
       ) as Vec3;
-      const other = sub(add(add(middle, met.way), turn(volumes.patientFromVoxel, by)), p);
+      const other = sub(add(add(middle, met.offset), turn(volumes.patientFromVoxel, by)), p);
       if (length(other) < length(towards) && isFelt(add(p, other))) towards = other;
     }
     const height_mm = length(towards) - volumes.voxelSize / 2;

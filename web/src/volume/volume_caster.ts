@@ -30,40 +30,40 @@ precision highp int;
 precision highp sampler3D;
 precision highp usampler3D;
 uniform usampler3D field;    // two structures and their shares, with a border of one empty texel
-uniform usampler3D leaps;    // of each block: so many blocks from here are empty
+uniform usampler3D leaps;    // per block: distance to the nearest non-empty block, in blocks
 #if ROUGH
-uniform sampler3D covers;    // how much of each texel is solid, and how much one sees through, with the field's border
+uniform sampler3D covers;    // solid and translucent coverage per texel, with the field's border
 #endif
-uniform sampler3D haze;      // the scan
+uniform sampler3D haze;      // scan
 // RGBA of 256 structures; 0 is nothing; second row: where clipped
-uniform sampler2D looks;    
-uniform mat3 patient;        // turns a gradient by texels into one by mm
-uniform vec3 corner;         // everything in texels; with an eye these three from the eye and in mm
+uniform sampler2D looks;
+uniform mat3 patient;        // gradient per texel to gradient per mm
+uniform vec3 corner;         // origin and steps of pixels in texels; perspective: relative to the eye, mm
 uniform vec3 across;
 uniform vec3 down;
 #if EYE
 uniform vec3 eye;
 uniform float nearest_mm;
-uniform float light;         // 1 / mm^2: how fast it fades
-uniform float disc;          // square of the picture's radius, pixels
+uniform float light;         // attenuation, 1 / mm^2
+uniform float disc;          // squared radius of the picture, pixels
 vec3 into, inward;
 float pace;
 #else
-uniform vec3 into;           // for a mm
-uniform vec3 inward;         // patient, unit
-uniform float pace;          // from sample to sample, mm
+uniform vec3 into;           // viewing direction, texels per mm
+uniform vec3 inward;         // viewing direction, patient, unit
+uniform float pace;          // sampling step, mm
 #endif
 #if CUT
-uniform vec4 apex;           // the place: pixel, how far in, mm a pixel; with an eye its direction, how far off
-uniform vec2 cone;           // radius there, mm; mm towards the viewer for a mm aside
+uniform vec4 apex;           // clipping apex: pixel, depth, mm per pixel; perspective: direction, distance
+uniform vec2 cone;           // radius at the apex, mm; axial mm per radial mm
 #endif
 uniform vec3 dims;
 uniform float height;
-uniform vec2 range;          // of what is found: least, mm; 1 / extent
-uniform vec3 window;         // of the scan: least value, 1 / width, strength
+uniform vec2 range;          // of depths: minimum, mm; 1 / extent
+uniform vec3 window;         // of the scan: lower end, 1 / width, opacity
 uniform vec3 ground;
 #if DISPLACED
-uniform vec3 reach;          // no displacement goes farther
+uniform vec3 reach;          // maximum displacement per axis, texels
 #endif
 layout(location = 0) out vec4 colour;
 layout(location = 1) out vec4 found;
@@ -75,7 +75,7 @@ const float FAINT = 0.02;
 const vec2 SOLID = vec2(1.0, 0.0);
 
 #if CUT
-int row = 0;                 // of looks
+int row = 0;                 // row of looks
 #else
 const int row = 0;
 #endif
@@ -179,18 +179,18 @@ vec4 lit(vec3 at, vec2 kind, vec3 base) {
 #endif
   vec3 gradient = vec3(0.0), slope = vec3(0.0);
   for (int c = 0; c < places; c++) {
-    vec3 way = vec3(c >> 1 == 0, c >> 1 == 1, c >> 1 == 2) * (c % 2 == 0 ? 1.0 : -1.0);
+    vec3 direction = vec3(c >> 1 == 0, c >> 1 == 1, c >> 1 == 2) * (c % 2 == 0 ? 1.0 : -1.0);
     float reach = near;
 #if FINE
     // then eight in the tangent plane, wide enough to smooth the steps of voxels
     vec3 up = gradient / max(length(gradient), 1e-6);
-    vec3 aside = cross(up, abs(up.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
-    aside /= max(length(aside), 1e-6);
+    vec3 tangent = cross(up, abs(up.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+    tangent /= max(length(tangent), 1e-6);
     float angle = 0.785398 * float(c);
-    way = c < 6 ? way : cos(angle) * aside + sin(angle) * cross(up, aside);
+    direction = c < 6 ? direction : cos(angle) * tangent + sin(angle) * cross(up, tangent);
     reach = c < 6 ? near : 3.5;
 #endif
-    vec3 rise = way * dot(kind, coverage(clamp(at + reach * way, vec3(-1.0), dims - 0.001)));
+    vec3 rise = direction * dot(kind, coverage(clamp(at + reach * direction, vec3(-1.0), dims - 0.001)));
     gradient += c < 6 ? rise / (2.0 * near) : vec3(0.0);
     slope += c < 6 ? vec3(0.0) : rise / (4.0 * reach);
   }
@@ -239,11 +239,11 @@ void main() {
 #endif
 #endif
   vec3 shown = vec3(0.0);
-  float clear = 1.0;                  // how much of what lies behind is seen
+  float clear = 1.0;                  // transmittance so far
   float passed = t < end ? 0.0 : 1.0; // 0: the ray continues
   vec2 before = vec2(0.0), now = vec2(0.0);
   float last = t;
-  float met = -1.0;                   // where the solid surface is: from where range begins, mm
+  float met = -1.0;                   // depth of the solid surface from the start of range, mm; negative: none
 
   for (int layer = 0; layer < 64 && passed == 0.0; layer++) {
     // next surface
@@ -325,16 +325,16 @@ void main() {
 
     // a solid surface ends the ray; translucent ones are denser at grazing angles
     vec2 kind = now.x >= SURFACE ? SOLID : 1.0 - SOLID;
-    float way = surface(origin, last, t, dot(kind, before), dot(kind, now), kind);
-    vec3 hit = origin + way * into;
+    float path = surface(origin, last, t, dot(kind, before), dot(kind, now), kind);
+    vec3 hit = origin + path * into;
     vec4 base = paint(hit, kind);
     vec4 shade = lit(hit, kind, base.rgb);
     float dense = kind.x > 0.5 ? 1.0 : 1.0 - pow(1.0 - 0.6 * base.a, 1.0 / max(shade.a, 0.3));
     dense = isSurface ? dense : 0.0;
 #if EYE
-    shade.rgb /= 1.0 + light * way * way;
+    shade.rgb /= 1.0 + light * path * path;
 #endif
-    met = isSurface && kind.x > 0.5 ? way - range.x : met;
+    met = isSurface && kind.x > 0.5 ? path - range.x : met;
     shown += clear * dense * shade.rgb;
     clear *= 1.0 - dense;
     passed = isSurface && clear > 0.02 ? 0.0 : 1.0;
@@ -676,13 +676,13 @@ export class Caster {
       false,
       [0, 1, 2].flatMap((r) => [0, 1, 2].map((c) => m[r]![c]!)),
     );
-    if (cut) this.takeAway(view, cut);
-    this.range = this.waysThrough(view);
+    if (cut) this.setClipping(view, cut);
+    this.range = this.depthRange(view);
     gl.uniform2f(this.at("range"), this.range[0], 1 / this.range[1]);
     gl.uniform1f(this.at("height"), view.height);
     gl.uniform3fv(this.at("window"), this.window);
   }
-  private takeAway({ corner, across, down, into, eye }: View, cut: Cut): void {
+  private setClipping({ corner, across, down, into, eye }: View, cut: Cut): void {
     const gl = this.gl;
     const from = sub(cut.at, eye ? eye.at : corner);
     const far = length(from);
@@ -702,14 +702,14 @@ export class Caster {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 1, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
   }
   /** Depth range of the volume along a view's rays: minimum and extent, mm. */
-  private waysThrough({ corner, into, eye }: View): [number, number] {
+  private depthRange({ corner, into, eye }: View): [number, number] {
     const patientFromTexel = invert(this.texelFromPatient);
-    const ways = Array.from({ length: 8 }, (_, n) => {
+    const depths = Array.from({ length: 8 }, (_, n) => {
       const end = apply(patientFromTexel, this.field!.dims.map((size, axis) => ((n >> axis) & 1 ? size : -1)) as Vec3);
       return eye ? length(sub(end, eye.at)) : dot(sub(end, corner), into);
     });
-    const least = eye ? 0 : Math.min(...ways);
-    return [least, Math.max(...ways) - least];
+    const least = eye ? 0 : Math.min(...depths);
+    return [least, Math.max(...depths) - least];
   }
 
   /**

@@ -4,7 +4,7 @@
 import type { Displacement } from "../drawing/displacement.js";
 import { invert, type Vec3 } from "../base/geometry.js";
 import { fetchPart } from "../words/part.js";
-import { breathe, slicesOfPiece } from "../base/pieces.js";
+import { nextTask, slicesOfPiece } from "../base/pieces.js";
 import { shrunkGrid, type Memory, type Volumes } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";
 import type { Served } from "./served_pictures.js";
@@ -80,7 +80,7 @@ export class VolumeRenderer {
   private start(): void {
     const worker = new Worker(new URL("./volume_worker.ts", import.meta.url), { type: "module" });
     this.port = worker;
-    worker.onmessage = (event) => this.hear(event.data as Answered);
+    worker.onmessage = (event) => this.handle(event.data as Answered);
     // until the worker is ready, an error means that it cannot run at all
     worker.onerror = () => void this.drawHere();
     void this.ready.then((ready) => {
@@ -142,7 +142,7 @@ export class VolumeRenderer {
   private openPort(): Port {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
-    port1.onmessage = (event) => this.hear(event.data as Answered);
+    port1.onmessage = (event) => this.handle(event.data as Answered);
     return port2;
   }
 
@@ -152,7 +152,7 @@ export class VolumeRenderer {
   private say(message: Asked, transfer: Transferable[] = []): void {
     void this.ready.then(() => this.port.postMessage(message, transfer));
   }
-  private hear(message: Answered): void {
+  private handle(message: Answered): void {
     switch (message.type) {
       case "unable":
         void (this.isInWorker ? this.drawHere() : this.drawThere());
@@ -256,7 +256,7 @@ export class VolumeRenderer {
       put.push(this.answer("put"));
       // keeps AHEAD pieces queued, so that the renderer does not idle
       if (put.length > AHEAD) await put.shift();
-      await breathe();
+      await nextTask();
     }
     await Promise.all(put);
   }

@@ -6,7 +6,7 @@ import type { Nodes } from "../protocol/yields.js";
 import { Displacement } from "../drawing/displacement.js";
 import { Field } from "./field.js";
 import type { Affine, Vec3 } from "../base/geometry.js";
-import { breathe } from "../base/pieces.js";
+import { nextTask } from "../base/pieces.js";
 import type { Piece } from "./texels.js";
 import type { View } from "./view.js";
 import { Caster } from "./volume_caster.js";
@@ -78,7 +78,7 @@ class Service {
       this.say({ type: "lost" });
     });
     canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
-    port.onmessage = (event) => this.hear(event.data as Asked);
+    port.onmessage = (event) => this.handle(event.data as Asked);
     this.say({ type: "ready", held });
   }
 
@@ -86,7 +86,7 @@ class Service {
     this.port.postMessage(message, transfer);
   }
 
-  private hear(asked: Asked): void {
+  private handle(asked: Asked): void {
     const { caster } = this;
     switch (asked.type) {
       case "waits":
@@ -186,7 +186,7 @@ class Service {
       this.pixel_ms[kind] = this.pixel_ms[kind] < Infinity ? 0.5 * (this.pixel_ms[kind] + pixel_ms) : pixel_ms;
       cost_ms += took_ms;
       from = to;
-      if (from < view.height) await breathe();
+      if (from < view.height) await nextTask();
     }
     const isWhole = from >= view.height && !caster.isLost;
     const drawn = isWhole ? await caster.finish(view) : null;

@@ -40,7 +40,7 @@ import type { PointerDevice } from "../state/pointer.js";
 import { memory_GB } from "../base/screen.js";
 import type { Memory } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";
-import { firstFelt, Ground, wayTo } from "./touch.js";
+import { firstFelt, Ground, pathTo } from "./touch.js";
 import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "../protocol/wire.js";
@@ -256,7 +256,7 @@ export class VolumeView {
       kept: session.scene!.structures.findIndex(({ label }) => label === device.label) + 1,
     };
   }
-  private isTakenAway(p: Vec3): boolean {
+  private isClipped(p: Vec3): boolean {
     const cut = this.cut();
     if (!cut) return false;
     const { eye, backward } = this.camera.inPatient();
@@ -432,24 +432,24 @@ export class VolumeView {
    * Moves the tip to the first unclipped surface with contact forces under a press; without one, to the position under
    * the press at the tip's depth.
    */
-  private holdUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
+  private touchUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
     const { session } = this;
     const volumes = session.volumes!;
     const { width, height, ratio } = this.picture.frame();
     const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
     const surface = firstFelt(
       volumes,
-      (p) => this.isFelt(p) && !this.isTakenAway(p),
+      (p) => this.isFelt(p) && !this.isClipped(p),
       from,
       into,
       this.camera.isPerspective ? 0 : -Infinity,
     );
-    const way = surface ? wayTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
-    this.held = way.at(-1)!;
+    const path = surface ? pathTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
+    this.held = path.at(-1)!;
     // shows the contact in the planes
     session.follow = true;
     session.cross = null;
-    this.pointer.hold(this.held, isFinger, way.slice(0, -1));
+    this.pointer.hold(this.held, isFinger, path.slice(0, -1));
   }
   /** Position on the first visible, unclipped surface under a press; null: none. */
   private shownUnder(at: [number, number]): Vec3 | null {
@@ -458,7 +458,7 @@ export class VolumeView {
     const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
     const isShown = (p: Vec3): boolean => {
       const place = volumes!.structureAt(p);
-      return place !== null && looks[place]?.visible === true && !this.isTakenAway(p);
+      return place !== null && looks[place]?.visible === true && !this.isClipped(p);
     };
     return firstFelt(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
   }
@@ -470,7 +470,7 @@ export class VolumeView {
       return Math.hypot(px - x, py - y) / ratio;
     };
   }
-  private letGo(): void {
+  private release(): void {
     if (!this.held) return;
     this.held = null;
     this.pointer.release();
@@ -494,7 +494,7 @@ export class VolumeView {
         tip &&
         this.pointers.size === 1
       ) {
-        this.holdUnder(picture.at(event), tip, event.pointerType === "touch");
+        this.touchUnder(picture.at(event), tip, event.pointerType === "touch");
       } else if (session.tool === "plan" && event.button === 0 && this.pointers.size === 1) {
         const at = this.shownUnder(picture.at(event));
         this.plans = at !== null;
@@ -502,7 +502,7 @@ export class VolumeView {
       } else if (this.pointers.size > 1) {
         if (this.plans) session.plans.drop();
         this.plans = false;
-        this.letGo();
+        this.release();
       }
     });
     surface.addEventListener("pointermove", (event) => {
@@ -533,7 +533,7 @@ export class VolumeView {
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
-      this.letGo();
+      this.release();
       if (this.plans) {
         this.plans = false;
         const at = event.type === "pointerup" ? this.shownUnder(picture.at(event)) : null;
@@ -567,12 +567,12 @@ export class VolumeView {
         ArrowUp: [0, -12],
         ArrowDown: [0, 12],
       };
-      const way = by[event.key];
+      const direction = by[event.key];
       // the repeats of a key are one undo step
       if (!event.repeat) this.gesture = ++this.history.gesture;
       const move = (change: () => void) => this.moveCamera(change, this.gesture);
-      if (way && (event.altKey || this.turnsObject)) this.turnObject(...way);
-      else if (way) move(() => this.camera.orbit(...way));
+      if (direction && (event.altKey || this.turnsObject)) this.turnObject(...direction);
+      else if (direction) move(() => this.camera.orbit(...direction));
       else if (event.key === "+" || event.key === "=") move(() => this.camera.zoom(1.2));
       else if (event.key === "-") move(() => this.camera.zoom(1 / 1.2));
       else if (event.key === "Home") move(() => this.reset());

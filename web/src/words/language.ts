@@ -1,6 +1,6 @@
 // Language of the page: the browser's, or the one chosen by the user, which the browser stores.
 
-import { hush } from "../base/announce.js";
+import { discardAnnouncements } from "../base/announce.js";
 import { byId } from "../base/dom.js";
 import { fetchPart, reportMissingParts } from "./part.js";
 import { LANGUAGES, speak, type Language } from "./words.js";
@@ -37,6 +37,6 @@ async function change(language: Language): Promise<void> {
   choice.value = language;
   const isSpoken = await fetchPart("language", async () => (await speak(language), true));
   if (!isSpoken) choice.value = document.documentElement.lang;
-  hush();
+  discardAnnouncements();
   for (const listener of listeners) listener();
 }
