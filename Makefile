@@ -31,7 +31,8 @@ bench:
 	@tools/bench
 
 manual:
-	@tools/setup --manual
+	@tools/setup && tools/setup --manual
+	@tools/build_program
 	@sphinx-build -q -W --keep-going -b html -c docs/site . build/manual
 	@echo "build/manual/docs/README.html"
 

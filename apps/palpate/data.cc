@@ -191,12 +191,7 @@ void add_data_keys(CLI::App& data, Run& run) {
       "Examples:\n"
       "  palpate simulate knee-phantom:side=right,seed=3,lesion=6 --report run.html\n"
       "  palpate section skull-phantom:temporal=2,brain=no -o skull.png");
-  verb->callback([&run] {
-    run = [](Console&) {
-      std::cout << phantom_keys();
-      return kExitOk;
-    };
-  });
+  verb->callback([&run] { run = [](Console&) { return print_result(phantom_keys()); }; });
 }
 
 void add_where(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {

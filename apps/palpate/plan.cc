@@ -321,8 +321,12 @@ void add_plan(CLI::App& app, Run& run) {
       "Example: palpate plan from-markups tunnel.mrk.json -o plan.toml\n\n"
       "Curves, regions of interest and planes are refused. Add tolerances, regions to remove and structures "
       "to\n"
-      "keep away from to the plan by hand: docs/reference/plan-keys.md lists every key.");
+      "keep away from to the plan by hand: palpate plan keys lists every key.");
   when(markups, from_markups);
+
+  verb->add_subcommand("keys", "Print every key of a plan file as Markdown tables")->callback([&run] {
+    run = [](Console&) { return print_result(plan_keys()); };
+  });
 
   CLI::App* show =
       verb->add_subcommand("show", "Show the requirements of a plan, and check it against a scene");

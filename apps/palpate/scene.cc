@@ -303,10 +303,7 @@ int run_new(NewOptions options, Console& console) {
   if (!scene) return console.fail(scene.error());
   note_without_preset(*scene, console);
   warn_if_nothing_yields(*scene, console);
-  if (options.output.empty()) {
-    std::fwrite(text->data(), 1, text->size(), stdout);
-    return kExitOk;
-  }
+  if (options.output.empty()) return print_result(*text);
   if (const auto written = write_scene_text(options.output, *text); !written)
     return console.fail(written.error());
   console.note("Wrote " + options.output + " with " + std::to_string(scene->tissues.size()) +
@@ -619,29 +616,35 @@ void add_check(CLI::App& app, Run& run) {
   verb->callback([file, &run] { run = [file](Console& console) { return run_check(*file, console); }; });
 }
 
-// ---- scene keys ---------------------------------------------------------------------------------
-
-int run_keys(bool script) {
-  const std::string text = script ? script_keys()
-                                  : scene_keys() + "\n### Presets\n\n" + tissue_preset_table() +
-                                        "\n### Presets that yield\n\n" + elastic_preset_table();
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  return kExitOk;
-}
+// ---- scene keys, scene presets ------------------------------------------------------------------
 
 void add_scene_keys(CLI::App& app, Run& run) {
   const auto script = std::make_shared<bool>(false);
-  CLI::App* verb =
-      app.add_subcommand("keys", "Print every key with its default, unit and range, and the presets");
+  CLI::App* verb = app.add_subcommand("keys", "Print every key of a scene file as Markdown tables");
   verb->add_flag("--script", *script, "Print the keys of a palpation script instead");
   verb->footer("Examples:\n  palpate scene keys\n  palpate scene keys --script");
-  verb->callback([script, &run] { run = [script](Console&) { return run_keys(*script); }; });
+  verb->callback([script, &run] {
+    run = [script](Console&) { return print_result(*script ? script_keys() : scene_keys()); };
+  });
+}
+
+void add_scene_presets(CLI::App& app, Run& run) {
+  CLI::App* verb =
+      app.add_subcommand("presets", "Print every tissue preset with its values and their sources");
+  verb->footer("Example: palpate scene presets");
+  verb->callback([&run] {
+    run = [](Console&) {
+      return print_result("### Stiffness and friction\n\n" + tissue_preset_table() +
+                          "\n### Elastic moduli\n\n" + elastic_preset_table() + "\n### Relaxation\n\n" +
+                          relaxation_preset_table());
+    };
+  });
 }
 
 }  // namespace
 
 void add_scene(CLI::App& app, Run& run) {
-  CLI::App* verb = app.add_subcommand("scene", "Write or check a scene file, or list its keys");
+  CLI::App* verb = app.add_subcommand("scene", "Write or check a scene file, or list its keys and presets");
   verb->require_subcommand(1);
   verb->footer(
       "Examples:\n"
@@ -651,6 +654,7 @@ void add_scene(CLI::App& app, Run& run) {
   add_new(*verb, run);
   add_check(*verb, run);
   add_scene_keys(*verb, run);
+  add_scene_presets(*verb, run);
 }
 
 }  // namespace palpate::app

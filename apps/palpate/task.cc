@@ -188,10 +188,8 @@ int list_tasks(const TaskOptions& options, Console&) {
 }
 
 int show_task(const TaskOptions& options, Console& console) {
-  if (const EmbeddedFile* file = find_file(embedded_tasks(), options.task + ".toml")) {
-    std::fwrite(file->text.data(), 1, file->text.size(), stdout);
-    return kExitOk;
-  }
+  if (const EmbeddedFile* file = find_file(embedded_tasks(), options.task + ".toml"))
+    return print_result(std::string(file->text));
   const auto task = load_task(options.task);
   if (!task) return console.fail(task.error());
   std::printf("%s\n%s\n", task->title.c_str(), task->briefing.c_str());
@@ -235,6 +233,10 @@ void add_task(CLI::App& app, Run& run) {
   CLI::App* show = verb->add_subcommand("show", "Print the file of a task, to read or to adapt");
   show->add_option("task", options->task, "Name of a task (palpate task list), or a file")->required();
   when(show, show_task);
+
+  verb->add_subcommand("keys", "Print every key of a task file as Markdown tables")->callback([&run] {
+    run = [](Console&) { return print_result(task_keys()); };
+  });
 
   CLI::App* drawn =
       verb->add_subcommand("draw", "Print the data set of a task with the parameters drawn by a seed");

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
 
 #include "apps/command/console.h"
 #include "apps/command/options.h"
@@ -8,6 +10,12 @@
 /// The verbs of palpate, one file each. Each function adds a subcommand to the application. If the command
 /// line selects it, the callback stores in `run` the function that performs the work.
 namespace palpate::app {
+
+/// Prints a text on standard output. Returns kExitOk: a failed write is detected after the verb.
+inline int print_result(const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  return kExitOk;
+}
 
 void add_info(CLI::App& app, Run& run);
 void add_cohort(CLI::App& app, Run& run);

@@ -1,10 +1,15 @@
 """The manual as a site, by Sphinx with MyST: `make manual`. The source is the whole repository, so that links between pages hold
-as they stand in the files; what is read of it are the pages alone."""
+as they stand in the files; what is read of it are the pages alone. The parts that the program prints are put in."""
 
 import pathlib
 import re
+import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs/site"))
+import printed
+
+PROGRAM = ROOT / "build/release/apps/palpate/palpate"  # built by tools/build_program
 
 project = "palpate"
 release = version = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))[1]
@@ -48,5 +53,12 @@ def add_contents(app, name, source):
     source[0] += "\n```{toctree}\n:hidden:\n:caption: Beside the manual\n../README\n../bench/README\n../SECURITY\n../CHANGELOG\n../web/README\n../third_party/uplot/README\n```\n"
 
 
+def add_printed_parts(app, name, source):
+    if printed.MARK.search(source[0]):
+        app.env.note_dependency(str(PROGRAM))  # such a page is read again when the program changes
+        source[0] = printed.fill(source[0], PROGRAM)
+
+
 def setup(app):
     app.connect("source-read", add_contents)
+    app.connect("source-read", add_printed_parts)

@@ -72,6 +72,23 @@ class Links(unittest.TestCase):
         self.assertEqual(run({})[0], 1)
 
 
+class PrintedParts(unittest.TestCase):
+    FILES = {"docs/guide/page.md": "# Page\n\n[a](keys.md#tool) [b](keys.md#gone)\n",
+             "docs/guide/keys.md": "# Keys\n\n<!-- printed: palpate scene keys -->\n\n[c](gone.md)\n"}
+
+    def test_without_the_program_any_anchor_may_be_there(self):
+        self.assertEqual(run(self.FILES), (1, ["docs/guide/keys.md:5: links: there is no gone.md"]))
+
+    def test_with_it_they_are_checked(self):
+        with tempfile.TemporaryDirectory() as folder:
+            program = pathlib.Path(folder) / "palpate"
+            program.write_text("#!/bin/sh\n[ \"$*\" = 'scene keys' ] && printf '### tool\\n\\n[d](away.md)\\n'\n")
+            program.chmod(0o755)
+            code, lines = run(self.FILES, "--program", str(program))
+        self.assertEqual((code, lines), (1, ["docs/guide/keys.md:3: links: there is no away.md", "docs/guide/keys.md:5: links: there is no gone.md",
+                                             "docs/guide/page.md:3: links: nothing is headed #gone in keys.md"]))
+
+
 class Code(unittest.TestCase):
     def test_blocks_say_what_they_are(self):
         self.assertEqual(faults("text\n\n```sh\nls\n```\n\n1. item\n\n   ```text\n   x\n   ```\n"), [])

@@ -3,7 +3,6 @@
 
     run_blocks.py PALPATE [PAGE...]
     run_blocks.py PALPATE --part PART   the pages of one part (PARTS)
-    run_blocks.py PALPATE --update      writes docs/reference/command-line.md
 
 What a block is asked for, by its language:
 
@@ -19,7 +18,7 @@ toml     is read by the program's own parsers, which is scene_test's (Docs.*)
 text     is a picture, a formula, or, after <!-- output -->, what the commands before it print
 
 Every other block says why it is not run (manual.py). Every option that is named exists; defaults in tables of options and versions are
-those of the program, and so is the page with all helps. Prints each fault with its page and line, and at the end how many blocks
+those of the program. Prints each fault with its page and line, and at the end how many blocks
 were run and why others were not; exit code 1 when there is any fault.
 """
 
@@ -38,12 +37,13 @@ import sys
 import tempfile
 
 sys.dont_write_bytecode = True
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "docs/site")]
 import fixtures
 import manual
 import prepared
+import printed
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall"
 COARSE = "spacing=2"
 # a temple of 2 mm has to be thicker than a voxel's diagonal
@@ -55,12 +55,6 @@ OTHERS = {"--gtest_filter"}
 # what --part runs: a page's blocks run in one of them, and `start` looks at the names in all pages
 PARTS = ("start", "guide", "compiled")
 VERSION = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))[1]
-COMMAND_LINE = "docs/reference/command-line.md"
-COMMAND_LINE_HEAD = """# Command line
-
-What each verb of `palpate` takes, as `palpate help VERB` says it. What a verb is for, with examples, stands in the
-[guide](../README.md#guide). The program prints this page; a test compares it.
-"""
 # palpate as a page has it, made quick
 WRAPPER = f"""#!/bin/bash
 all=" $* "
@@ -141,14 +135,7 @@ class Program:
                             "PALPATE_PROGRAM": str(path), "PALPATE_CACHE": os.environ["PALPATE_CACHE"], "PALPATE_KNOWN_RUNS": str(folder / "known"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
                             "PALPATE_SHORT": str(folder / "files" / "press.toml"), "PYTHONDONTWRITEBYTECODE": "1",
                             **{name: value for name, value in os.environ.items() if name.endswith("SAN_OPTIONS")}}
-        self.helps = {}
-        self._read_helps(())
-
-    def _read_helps(self, verb):
-        text = subprocess.run([self.path, *verb, "--help"], capture_output=True, text=True, check=True).stdout
-        self.helps[verb] = text
-        for name in re.findall(r"^  ([\w-]+)", (text.partition("\nSubcommands:\n")[2]).partition("\n\n")[0], re.MULTILINE):
-            self._read_helps((*verb, name))
+        self.helps = printed.helps(path)
 
     def with_cache(self, folder):
         other = copy.copy(self)
@@ -327,7 +314,7 @@ def wrong_names(page, program):
                 for option in re.findall(r"(?:^|\s)(--[a-z][\w-]*)", " " + " ".join(rest)):
                     if option not in program.options(verb) | program.options(()):
                         faults.append(f"{block.where()}: palpate {' '.join(verb)} has no option {option}")
-    text = (ROOT / page).read_text(encoding="utf-8")
+    text = printed.fill((ROOT / page).read_text(encoding="utf-8"), program.path)
     for number, line in enumerate(text.splitlines(), 1):
         for option in re.findall(r"`(--[a-z][\w-]*)[^`]*`", line):
             if option not in everything and option not in OTHERS:
@@ -356,15 +343,6 @@ def wrong_defaults(page, text, program):
     return faults
 
 
-def command_line(program):
-    """The page with the help of every verb."""
-    text = COMMAND_LINE_HEAD
-    for verb, shown in program.helps.items():
-        head = "###" if len(verb) > 1 else "##"
-        text += f"\n{head} {' '.join(('palpate', *verb))}\n\n```text\n{shown.rstrip()}\n```\n"
-    return text
-
-
 def try_page(page, program, files, part=None):
     """Faults of a page, and how many blocks were run: of all it has, or of what a part asks."""
     faults, counts = run_page(page, program, files) if part in (None, part_of(page)) else ([], collections.Counter())
@@ -375,18 +353,12 @@ def main():
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     faults, counts = [], collections.Counter()
-    update = sys.argv[2:] == ["--update"]
     part = sys.argv[3] if sys.argv[2:3] == ["--part"] else None
     if part not in (None, *PARTS):
         sys.exit(__doc__)
     asked = sys.argv[2:] if part is None and sys.argv[2:] else manual.pages(ROOT)
     with tempfile.TemporaryDirectory(prefix="palpate-docs-") as folder:
         program = Program(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(folder))
-        if update:
-            (ROOT / COMMAND_LINE).write_text(command_line(program), encoding="utf-8")
-            return 0
-        if command_line(program) != (ROOT / COMMAND_LINE).read_text(encoding="utf-8"):
-            faults.append(f"{COMMAND_LINE}: is not what the program says; write it anew: tests/docs/run_blocks.py PALPATE --update")
         if part in (None, "compiled") and any(part_of(page) == "compiled" for page in asked):
             program.install_core()
         files = pathlib.Path(folder) / "files"

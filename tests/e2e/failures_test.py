@@ -282,7 +282,7 @@ class Failures(cli.PalpateTest):
     @cli.long
     def test_a_lost_standard_output(self):
         for arguments in (["info", self.labels], ["info", self.labels, "--json"], ["data", "list"],
-                          ["data", "list", "--json"], ["scene", "keys"], ["scene", "check", self.scene],
+                          ["data", "list", "--json"], ["scene", "keys"], ["task", "keys"], ["scene", "check", self.scene],
                           ["scene", "new", self.labels], ["verify", "--list"], ["--help"], ["--version"],
                           ["prepare", self.labels, "-o", self.folder / "f.nrrd"],
                           ["simulate", self.scene, "--script", self.script], ["replay", self.recording, self.scene]):

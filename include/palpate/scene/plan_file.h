@@ -10,7 +10,7 @@
 
 /// The plan file (TOML): the goals of a rehearsal in a scene, i.e. trajectories, regions to remove and
 /// structures to keep clear of. The same parsing rules as for scenes and tasks apply: unknown keys, wrong
-/// types and values out of range are errors with their line. docs/reference/plan-keys.md lists every key.
+/// types and values out of range are errors with their line. plan_keys() lists every key.
 /// Structure names are resolved later against a scene (palpate/rehearsal/plan_in_scene.h).
 namespace palpate {
 
@@ -94,7 +94,7 @@ const std::vector<EmbeddedFile>& embedded_plans();
 /// UTF-8.
 std::string plan_text(const PlanFile& plan);
 
-/// Every key of a plan file as Markdown tables, as in docs/reference/plan-keys.md.
+/// Every key of a plan file as Markdown tables (key, value, default, unit, range, meaning).
 std::string plan_keys();
 
 }  // namespace palpate

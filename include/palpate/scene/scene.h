@@ -20,7 +20,7 @@
 
 /// The scene file and the palpation script (both TOML): their contents and parsers. Unknown keys, absent
 /// labels and values out of range are errors with their line ("scene.toml:12: ...").
-/// docs/reference/scene-keys.md and docs/reference/script-keys.md document every key with default, unit and
+/// `palpate scene keys` and `palpate scene keys --script` document every key with default, unit and
 /// range.
 namespace palpate {
 
@@ -277,8 +277,8 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const std::filesy
 /// Writes the text atomically. Errors are kOutput.
 Result<void> write_scene_text(const std::filesystem::path& file, std::string_view text);
 
-/// Every key of a scene file as Markdown tables (key, value, default, unit, range, meaning), as in
-/// docs/reference/scene-keys.md; generated from the declarations that the parser checks against.
+/// Every key of a scene file as Markdown tables (key, value, default, unit, range, meaning);
+/// generated from the declarations that the parser checks against.
 std::string scene_keys();
 /// The presets with their values and sources as a Markdown table.
 std::string tissue_preset_table();
@@ -395,7 +395,7 @@ Result<Script> load_script(const std::filesystem::path& file);
 /// in.
 std::optional<std::string_view> embedded_script(std::string_view name);
 
-/// Every key of a script as Markdown tables, as in docs/reference/script-keys.md.
+/// Every key of a script as Markdown tables, like scene_keys().
 std::string script_keys();
 
 }  // namespace palpate

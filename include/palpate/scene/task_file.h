@@ -16,7 +16,7 @@
 
 /// The task file (TOML): what a trainee has to do in a scene, and how the run is graded. The same parsing
 /// rules as for scenes and scripts apply: unknown keys, wrong types and values out of range are errors with
-/// their line. docs/reference/task-keys.md lists every key. Structure names are resolved later against a
+/// their line. task_keys() lists every key. Structure names are resolved later against a
 /// scene (palpate/tasks/task.h).
 namespace palpate {
 
@@ -204,10 +204,10 @@ const std::vector<EmbeddedFile>& embedded_tasks();
 /// set.
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed);
 
-/// Every key of a task file, and every metric, as Markdown tables, as in docs/reference/task-keys.md and
-/// docs/reference/metrics.md.
+/// Every key of a task file as Markdown tables (key, value, default, unit, range, meaning); generated from
+/// the declarations that the parser checks against.
 std::string task_keys();
-/// Every metric with its formula, source and validity.
+/// Every metric with its formula, source and validity, as a Markdown table.
 std::string metric_table();
 
 }  // namespace palpate

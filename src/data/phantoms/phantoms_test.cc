@@ -2,12 +2,10 @@
 
 #include <gmock/gmock.h>
 
-#include <fstream>
 #include <map>
 #include <numbers>
 #include <random>
 #include <set>
-#include <sstream>
 
 #include "base/test_seed.h"
 #include "palpate/base/hash.h"
@@ -49,14 +47,6 @@ std::size_t differing(const Phantom& a, const Phantom& b) {
   std::size_t count = 0;
   for (std::size_t v = 0; v < std::min(x.size(), y.size()); ++v) count += x[v] != y[v];
   return count;
-}
-
-TEST(Phantoms, TheDocumentationListsEveryKey) {
-  std::ifstream file(PALPATE_SOURCE_DIR "/docs/reference/phantom.md");
-  std::stringstream text;
-  text << file.rdbuf();
-  EXPECT_NE(text.str().find(phantom_keys()), std::string::npos)
-      << "docs/reference/phantom.md holds what `palpate data keys` prints";
 }
 
 // ---- the knee -----------------------------------------------------------------------------------

@@ -18,9 +18,6 @@ void check_section(const std::string& file, const std::string& name, const std::
   test::check_docs_section(PALPATE_SOURCE_DIR, file, name, expected);
 }
 
-TEST(Docs, SceneListsEveryKey) {
-  check_section("reference/scene-keys.md", "keys", scene_keys());
-}
 TEST(Docs, SceneListsEveryPreset) {
   check_section("reference/presets.md", "presets", tissue_preset_table());
 }
@@ -30,19 +27,8 @@ TEST(Docs, SceneListsWhatEveryPresetIsMadeOf) {
 TEST(Docs, SceneListsHowPresetsRelax) {
   check_section("reference/presets.md", "relaxation", relaxation_preset_table());
 }
-TEST(Docs, ScriptListsEveryKey) {
-  check_section("reference/script-keys.md", "keys", script_keys());
-}
-
-TEST(Docs, TasksListEveryKey) {
-  check_section("reference/task-keys.md", "keys", task_keys());
-}
 TEST(Docs, TasksListEveryMetric) {
   check_section("reference/metrics.md", "metrics", metric_table());
-}
-
-TEST(Docs, RehearsalListsEveryKey) {
-  check_section("reference/plan-keys.md", "keys", plan_keys());
 }
 
 /// A fenced TOML block of the manual.

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <vector>
 
-/// The keys of scenes and scripts, declared once: the parser checks against these tables, and the tables of
-/// docs/reference/scene-keys.md and docs/reference/script-keys.md are generated from them.
+/// The keys of scenes and scripts, declared once: the parser checks against these tables, and `palpate scene
+/// keys` prints them.
 namespace palpate {
 
 enum class KeyType {
