@@ -17,7 +17,8 @@
 namespace palpate {
 namespace {
 
-// application id in the file's header: "PaRc"
+// application id ("PaRc") and format in the file's header; every later version opens format 1
+// (docs/reference/versions.md)
 constexpr std::int64_t kApplication = 0x50615263, kFormat = 1;
 
 // described in docs/guide/records.md
