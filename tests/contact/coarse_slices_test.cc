@@ -86,7 +86,7 @@ Slide slide_on_a_plane(double slice_mm, double tilt_deg, double radius_mm, std::
   return slide;
 }
 
-TEST(CoarseSlices, AToolSlidesOnPlanesWhateverItsRadius) {
+TEST(CoarseSlices, ToolsOfAnyRadiusSlideEvenly) {
   const auto seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -108,7 +108,7 @@ TEST(CoarseSlices, AToolSlidesOnPlanesWhateverItsRadius) {
 }
 
 // as wide as a finger: around a ball, where its force is known
-TEST(WideTools, AFingerIsHeldByABallAndLetGoByIt) {
+TEST(WideTools, FingerIsConstrainedAndReleasedByABall) {
   for (const double slice_mm : {0.8, 1.5, 2.5})
     for (const double radius_mm : {4.0, 8.0, 12.0}) {
       SCOPED_TRACE(testing::Message() << slice_mm << " mm, " << radius_mm << " mm");

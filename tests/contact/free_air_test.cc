@@ -233,11 +233,11 @@ void expect_left_alone(const char* what, const Model& model) {
   }
 }
 
-TEST(FreeAir, OfCellsAndPlatesInSoftTissueNothingPullsAToolThatIsOut) {
+TEST(FreeAir, FreeToolHasNoForceNearPlatesInSoftTissue) {
   expect_left_alone("cells, plates", soft_and_bone_model(cells_and_plates(kFreeAirSeed)));
 }
 
-TEST(FreeAir, OfThePhantomsKneeNothingPullsAToolThatIsOut) {
+TEST(FreeAir, FreeToolHasNoForceNearThePhantomKnee) {
   const auto parameters = parse_phantom("knee-phantom:spacing=0.8");
   ASSERT_TRUE(parameters.ok());
   const auto phantom = make_phantom(*parameters);
@@ -257,15 +257,15 @@ void expect_left_alone_in(const char* what, const std::string& name, double min_
                     }));
 }
 
-TEST(FreeAir, OfTheHandSegmentedKneeNothingPullsAToolThatIsOut) {
+TEST(FreeAir, FreeToolHasNoForceNearTheHandSegmentedKnee) {
   expect_left_alone_in("knee_spl", "knee_spl/seg.nrrd", presses_asked() >= 1000 ? 0 : 0.2);
 }
 
-TEST(FreeAir, OfTheObliqueKneeNothingPullsAToolThatIsOut) {
+TEST(FreeAir, FreeToolHasNoForceNearTheObliqueKnee) {
   expect_left_alone_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
 }
 
-TEST(FreeAir, OfAHeadOfFourStiffnessesNothingPullsAToolThatIsOut) {
+TEST(FreeAir, FreeToolHasNoForceNearAHeadOfFourStiffnesses) {
   const std::filesystem::path file = "/usr/share/mricron/templates/aal.nii.gz";
   if (!std::filesystem::exists(file)) {
     if (in_ci()) FAIL() << "the package mricron-data is not installed";
@@ -278,7 +278,7 @@ TEST(FreeAir, OfAHeadOfFourStiffnessesNothingPullsAToolThatIsOut) {
 }
 
 // from above into the cup, through its thin wall to the side, and out: nothing is touched there any more
-TEST(FreeAir, AToolThatCameOutThroughTheWallOfACupIsLetGo) {
+TEST(FreeAir, ToolThatExitedThroughACupIsReleased) {
   for (const double wall_mm : {1.0, 1.5})
     for (const double radius_mm : {0.0, 0.5, 1.5}) {
       SCOPED_TRACE(testing::Message() << "wall " << wall_mm << " mm, tool " << radius_mm << " mm");

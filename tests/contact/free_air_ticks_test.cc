@@ -160,7 +160,7 @@ TickFigures press_all_over(const char* what, const LabelMap& map, TissueLaw law)
 
 class FreeAirTicks : public testing::TestWithParam<TissueLaw> {};
 
-TEST_P(FreeAirTicks, NothingPullsAToolThatIsOut) {
+TEST_P(FreeAirTicks, FreeToolHasNoForce) {
   SCOPED_TRACE("seed " + std::to_string(kTicksSeed));
   for (const auto& [what, map] :
        {std::pair("cup", cup_in_a_ball(1.0)), {"cells, plates", cells_and_plates(kTicksSeed)}}) {

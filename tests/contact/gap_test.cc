@@ -181,7 +181,7 @@ std::vector<Point<Patient>> places_in(const Model& model, const Gap& gap, const 
   return places;
 }
 
-TEST_F(KneeGaps, TheUnionLeavesValuesBetweenBones) {
+TEST_F(KneeGaps, UnionFieldIsNonZeroBetweenBones) {
   for (std::size_t g = 0; g < 2; ++g) {
     const double value = 255 * sample_value(*bones().model->field, bones().middle[g]);
     EXPECT_NEAR(value, kGaps[g].value, kGaps[g].give) << kGaps[g].name;
@@ -240,7 +240,7 @@ constexpr const char* kGrips[] = {"light-grip", "firm-grip"};
 
 // Positive control: a place between femur and tibia, found on a grid of 0.5 mm, and a stiffness above the
 // recommended one, which is low enough to quiet the union here.
-TEST_F(KneeGaps, TheUnionBuzzes) {
+TEST_F(KneeGaps, UnionFieldBuzzes) {
   Hold hold = hold_of(ForceMethod::kTrilinear, *find_plant_device("premium-1.5"), "firm-grip");
   hold.force_gain = 1.2;
   hold.from = hold.at = Point<Patient>(-5.92, -5.08, -17.16);
@@ -251,7 +251,7 @@ TEST_F(KneeGaps, TheUnionBuzzes) {
   EXPECT_GT(held->buzz.dominant_Hz, 10);
 }
 
-TEST_F(KneeGaps, TheUnionIsRestlessInSomePlaces) {
+TEST_F(KneeGaps, UnionFieldIsUnstableInPlaces) {
   int restless = 0;
   for (std::size_t gap = 0; gap < 2; ++gap) {
     for (const char* grip : kGrips) {
@@ -263,7 +263,7 @@ TEST_F(KneeGaps, TheUnionIsRestlessInSomePlaces) {
   EXPECT_TRUE(restless > 0 || grid_mm() > 1);
 }
 
-TEST_F(KneeGaps, TheRampLeavesNothingBetweenBonesAndIsQuiet) {
+TEST_F(KneeGaps, RampFieldIsZeroBetweenBonesAndQuiet) {
   for (std::size_t gap = 0; gap < 2; ++gap) {
     EXPECT_EQ(sample_value(*ramps().model->field, ramps().middle[gap]), 0) << kGaps[gap].name;
     for (const std::string& device : kDevices) {
@@ -278,7 +278,7 @@ TEST_F(KneeGaps, TheRampLeavesNothingBetweenBonesAndIsQuiet) {
 class ProxyInGap : public KneeGaps,
                    public ::testing::WithParamInterface<std::tuple<std::size_t, std::string>> {};
 
-TEST_P(ProxyInGap, IsQuietWhereverTheHandRests) {
+TEST_P(ProxyInGap, IsQuietAtEveryRestingPlace) {
   const auto [gap, device] = GetParam();
   for (const char* grip : kGrips) {
     const Hold hold = hold_of(ForceMethod::kProxy, *find_plant_device(device), grip);

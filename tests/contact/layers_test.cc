@@ -65,15 +65,15 @@ std::vector<double> graded(int count, double softest, double factor) {
 // 5 % of the sum, and of the voxels what a slab of 2 mm shows of a place that is off by some hundredths
 constexpr double kMaxError = 0.05;
 
-TEST(ManyLayers, TwelveTissuesGiveTheirStiffnessSummedUpAlongTheWayIn) {
+TEST(ManyLayers, TwelveTissuesIntegrateStiffnessAlongTheEntryPath) {
   EXPECT_LT(error_of_the_sum(graded(12, 0.03, 1.42)), kMaxError);
 }
 
-TEST(ManyLayers, EightGradedOnesDoToo) {
+TEST(ManyLayers, EightGradedTissuesIntegrateStiffnessAlongTheEntryPath) {
   EXPECT_LT(error_of_the_sum(graded(8, 0.1, 1.2)), kMaxError);
 }
 
-TEST(ManyLayers, OfMoreTheErrorIsAsItIsSaid) {
+TEST(ManyLayers, MergedTissuesHaveTheReportedError) {
   const std::vector<double> twenty = graded(20, 0.03, 1.15);
   double said = 0;
   for (const StiffnessRange& layer : stiffness_layers(twenty)) said = std::max(said, layer.error());
@@ -82,7 +82,7 @@ TEST(ManyLayers, OfMoreTheErrorIsAsItIsSaid) {
 }
 
 // as an atlas has them: what is felt alike needs one surface
-TEST(ManyLayers, ThreeHundredLabelsOfFourTissuesAreTaken) {
+TEST(ManyLayers, AcceptsThreeHundredLabelsOfFourTissues) {
   constexpr int kLabels = 312;
   GridGeometry grid;
   grid.dims = {40, 40, 40};

@@ -339,11 +339,11 @@ void expect_no_pop_through(const std::string& name) {
               100.0 * shafts.touched / shafts.presses, shafts.ticks, shafts.deepest_mm);
 }
 
-TEST(PopThrough, NoPressGoesThroughTheHandSegmentedKnee) {
+TEST(PopThrough, NoPressPassesTheHandSegmentedKnee) {
   expect_no_pop_through("knee_spl/seg.nrrd");
 }
 
-TEST(PopThrough, NoPressGoesThroughTheObliqueKnee) {
+TEST(PopThrough, NoPressPassesTheObliqueKnee) {
   expect_no_pop_through("knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd");
 }
 

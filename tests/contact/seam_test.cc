@@ -382,7 +382,7 @@ void draw(const Crossing& before, const Crossing& after, const std::filesystem::
 }
 
 // With PALPATE_DRAW_SEAMS=FOLDER two pictures there: docs/images has them.
-TEST(Seams, OfAFlatTopAreNotFelt) {
+TEST(Seams, FlatSeamsAreNotRendered) {
   const char* folder = std::getenv("PALPATE_DRAW_SEAMS");
   for (const Eigen::Vector3d& spacing_mm :
        {Eigen::Vector3d(0.36, 0.36, 0.7), Eigen::Vector3d(0.625, 0.625, 0.9),
@@ -425,17 +425,17 @@ void expect_one_body_in(const char* what, const std::string& name, double min_N_
 }
 
 // all of its 48 structures where many presses are asked for: preparing them takes longer than pressing them
-TEST(Seams, TheHandSegmentedKneeIsOneBody) {
+TEST(Seams, HandSegmentedKneeHasNoSeams) {
   const bool whole = seam_presses() >= 1000;
   expect_one_body_in("knee_spl", "knee_spl/seg.nrrd", whole ? 0 : 0.2);
 }
 
-TEST(Seams, TheObliqueKneeIsOneBody) {
+TEST(Seams, ObliqueKneeHasNoSeams) {
   expect_one_body_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
 }
 
 // 116 regions of a brain, as nobody presses on: each beside many others, of one stiffness and of four
-TEST(Seams, TheHeadIsOneBody) {
+TEST(Seams, HeadHasNoSeams) {
   const std::filesystem::path file = "/usr/share/mricron/templates/aal.nii.gz";
   if (!std::filesystem::exists(file)) {
     if (in_ci()) FAIL() << "the package mricron-data is not installed";
@@ -449,7 +449,7 @@ TEST(Seams, TheHeadIsOneBody) {
                   model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
 }
 
-TEST(Seams, ThePhantomsKneeIsOneBody) {
+TEST(Seams, PhantomKneeHasNoSeams) {
   const auto parameters = parse_phantom("knee-phantom:spacing=0.8");
   ASSERT_TRUE(parameters.ok());
   const auto phantom = make_phantom(*parameters);

@@ -9,14 +9,14 @@
 namespace palpate {
 namespace {
 
-TEST(ActingForce, WithoutDelayItIsWhatWasSent) {
+TEST(ActingForce, WithoutDelayEqualsTheCommand) {
   DelayLine line;
   EXPECT_EQ(follow_delay(Vector<World>(1, 2, 3), 1e-3, 0, line), Vector<World>(1, 2, 3));
   EXPECT_EQ(line.count, 0);
   EXPECT_EQ(pending_impulse_N_s(line, Vector<World>(1, 0, 0), 0), 0);
 }
 
-TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
+TEST(ActingForce, IsTheMeanActingForceForAnyTickLength) {
   // reference: commands on a fine time axis, shifted by the delay
   constexpr double kFine_s = 1e-5;
   for (const double delay_s : {0.2e-3, 1e-3, 3e-3, 7e-3}) {
@@ -43,7 +43,7 @@ TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
 
 // The delay changes from tick to tick with late ticks and detected oscillations; the impulse must be
 // conserved.
-TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
+TEST(ActingForce, ConstantForceIsPreservedWhenTheDelayChanges) {
   for (const double min_s : {0.0, 1e-3, 4e-3})
     for (const double tick_s : {1e-4, 1e-3, 4e-3}) {
       std::mt19937 random(7);
@@ -63,7 +63,7 @@ TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
     }
 }
 
-TEST(ActingForce, ALineThatIsFullForgetsTheOldest) {
+TEST(ActingForce, FullDelayLineDropsTheOldest) {
   DelayLine line;
   for (int n = 0; n < 1000; ++n) {
     const Vector<World> acted = follow_delay(Vector<World>(1, 0, 0), 1e-4, 20e-3, line);

@@ -17,7 +17,7 @@ using testing::random_direction;
 
 constexpr unsigned kRowSeed = 83;
 
-TEST(CapsuleRow, ItsOutlineIsTheCapsulesButForALittle) {
+TEST(CapsuleRow, OutlineApproximatesTheCapsuleWithinTolerance) {
   EXPECT_EQ(row_steps({{}, 1}), 0);
   for (const double radius_mm : {0.3, 0.5, 1.0, 1.5, 3.0, 10.0})
     for (const double length_mm : {0.1, 1.0, 7.3, 60.0, 600.0}) {
@@ -39,7 +39,7 @@ std::vector<ContactSurface> ball_and_plate(std::mt19937& random) {
               cube_grid(14, {0.5, 0.5, 0.9}, turn), [](const Eigen::Vector3d& p) { return p.z(); }, 4)};
 }
 
-TEST(CapsuleRow, TheNearestIsThatOfAllItsSpheres) {
+TEST(CapsuleRow, NearestSphereEqualsExhaustiveSearch) {
   SCOPED_TRACE("seed " + std::to_string(kRowSeed));
   std::mt19937 random(kRowSeed);
   std::uniform_real_distribution<double> unit(0, 1), about(-4, 4);
@@ -81,7 +81,7 @@ TEST(CapsuleRow, TheNearestIsThatOfAllItsSpheres) {
   EXPECT_LT(looks, all * 3 / 4) << "of short rows near the surface";
 }
 
-TEST(CapsuleRow, TheMiddleOfWhatTouchesIsThatOfTheLyingPart) {
+TEST(CapsuleRow, ContactCentreIsTheCentreOfTheSupportedSegment) {
   std::mt19937 random(kRowSeed);
   int looks = 0;
   const auto surfaces = ball_and_plate(random);

@@ -17,7 +17,7 @@ Model three_tissues() {
   return model;
 }
 
-TEST(Colours, TheScenesTissueCountsBeforeTheFilesSegmentAndThatBeforeTheTissue) {
+TEST(Colours, ScenePrecedesLabelFilePrecedesTissueDefault) {
   Model model = three_tissues();
   apply_tissue_colours(model.segments, model.tissue_of_label,
                        std::vector<std::optional<Rgb>>{kOfScene, {}, {}});
@@ -29,7 +29,7 @@ TEST(Colours, TheScenesTissueCountsBeforeTheFilesSegmentAndThatBeforeTheTissue) 
   EXPECT_EQ(colour_of(model, 65535), Rgb{});
 }
 
-TEST(Colours, AllLabelsAreColouredAsEachIs) {
+TEST(Colours, AllLabelsEqualSingleLookups) {
   const Model model = three_tissues();
   const std::vector<Rgb> colours = colours_of_labels(model);
   ASSERT_EQ(colours.size(), 10u);
@@ -37,7 +37,7 @@ TEST(Colours, AllLabelsAreColouredAsEachIs) {
     EXPECT_EQ(colours[label], colour_of(model, static_cast<LabelId>(label))) << label;
 }
 
-TEST(Colours, ATissueHasItsFirstStructures) {
+TEST(Colours, TissueTakesTheColourOfItsFirstStructure) {
   const Model model = three_tissues();
   EXPECT_EQ(colour_of_tissue(model, 0), kOfFile);
   EXPECT_EQ(colour_of_tissue(model, 1), kOfOther);

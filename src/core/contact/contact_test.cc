@@ -28,7 +28,7 @@ TEST(ContactSite, DepthIsTheDistanceBelowTheSurface) {
     }
 }
 
-TEST(ContactSite, CartilageIsMetBeforeTheBoneUnderIt) {
+TEST(ContactSite, CartilageIsContactedBeforeItsBone) {
   const Model model = ball_model({0.6, 0.6, 0.6}, 0.7, 3);
   std::mt19937 random(4);
   for (int i = 0; i < 50; ++i) {
@@ -60,7 +60,7 @@ TEST(ContactSite, DepthOfBoneIsMeasuredFromItsBorderWithTheCartilage) {
   }
 }
 
-TEST(ContactSite, AValleyBelongsToTheNearerOfItsWalls) {
+TEST(ContactSite, ValleyBelongsToTheNearerSide) {
   // two half-spaces facing each other along x: in the valley between them the gradient points along the
   // valley or vanishes, although there is a structure in contact
   Model model = ball_model({1, 1, 1});
@@ -87,7 +87,7 @@ TEST(ContactSite, AValleyBelongsToTheNearerOfItsWalls) {
   EXPECT_EQ(find_contact_site(model, left, sample_central_differences(*model.field, left)).label, kBone);
 }
 
-TEST(ContactSite, FreeSpaceAndOutsideMeetNothing) {
+TEST(ContactSite, FreeSpaceAndOutsideHaveNoContact) {
   const Model model = ball_model();
   for (const Point<Patient>& x :
        {Point<Patient>(25, 0, 0), Point<Patient>(1e6, 0, 0), Point<Patient>(-1e300, 0, 0)}) {
@@ -97,7 +97,7 @@ TEST(ContactSite, FreeSpaceAndOutsideMeetNothing) {
   }
 }
 
-TEST(ContactSite, DeepInsideTheTipsOwnLabelCounts) {
+TEST(ContactSite, DeepInsideUsesTheLabelAtTheTip) {
   const Model model = ball_model();
   const FieldSample sample = sample_central_differences(*model.field, Point<Patient>());
   ASSERT_EQ(sample.gradient.norm(), 0) << "the ramp has ended here";
@@ -106,7 +106,7 @@ TEST(ContactSite, DeepInsideTheTipsOwnLabelCounts) {
   EXPECT_TRUE(std::isnan(site.depth_mm)) << "no direction, no depth";
 }
 
-TEST(ContactSite, OfRampsIsTheVoxelsOwnAndAsDeepAsTheyGo) {
+TEST(ContactSite, RampsUseTheVoxelLabelAtFullDepth) {
   const Model model = testing::with_ramps(ball_model({0.6, 0.6, 0.6}, 1, 3), 4, 3);
   std::mt19937 random(8);
   for (int n = 0; n < 300; ++n) {
@@ -126,7 +126,7 @@ TEST(ContactSite, OfRampsIsTheVoxelsOwnAndAsDeepAsTheyGo) {
   }
 }
 
-TEST(ContactSite, NotANumberMeetsNothing) {
+TEST(ContactSite, NonFinitePositionHasNoContact) {
   const Model model = ball_model();
   const Point<Patient> x(std::nan(""), 0, 0);
   EXPECT_EQ(find_contact_site(model, x, sample_central_differences(*model.field, x)).label, 0);

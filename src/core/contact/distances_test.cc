@@ -77,7 +77,7 @@ std::vector<Shape> distance_shapes(std::mt19937& random) {
        }}};
 }
 
-TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
+TEST(Distances, EqualTheOracleOnEveryGrid) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -114,7 +114,7 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
   RecordProperty("worst_um", static_cast<int>(std::lround(1e3 * worst_mm)));
 }
 
-TEST(Distances, OnMedialPlacesAreThoseOfTheNearerSide) {
+TEST(Distances, OnTheMedialAxisUseTheNearerSide) {
   // where an interpolated distance field is clamped
   const SurfaceTree plate(surface_of(cube_grid(9, {0.625, 0.625, 0.9}), [](const Eigen::Vector3d& p) {
     return box_mm(p, {6, 5, 1.35});
@@ -127,7 +127,7 @@ TEST(Distances, OnMedialPlacesAreThoseOfTheNearerSide) {
   EXPECT_NEAR(ball.nearest({0, 0, 0})->distance_mm, -12, kTolerance_mm);
 }
 
-TEST(Distances, EndWhereTheyAreAskedTo) {
+TEST(Distances, EndAtTheRequestedReach) {
   const SurfaceTree ball(
       surface_of(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 5; }));
   EXPECT_FALSE(ball.nearest({10, 0, 0}, 4.9).has_value());
@@ -159,7 +159,7 @@ TEST(Distances, GrowFastestAlongOutward) {
   EXPECT_GT(worst, std::cos(0.12)) << "of a surface of voxels, radians";
 }
 
-TEST(Distances, OfAnotherVersionAreThoseOfATreeMadeAnew) {
+TEST(Distances, UpdatedVersionEqualsARebuiltTree) {
   const GridGeometry grid = cube_grid(14, {0.5, 0.5, 0.5});
   const auto ball = [](const Eigen::Vector3d& p) { return p.norm() - 9; };
   const auto before = surface_of(grid, ball);
@@ -191,7 +191,7 @@ TEST(Distances, OfAnotherVersionAreThoseOfATreeMadeAnew) {
   }
 }
 
-TEST(Distances, OfAToolAreThoseOfItsNearestPart) {
+TEST(Distances, ToolDistanceIsThatOfItsNearestPart) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -238,7 +238,7 @@ Distances many_balls(int count, double reach_mm) {
   return {std::move(structures), reach_mm};
 }
 
-TEST(Distances, ToldAreTheNearestInOrder) {
+TEST(Distances, ReportedDistancesAreTheNearestInOrder) {
   const Distances distances = many_balls(60, 20);
   const std::vector<ToolSphere> point{{}};
   std::mt19937 random(test::test_seed());

@@ -23,7 +23,7 @@ double energy_of(const Footprint& foot) {
   return 0.4 * force_of(foot) * foot.depth_mm;
 }
 
-TEST(Footprint, OfOnePlaceIsThatPlace) {
+TEST(Footprint, OfOnePointIsThatPoint) {
   const PressPlace place{{1, 2, 3}, 2.5, 0.7};
   const Footprint foot = footprint_of({&place, 1}, kUp);
   EXPECT_NEAR(foot.depth_mm, 0.7, 1e-12);
@@ -33,7 +33,7 @@ TEST(Footprint, OfOnePlaceIsThatPlace) {
   EXPECT_NEAR((foot.arm_mm - Vector<Patient>(1, 2, 0.5)).norm(), 0, 1e-12);
 }
 
-TEST(Footprint, FarFromEachOtherTheyAddUp) {
+TEST(Footprint, DistantPointsSuperpose) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -63,7 +63,7 @@ double pressed_N(const Footprint& foot) {
 
 // Comparison with a half-space solved with cells of 0.15 mm (bench/footprint_truth.py). A single sphere in
 // place of the footprint is 16 to 44 % too soft for two spheres and 46 to 90 % for a shaft lying flat.
-TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
+TEST(Footprint, MatchesTheHalfSpaceSolution) {
   struct TwoSpheres {
     double apart_mm, higher_mm, truth_N;
   };
@@ -98,7 +98,7 @@ TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
 }
 
 // as a place passes through the surface, moves behind another place, or passes it
-TEST(Footprint, HasNoSteps) {
+TEST(Footprint, IsContinuous) {
   constexpr int kSteps = 4000;
   for (const double aside_mm : {0.0, 0.4, 1.0, 2.0, 6.0}) {
     SCOPED_TRACE(std::to_string(aside_mm) + " mm aside");
@@ -124,7 +124,7 @@ TEST(Footprint, HasNoSteps) {
 
 // A shaft pushed in along its axis presses with its end only, at any depth; lying flat it presses with its
 // whole length.
-TEST(Footprint, AShaftPressesWithWhatLiesOnTheSurface) {
+TEST(Footprint, ShaftPressesWithItsSupportedLength) {
   const ContactSurface plane = testing::felt_surface(
       testing::cube_grid(40, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
   const int edge_contact_front = 0;

@@ -48,7 +48,7 @@ Model wall_model(const Eigen::Vector3d& spacing_mm, double sigma_mm) {
   return with_every_method(std::move(model));
 }
 
-TEST(ForceMethods, HaveNamesThatFindThem) {
+TEST(ForceMethods, AreFoundByName) {
   for (std::size_t n = 0; n < kForceMethods.size(); ++n) {
     EXPECT_EQ(index_of(kForceMethods[n].method), n) << "recordings hold the number";
     EXPECT_EQ(find_force_method(kForceMethods[n].name), kForceMethods[n].method);
@@ -58,7 +58,7 @@ TEST(ForceMethods, HaveNamesThatFindThem) {
   EXPECT_EQ(next_of(ForceMethod::kProxy), ForceMethod::kTrilinear);
 }
 
-TEST(ForceField, GivesWhatItsMethodGives) {
+TEST(ForceField, EvaluatesItsMethod) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   const Model& model = layered();
@@ -84,7 +84,7 @@ TEST(ForceField, GivesWhatItsMethodGives) {
     EXPECT_EQ(model.force_field(info.method).method(), info.method);
 }
 
-TEST(ForceField, DeepInsideThereIsNoDirectionForAnyMethod) {
+TEST(ForceField, NoMethodHasADirectionDeepInside) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   const Model model = with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0));
@@ -122,7 +122,7 @@ void expect_sum_of_tissues(ForceMethod method, const Sphere& bone, const Sphere&
   }
 }
 
-TEST(ForceField, SpheresCountEveryTissueByItsLevel) {
+TEST(ForceField, SphereMethodsWeightTissuesByLevel) {
   const Model& model = layered();
   const LabelVoxels bone(model.labels, {kBone}), cartilage(model.labels, {kCartilage});
   expect_sum_of_tissues(ForceMethod::kGaussianSphere, *GaussianSphere::make(bone, 1.0),
@@ -131,7 +131,7 @@ TEST(ForceField, SpheresCountEveryTissueByItsLevel) {
                         *SmoothSphere::make(cartilage, 1.0), 0.5);
 }
 
-TEST(ForceField, CartilageKeepsItsOwnSurfaceAndPushesOutwardAllTheWayDown) {
+TEST(ForceField, CartilageHasItsOwnSurfaceAndOutwardForceAtEveryDepth) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   const double shell_mm = 4;
@@ -168,7 +168,7 @@ double steepest_N_per_mm(const ForceField& field, double step_mm) {
   return steepest;
 }
 
-TEST(ForceField, EveryMethodIsAsStiffAsTheTissueAtAFlatSurface) {
+TEST(ForceField, EveryMethodRendersTissueStiffnessOnAFlatSurface) {
   for (const Eigen::Vector3d& spacing_mm : {Eigen::Vector3d(0.3, 0.3, 0.9), Eigen::Vector3d(0.6, 0.6, 0.6)}) {
     const Model model = wall_model(spacing_mm, 1.0);
     const double stiffness = model.greatest_stiffness_N_per_mm();
@@ -182,7 +182,7 @@ TEST(ForceField, EveryMethodIsAsStiffAsTheTissueAtAFlatSurface) {
   }
 }
 
-TEST(ForceField, WidthOfASphereIsItsOwn) {
+TEST(ForceField, SphereWidthIsASettingOfTheMethod) {
   Model model = ball_model({0.6, 0.6, 0.9}, 1.0);
   model.method_settings.sphere_sigma_voxels = 2;
   const double stiffness = model.greatest_stiffness_N_per_mm();
@@ -196,7 +196,7 @@ TEST(ForceField, WidthOfASphereIsItsOwn) {
   EXPECT_NEAR(full_N(ForceMethod::kSmoothSphere), stiffness * 2 * 0.6 / 3 * sqrt_2_pi, 1e-9);
 }
 
-TEST(ForceField, WhatIsNoPlaceIsFreeSpace) {
+TEST(ForceField, NonFinitePositionIsFreeSpace) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   for (const ForceMethodInfo& info : kDirectMethods)
     for (const Point<Patient>& x : {Point<Patient>(nan, 0, 0), Point<Patient>(0, inf, 0),
@@ -207,7 +207,7 @@ TEST(ForceField, WhatIsNoPlaceIsFreeSpace) {
     }
 }
 
-TEST(WithMethods, AddsWhatIsMissingAndSharesTheRest) {
+TEST(WithMethods, PreparesMissingMethodsAndSharesTheOthers) {
   const auto model = std::make_shared<const Model>(ball_model({1, 1, 1}));
   const std::array wanted{ForceMethod::kTrilinear, ForceMethod::kSpline};
   const auto more = with_methods(model, wanted);
@@ -223,7 +223,7 @@ TEST(WithMethods, AddsWhatIsMissingAndSharesTheRest) {
   EXPECT_EQ(model->force_field(ForceMethod::kSpline).method(), ForceMethod::kTrilinear);
 }
 
-TEST(WithMethods, RefusesASphereThatReachesTooFarAndStopsWhenTold) {
+TEST(WithMethods, RejectsTooWideSpheresAndStopsOnRequest) {
   Model wide = ball_model({1, 1, 1});
   wide.sigma_mm = 30;
   const std::array smooth{ForceMethod::kSmoothSphere};

@@ -91,7 +91,7 @@ TEST(ClosestPoint, AcuteWedgeIsExact) {
   EXPECT_LT((found->point - Point<Patient>(0, 0, 7)).norm(), 1e-9);
 }
 
-TEST(ClosestPoint, OppositeWallsLeaveNothingOrAGap) {
+TEST(ClosestPoint, OppositeHalfSpacesAreInfeasibleOrAGap) {
   const auto walls = [](double gap_mm) {
     return std::vector<HalfSpace>{{Vector<Patient>(1, 0, 0), 0}, {Vector<Patient>(-1, 0, 0), -gap_mm}};
   };
@@ -101,7 +101,7 @@ TEST(ClosestPoint, OppositeWallsLeaveNothingOrAGap) {
   EXPECT_EQ(in_gap->point, Point<Patient>(0, 2, 0));
 }
 
-TEST(ClosestPoint, TheSameWallTwiceIsOne) {
+TEST(ClosestPoint, DuplicateHalfSpaceCountsOnce) {
   const std::vector<HalfSpace> twice(3, {Vector<Patient>(0, 1, 0), 1});
   const auto found = closest_point({5, -1, 2}, twice);
   ASSERT_TRUE(found);

@@ -22,7 +22,7 @@ std::uint64_t hash_of(const Holes& holes) {
   return hash_finish(hash);
 }
 
-TEST(Holes, LetInWhatFitsWhereverItLies) {
+TEST(Holes, AdmitToolsThatFitAtAnyOffset) {
   const Hole hole = made();
   const double play_mm = kProxyFeel.hole_play_mm;
   EXPECT_TRUE(hole.fits({0, 0, 0}, 1));
@@ -35,7 +35,7 @@ TEST(Holes, LetInWhatFitsWhereverItLies) {
   EXPECT_FALSE(hole.fits({0, 0, -1.1 * play_mm}, 1));
 }
 
-TEST(Holes, AreAsLongAsWhatWentThroughHasCome) {
+TEST(Holes, ReachAsDeepAsTheToolHasAdvanced) {
   Holes holes;
   holes.make(made());
   holes.lead(2, {0.3, 0, 5});
@@ -47,7 +47,7 @@ TEST(Holes, AreAsLongAsWhatWentThroughHasCome) {
   EXPECT_EQ(holes.all()[0].length_mm, 5) << "another structure's, and one beside it";
 }
 
-TEST(Holes, BeyondTheirNumberTheOldestCloses) {
+TEST(Holes, OldestHoleClosesBeyondTheMaximum) {
   Holes holes;
   const auto number = static_cast<int>(Holes::kMost) + 3;
   for (int n = 0; n < number; ++n) {
@@ -63,7 +63,7 @@ TEST(Holes, BeyondTheirNumberTheOldestCloses) {
   EXPECT_EQ(places.back(), 10.0 * (number - 1));
 }
 
-TEST(Holes, StayWithTheirStructureWhenSurfacesChangePlaces) {
+TEST(Holes, FollowTheirStructureWhenSurfacesAreReordered) {
   Holes holes;
   holes.make(made());
   Hole other = made();

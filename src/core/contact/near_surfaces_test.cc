@@ -47,7 +47,7 @@ double min_of_row(const Surface& surface, const ToolSphere& sphere, const Point<
   return min_mm;
 }
 
-TEST(PairSet, WhatIsLeftOutIsNotMetOnTheWay) {
+TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -90,7 +90,7 @@ TEST(PairSet, WhatIsLeftOutIsNotMetOnTheWay) {
 }
 
 // bounds by which surfaces are excluded without a query
-TEST(PairSet, BoundsAreBelowWhatIsAsked) {
+TEST(PairSet, BoundsAreConservative) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -116,7 +116,7 @@ TEST(PairSet, BoundsAreBelowWhatIsAsked) {
 }
 
 // clearances of a moving and rotating tool, with repeated queries
-TEST(PairSet, AClearanceIsThatOfAskingAll) {
+TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -160,7 +160,7 @@ TEST(PairSet, AClearanceIsThatOfAskingAll) {
   EXPECT_GT(bounds, 3000);
 }
 
-TEST(PairSet, FreeIsWhatAskingAllSays) {
+TEST(PairSet, FreeTestEqualsExhaustiveSearch) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -241,7 +241,7 @@ std::vector<ContactSurface> with_far_ones(std::vector<ContactSurface> surfaces, 
 }
 
 // bit-identical, forces included
-TEST(PairSet, StructuresThatAreFarAwayChangeNothing) {
+TEST(PairSet, DistantStructuresHaveNoEffect) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
@@ -269,7 +269,7 @@ TEST(PairSet, StructuresThatAreFarAwayChangeNothing) {
   EXPECT_TRUE(punctured);
 }
 
-TEST(PairSet, OnlyWhatIsNearIsAsked) {
+TEST(PairSet, EvaluatesOnlyNearbyPairs) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random), many = with_far_ones(few, 250, random);
@@ -286,7 +286,7 @@ TEST(PairSet, OnlyWhatIsNearIsAsked) {
   EXPECT_LT(asked, 200 * 12) << "of these pairs some are too far, too";
 }
 
-TEST(PairSet, ATickCostsWhatIsNear) {
+TEST(PairSet, CostDependsOnNearbyPairsOnly) {
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
   LedTool alone(few), among(with_far_ones(few, 250, random));

@@ -36,7 +36,7 @@ Distances ball_structure() {
   return {{{7, std::make_shared<const SurfaceTree>(surface), false}}, 20};
 }
 
-TEST(NoGo, PushesOutBySpringTimesDepthAndNowhereElse) {
+TEST(NoGo, ForceIsStiffnessTimesDepthAndZeroOutside) {
   const std::vector<NoGoRegion> floor{plane_region({0, 0, 1}, 1.5, 0.8)};
   EXPECT_EQ(pushed(floor, {0, 0, 1.6}).region, -1);
   EXPECT_EQ(pushed(floor, {0, 0, 1.6}).force_N, Vector<Patient>());
@@ -62,7 +62,7 @@ TEST(NoGo, PushesOutBySpringTimesDepthAndNowhereElse) {
   EXPECT_EQ(pushed({{"not prepared", NoGoStructure{7, -1}, 1, 0.5}}, {}, 2, distances).region, -1);
 }
 
-TEST(NoGo, IsNoStifferThanTheHandHolds) {
+TEST(NoGo, StiffnessIsClampedToTheStableLimit) {
   const NoGoForce force = pushed({plane_region({0, 0, 1}, 0, 20)}, {0, 0, -1}, 0.7);
   EXPECT_LE(force.force_N.norm(), 0.7);
   EXPECT_GE(force.force_N.norm(), 0.62);
@@ -84,7 +84,7 @@ std::vector<NoGoRegion> random_regions(std::mt19937& random, int count) {
   return regions;
 }
 
-TEST(NoGo, OfManyPlanesHasAPotentialAndIsNowhereStifferThanTheMost) {
+TEST(NoGo, ManyPlanesAreConservativeAndBoundedInStiffness) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -107,7 +107,7 @@ TEST(NoGo, OfManyPlanesHasAPotentialAndIsNowhereStifferThanTheMost) {
   EXPECT_GT(met, 100);
 }
 
-TEST(NoGo, OfRegionsThatOverlapIsThatOfOneWhereTheyAreTheSame) {
+TEST(NoGo, OverlappingEqualRegionsActAsOne) {
   const NoGoRegion floor = plane_region({0, 0, 1}, 1, 1.8);
   const double one = pushed({floor}, {}).force_N.z(), two = pushed({floor, floor}, {}).force_N.z();
   EXPECT_GE(two, one);
@@ -119,7 +119,7 @@ TEST(NoGo, OfRegionsThatOverlapIsThatOfOneWhereTheyAreTheSame) {
   EXPECT_LT(pushed(gap, {0, 0, 0.2}).force_N.z(), -0.1);
 }
 
-TEST(NoGo, PushesTheWholeTool) {
+TEST(NoGo, ActsOnEveryPartOfTheTool) {
   const std::vector<NoGoRegion> floor{plane_region({0, 0, 1}, 1, 0.5)};
   const std::vector<ToolSphere> tool{{{}, 0.5}, {{0, 0, 0}, 0.5, {10, 0, -3}}};
   const NoGoForce force = pushed(floor, {0, 0, 3}, 2, {}, tool);
@@ -140,7 +140,7 @@ TEST(NoGo, PushesTheWholeTool) {
   EXPECT_NEAR(pushed(ball, {}, 2, {}, {cone}).depth_mm, 1 - min_mm, 1e-6);
 }
 
-TEST(NoGo, RefusesWhatIsNoRegion) {
+TEST(NoGo, RejectsInvalidRegions) {
   EXPECT_TRUE(check_no_go({}).ok());
   const NoGoRegion good = plane_region({0, 0, 1}, 1, 1);
   EXPECT_TRUE(check_no_go({&good, 1}).ok());

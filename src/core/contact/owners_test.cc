@@ -36,7 +36,7 @@ double part_of(const OwnerShares& shares, int structure) {
   return 0;
 }
 
-TEST(Owners, SharesGoOverSmoothlyWhereStructuresMeet) {
+TEST(Owners, SharesVarySmoothlyAcrossBorders) {
   for (const Eigen::Vector3d& spacing_mm :
        {Eigen::Vector3d(0.36, 0.36, 0.7), Eigen::Vector3d(0.28, 0.28, 1)}) {
     const Owners owners(*label_bricks(two_halves(spacing_mm)), {-1, 0, 1});
@@ -64,7 +64,7 @@ TEST(Owners, SharesGoOverSmoothlyWhereStructuresMeet) {
   }
 }
 
-TEST(Owners, AreWhatASumOverAllOuterVoxelsGives) {
+TEST(Owners, EqualTheSumOverAllOuterVoxels) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937 random(seed);
@@ -131,7 +131,7 @@ TEST(Owners, AreWhatASumOverAllOuterVoxelsGives) {
 }
 
 // Repeated look-ups at few points, on two surfaces, before and after a cut, and after the labels changed.
-TEST(Owners, AMemoGivesWhatIsAskedForAfreshWhateverChanges) {
+TEST(Owners, CachedLookupEqualsFreshLookupAfterAnyChange) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937 random(seed);
@@ -184,7 +184,7 @@ TEST(Owners, AMemoGivesWhatIsAskedForAfreshWhateverChanges) {
   EXPECT_GT(several, 100);
 }
 
-TEST(Owners, OfAThinLayerTheStructureBeneathHasNoShare) {
+TEST(Owners, StructureBelowAThinLayerHasNoShare) {
   Volume<LabelId> labels(cube_grid(6, {0.5, 0.5, 0.5}));
   const auto& dims = labels.geometry().dims;
   const int top = dims[2] / 2;
@@ -196,7 +196,7 @@ TEST(Owners, OfAThinLayerTheStructureBeneathHasNoShare) {
   EXPECT_EQ(shares.largest(), 0);
 }
 
-TEST(Owners, AreAtMostEightAndOneOfThemWhereThereIsNone) {
+TEST(Owners, AtMostEightSharesAndOneFarFromAnyStructure) {
   GridGeometry grid = cube_grid(3, {1, 1, 1});
   Volume<LabelId> labels(grid);
   for (std::size_t v = 0; v < labels.voxels().size(); ++v)

@@ -33,7 +33,7 @@ struct Led {
   }
 };
 
-TEST(Passivity, CountsTheWorkOfWhatWasSent) {
+TEST(Passivity, ObserverIntegratesCommandedWork) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
   const auto any = [&] { return Vector<World>(normal(random), normal(random), normal(random)); };
@@ -43,7 +43,7 @@ TEST(Passivity, CountsTheWorkOfWhatWasSent) {
   EXPECT_NEAR(led.state.energy_mJ, led.true_mJ, 1e-9);
 }
 
-TEST(Passivity, ASpringGivesBackNoMoreThanItGot) {
+TEST(Passivity, SpringReturnsNoMoreThanItStored) {
   // into a wall and out again, sampled: without the controller each pass generates F v T
   for (const double speed_mm_s : {20.0, 50.0, 100.0, 200.0}) {
     SCOPED_TRACE(speed_mm_s);
@@ -68,7 +68,7 @@ TEST(Passivity, ASpringGivesBackNoMoreThanItGot) {
   }
 }
 
-TEST(Passivity, OnlyPushesThatFollowTheTipAreDampedAndNoneIsTurnedRound) {
+TEST(Passivity, DampsOnlyForcesAlongTheMotionAndNeverReversesThem) {
   std::mt19937_64 random(4);
   std::normal_distribution<double> normal;
   const auto any = [&] { return Vector<World>(normal(random), normal(random), normal(random)); };
@@ -88,7 +88,7 @@ TEST(Passivity, OnlyPushesThatFollowTheTipAreDampedAndNoneIsTurnedRound) {
   EXPECT_GT(acted, 100);
 }
 
-TEST(Passivity, AnEncoderThatFlickersByOneStepIsFeltAsOneThatFlickersByTwo) {
+TEST(Passivity, OneStepEncoderNoiseChangesTheForceByAtMostTwoSteps) {
   Led led;
   for (int n = 0; n < 5000; ++n) {
     const bool inward = n % 2 == 0;
@@ -102,7 +102,7 @@ TEST(Passivity, AnEncoderThatFlickersByOneStepIsFeltAsOneThatFlickersByTwo) {
   }
 }
 
-TEST(Passivity, ASlowSpringPaysBackWhatItGivesOut) {
+TEST(Passivity, SlowSpringRepaysItsEnergyDebt) {
   // in and out much more slowly than a velocity can be estimated, with a quantised position; forces act until
   // the next tick
   constexpr double kDeepest_mm = 0.5, kSpeed_mm_s = 2;
@@ -129,7 +129,7 @@ TEST(Passivity, ASlowSpringPaysBackWhatItGivesOut) {
   }
 }
 
-TEST(Passivity, WhatWasDissipatedIsNoLicence) {
+TEST(Passivity, DissipatedEnergyIsNoCredit) {
   // friction over a long distance, more than the spring stores
   Led led;
   for (int n = 0; n < 1000; ++n) led.go({0, 0.1, 0}, {1, -0.3, 0}, 0.25);
@@ -140,7 +140,7 @@ TEST(Passivity, WhatWasDissipatedIsNoLicence) {
   EXPECT_EQ(led.state.energy_mJ, 0);
 }
 
-TEST(Passivity, WhatIsOwedIsStillOwedAfterFreeSpace) {
+TEST(Passivity, EnergyDebtSurvivesFreeSpace) {
   Led led;
   led.act = false;
   led.go({}, {1, 0, 0});
@@ -149,7 +149,7 @@ TEST(Passivity, WhatIsOwedIsStillOwedAfterFreeSpace) {
   EXPECT_NEAR(led.state.energy_mJ, -0.5, 1e-12);
 }
 
-TEST(Passivity, SlidingAroundABallIsNoActivity) {
+TEST(Passivity, SlidingAroundABallIsPassive) {
   // a force rotating with the normal: one axis gives what the other takes, 1 N times the radius
   constexpr double kRadius_mm = 15, kForce_N = 1;
   Led led;
@@ -164,7 +164,7 @@ TEST(Passivity, SlidingAroundABallIsNoActivity) {
   EXPECT_NEAR(led.state.energy_mJ, 0, 0.1) << "per axis it would be 15 mJ";
 }
 
-TEST(Passivity, AWallOfMoreThanAStepIsSofterWhileEnergyIsOwed) {
+TEST(Passivity, StiffWallSoftensWhileEnergyIsOwed) {
   constexpr double kStiff_N_per_mm = 20, kLimit_N = 0.9;
   constexpr double kStep_N = kStiff_N_per_mm * kStep_mm;
   const auto sent_N = [&](double energy_mJ, double stiffness_N_per_mm, double depth_mm) {
@@ -186,7 +186,7 @@ TEST(Passivity, AWallOfMoreThanAStepIsSofterWhileEnergyIsOwed) {
   }
 }
 
-TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
+TEST(Passivity, UnknownEncoderStepIsTreatedAsCoarse) {
   PassivityState known, unknown;
   const Vector<World> push(1, 0, 0);
   const PassivityInput input{push,        push.norm(),         push,     {0.08, 0, 0},
@@ -198,7 +198,7 @@ TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
 }
 
 // A tip leaving fast, with a debt that would need more than the maximum damping.
-TEST(Passivity, DampsTheLessTheLaterItsForceActs) {
+TEST(Passivity, DampingFallsWithTheDelay) {
   for (const double rate_hz : {1000.0, 250.0})
     for (const double delay_s : {0.0, 1e-3, 4e-3}) {
       SCOPED_TRACE(std::to_string(rate_hz) + " Hz, " + std::to_string(delay_s) + " s");

@@ -75,7 +75,7 @@ TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
   }
 }
 
-TEST(Proxy, PressesBackWithTheStiffnessFromAnyRadius) {
+TEST(Proxy, RendersTissueStiffnessForAnyRadius) {
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
     ProxyRun run = on_floor();
     run.spheres = {{{}, radius_mm}};
@@ -93,7 +93,7 @@ TEST(Proxy, PressesBackWithTheStiffnessFromAnyRadius) {
   }
 }
 
-TEST(Proxy, SlidesWithoutFrictionStraightUnderTheTip) {
+TEST(Proxy, WithoutFrictionStaysAboveTheTip) {
   ProxyRun run = on_floor();
   run.lead({-4, 0, 1}, {-4, 0, -1}, 0.1);
   run.lead({-4, 0, -1}, {4, 3, -1}, 0.5);
@@ -105,7 +105,7 @@ TEST(Proxy, SlidesWithoutFrictionStraightUnderTheTip) {
 }
 
 // both end points outside, the plate between them
-TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
+TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> thick(1.2, 2.2), unit(0, 1);
@@ -143,7 +143,7 @@ ProxyRun held_behind_a_plate(const Point<Patient>& free_tip, double second_plate
   return run;
 }
 
-TEST(Proxy, LetsGoOfAToolThatHasComeBackToWhereItWasFree) {
+TEST(Proxy, ReleasesAToolThatReturnedToFreeSpace) {
   ProxyRun run = held_behind_a_plate({-3, 1, 0}, 8);
   EXPECT_EQ(run.state.position, Point<Patient>(-2, 0, 0));
   EXPECT_EQ(run.state.contacts, 0);
@@ -159,7 +159,7 @@ TEST(Proxy, LetsGoOfAToolThatHasComeBackToWhereItWasFree) {
 }
 
 // the tip stays in place while the end of a lever rotates to the other side of a plate and back
-TEST(Proxy, HoldsALeverUntilItHasTurnedBack) {
+TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
   ProxyRun run;
   run.surfaces = {
       felt_surface(cube_grid(9, kKnee_mm), [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; })};
@@ -178,7 +178,7 @@ TEST(Proxy, HoldsALeverUntilItHasTurnedBack) {
   EXPECT_EQ(run.result.force_N, Vector<Patient>());
 }
 
-TEST(Proxy, HoldsAToolThatHasComeOutOnAnotherSide) {
+TEST(Proxy, ConstrainsAToolThatExitedOnAnotherSide) {
   // back at the start, or with an obstacle on the path to it
   for (const Point<Patient>& free_tip : {Point<Patient>(3, 0, 0), Point<Patient>(-6, 0, 0)}) {
     ProxyRun run = held_behind_a_plate(free_tip, -4);
@@ -189,7 +189,7 @@ TEST(Proxy, HoldsAToolThatHasComeOutOnAnotherSide) {
   }
 }
 
-TEST(Proxy, HoldsInACornerAndInAnAcuteWedge) {
+TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
   for (const double degrees : {90.0, 40.0, 20.0}) {
     SCOPED_TRACE(degrees);
     // a groove along y, open upwards: two walls of one structure
@@ -216,7 +216,7 @@ TEST(Proxy, HoldsInACornerAndInAnAcuteWedge) {
   }
 }
 
-TEST(Proxy, IsHeldByThreeWallsOfThreeStructures) {
+TEST(Proxy, IsConstrainedByThreeStructures) {
   ProxyRun run;
   for (int axis = 0; axis < 3; ++axis)
     run.surfaces.push_back(
@@ -228,7 +228,7 @@ TEST(Proxy, IsHeldByThreeWallsOfThreeStructures) {
   EXPECT_LT((run.result.force_N - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3);
 }
 
-TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
+TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
   // tools whose spheres differ by micrometres, so that each touches each wall
   ProxyRun run;
   for (int axis = 0; axis < 3; ++axis)
@@ -251,7 +251,7 @@ TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
   EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
-TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
+TEST(Proxy, ToolWiderThanAGapStaysOutAndIsFlagged) {
   ProxyRun run;
   for (const double side : {-1.0, 1.0})
     run.surfaces.push_back(felt_surface(cube_grid(9, {0.4, 0.4, 0.4}), [side](const Eigen::Vector3d& p) {
@@ -268,7 +268,7 @@ TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
   EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
-TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
+TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
   // floor and ceiling 2 mm apart, and a tool that grows taller than the gap
   ProxyRun run;
   run.surfaces = {
@@ -292,7 +292,7 @@ TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
   EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
-TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWall) {
+TEST(Proxy, SlightPenetrationByATurnIsCorrectedWithoutANewConstraint) {
   ProxyRun run;
   run.surfaces = {
       felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
@@ -309,7 +309,7 @@ TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWal
   }
 }
 
-TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
+TEST(Proxy, PuncturedLayerStaysOpenAroundTheProxy) {
   // cartilage of 2 mm on bone
   ProxyRun run;
   run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}),
@@ -354,7 +354,7 @@ double force_through_N(ProxyRun& run, const Point<Patient>& from, const Point<Pa
   return max_N;
 }
 
-TEST(Proxy, AHoleThatStaysOpenLetsTheToolInAgainFromEitherSideAndNowhereElse) {
+TEST(Proxy, OpenHoleAdmitsTheToolFromBothSidesOnly) {
   ProxyRun run = on_membrane();
   EXPECT_NEAR(force_through_N(run, {0, 0, 4}, {0, 0, -4}), 1, 0.1);
   ASSERT_EQ(run.holes.all().size(), 1u);
@@ -371,7 +371,7 @@ TEST(Proxy, AHoleThatStaysOpenLetsTheToolInAgainFromEitherSideAndNowhereElse) {
   EXPECT_EQ(run.holes.all().size(), 2u);
 }
 
-TEST(Proxy, AHoleLetsInWhatIsNoWiderThanWhatMadeIt) {
+TEST(Proxy, HoleAdmitsToolsUpToItsWidth) {
   ProxyRun run = on_membrane();
   force_through_N(run, {0, 0, 4}, {0, 0, -4});
   force_through_N(run, {0, 0, -4}, {0, 0, 4});
@@ -381,7 +381,7 @@ TEST(Proxy, AHoleLetsInWhatIsNoWiderThanWhatMadeIt) {
   EXPECT_LT(force_through_N(run, {0.5, 0, -4}, {0.5, 0, 4}), 0.1) << "a point, within";
 }
 
-TEST(Proxy, AToolOfTwoPartsGoesThroughHolesOfBoth) {
+TEST(Proxy, TwoPartToolPassesThroughItsTwoHoles) {
   ProxyRun run = on_membrane();
   run.spheres = {{Vector<Patient>(-1.5, 0, 0), 0.5}, {Vector<Patient>(1.5, 0, 0), 0.5}};
   run.at({0, 0, 4});
@@ -392,7 +392,7 @@ TEST(Proxy, AToolOfTwoPartsGoesThroughHolesOfBoth) {
   EXPECT_NEAR(force_through_N(run, {3, 0, 4}, {3, 0, -4}), 1, 0.1);
 }
 
-TEST(Proxy, WhatClosesAfterAPunctureAsksForTheForceAgain) {
+TEST(Proxy, ClosedPunctureRequiresTheForceAgain) {
   ProxyRun run = on_membrane();
   run.surfaces[0].stays_open = false;
   for (int n = 0; n < 2; ++n) {
@@ -402,7 +402,7 @@ TEST(Proxy, WhatClosesAfterAPunctureAsksForTheForceAgain) {
   EXPECT_TRUE(run.holes.empty());
 }
 
-TEST(Proxy, SlidingOverAHoleThatStayedOpenTheToolGoesIn) {
+TEST(Proxy, SlidingToolEntersAnOpenHole) {
   ProxyRun run = on_membrane();
   force_through_N(run, {0, 0, 4}, {0, 0, -4});
   force_through_N(run, {0, 0, -4}, {0, 0, 4});
@@ -454,7 +454,7 @@ ProxyRun two_feels() {
   return run;
 }
 
-TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
+TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
   ProxyRun run = two_feels();
   for (const double radius_mm : {0.0, 1.5}) {
     run.spheres = {{{}, radius_mm}};
@@ -490,7 +490,7 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
   }
 }
 
-TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
+TEST(Proxy, PunctureOpensTheOuterSurfaceAboveAnInnerLayer) {
   // skin 2 mm thick on bone, and bone at the outer surface where x > 2
   const GridGeometry grid = cube_grid(9, {0.5, 0.5, 0.5});
   const auto bone_mm = [](const Eigen::Vector3d& p) {
@@ -553,7 +553,7 @@ ProxyRun layered(double soft_N_per_mm, double hard_N_per_mm, const Distance& har
   return run;
 }
 
-TEST(ProxyLayers, GiveTheStiffnessSummedUpAlongTheWayIn) {
+TEST(ProxyLayers, IntegrateStiffnessAlongTheEntryPath) {
   struct Case {
     double soft_N_per_mm, hard_N_per_mm, thick_mm;
   };
@@ -583,7 +583,7 @@ TEST(ProxyLayers, GiveTheStiffnessSummedUpAlongTheWayIn) {
     }
 }
 
-TEST(ProxyLayers, TellHowMuchOfTheWayLiesInEachAndWhatItGives) {
+TEST(ProxyLayers, ReportPathLengthAndForcePerStructure) {
   ProxyRun run = layered(0.036, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 10; });
   run.at({0, 0, 5});
   EXPECT_EQ(run.result.felt_parts, 0);
@@ -604,7 +604,7 @@ TEST(ProxyLayers, TellHowMuchOfTheWayLiesInEachAndWhatItGives) {
 }
 
 // A fast operator withdraws the tool within one tick, more so on a device with a low tick rate.
-TEST(ProxyLayers, AToolThatIsLiftedOffWithinATickFeelsNothing) {
+TEST(ProxyLayers, ToolLiftedOffWithinATickHasNoForce) {
   const auto flat_mm = [](const Eigen::Vector3d& p) { return p.z() + 2; };
   const auto slope_mm = [](const Eigen::Vector3d& p) { return 0.8 * (p.z() + 2) - 0.6 * p.x(); };
   const auto groove_mm = [](const Eigen::Vector3d& p) { return 0.6 * (p.z() + 2) - 0.8 * std::abs(p.x()); };
@@ -623,7 +623,7 @@ TEST(ProxyLayers, AToolThatIsLiftedOffWithinATickFeelsNothing) {
     }
 }
 
-TEST(ProxyLayers, OnASlopeUnderFatTheForceIsTheGradientOfWhatIsStored) {
+TEST(ProxyLayers, OnASlopeUnderFatForceIsTheGradientOfStoredEnergy) {
   const double tilt = 0.5235987755982988;  // 30 degrees
   const auto slope_mm = [&](const Eigen::Vector3d& p) {
     return std::cos(tilt) * (p.z() + 6) - std::sin(tilt) * p.x();
@@ -676,7 +676,7 @@ TEST(ProxyLayers, OnASlopeUnderFatTheForceIsTheGradientOfWhatIsStored) {
   EXPECT_LT(worst_mJ, 0.01);
 }
 
-TEST(ProxyLayers, AreHeldToTheDevicesStiffnessTogether) {
+TEST(ProxyLayers, AreClampedTogetherToTheDeviceStiffness) {
   ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 2; });
   const ProxyOptions options{true, 1.0};
   const std::array<ToolSphere, 1> point{};
@@ -690,7 +690,7 @@ TEST(ProxyLayers, AreHeldToTheDevicesStiffnessTogether) {
   }
 }
 
-TEST(ProxyLayers, FeelStiffnessesOfNowWhereTheyWereMadeForOthers) {
+TEST(ProxyLayers, UseCurrentStiffnessOnSurfacesPreparedForOthers) {
   ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 2; });
   const auto pressed_N = [&](double z) {
     run.state = {};
@@ -712,7 +712,7 @@ TEST(ProxyLayers, FeelStiffnessesOfNowWhereTheyWereMadeForOthers) {
   EXPECT_NEAR(pressed_N(-3), 0.2 * 3, 2e-3) << "softer than what lies around it is no layer";
 }
 
-TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {
+TEST(ProxyLayers, PunctureOpensEveryLayer) {
   // skin of 2 mm, K 0.3, on fat, K 0.05, on bone at 6 mm; skin and bone have layers of their own
   const GridGeometry grid = cube_grid(12, {0.5, 0.5, 0.5});
   const auto skin_mm = [](const Eigen::Vector3d& p) { return std::abs(p.z() + 1) - 1; };
@@ -776,7 +776,7 @@ TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {
   EXPECT_NEAR(run.result.force_N.z(), 0.3, 0.01) << "closed again";
 }
 
-TEST(ProxyLayers, ATipThatBeganInsideMeetsNoneOfThem) {
+TEST(ProxyLayers, TipStartingInsideIsUnconstrained) {
   ProxyRun run = layered(0.1, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 4; });
   run.at({0, 0, -2});
   EXPECT_FALSE(run.state.coupled);
@@ -850,7 +850,7 @@ Slip slip_off_an_edge(double dt_s, double stiffness_N_per_mm, double radius_mm, 
   return found;
 }
 
-TEST(Proxy, SlipsOffAnEdgeNoFasterThanItsSpringMayLetGo) {
+TEST(Proxy, SlipOffAnEdgeIsRateLimited) {
   for (const double radius_mm : {0.0, 1.0})
     for (const double stiffness : {0.5, 2.0})
       for (const double dt_s : {0.004, 0.001, 0.0001}) {
@@ -878,7 +878,7 @@ double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<P
 }
 
 // at a depth of 8 mm the change of shares per tick would change the force by 0.2 N
-TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
+TEST(Proxy, StiffnessChangeUnderLoadIsRateLimited) {
   for (const double towards : {1.0, -1.0}) {
     ProxyRun run = two_feels();
     for (ContactSurface& felt : run.surfaces) felt.static_friction = felt.friction = 0;
@@ -895,7 +895,7 @@ TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
 }
 
 // e.g. a proxy left behind without a path to the tip, which then finds one
-TEST(Proxy, AProxyFarFromItsTipMeetsAWallWithoutAKick) {
+TEST(Proxy, DistantProxyMeetsAConstraintWithoutAForceStep) {
   ProxyRun run = two_feels();
   const Point<Patient> tip(-5, 0, -3);
   run.at({-5, 0, 1});
@@ -910,7 +910,7 @@ TEST(Proxy, AProxyFarFromItsTipMeetsAWallWithoutAKick) {
 }
 
 // the force of a tick is explained by the tip's displacement, at any depth
-TEST(Proxy, AFastHandIsHeldAtOnce) {
+TEST(Proxy, FastHandIsConstrainedInTheSameTick) {
   ProxyRun run = two_feels();
   run.at({-5, 0, 1});
   run.at({-5, 0, -2});
@@ -918,7 +918,7 @@ TEST(Proxy, AFastHandIsHeldAtOnce) {
 }
 
 // bone that ends under fat: slip not used by the fat is available to the bone
-TEST(ProxyLayers, WhatSlipsWithinMaySlipAsFastAsAll) {
+TEST(ProxyLayers, UnusedSlipBudgetIsAvailableToInnerLayers) {
   ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) {
     const double x = p.x() + 0.5, z = p.z() + 2.5;
     return std::hypot(std::max(x, 0.0), std::max(z, 0.0)) + std::min(std::max(x, z), 0.0) - 0.5;
@@ -968,7 +968,7 @@ TEST(Proxy, SlidesEvenlyUnderASlowTip) {
       hollow, [](double way) { return Point<Patient>(way, 0, -8); }, 0.003);
 }
 
-TEST(Proxy, FrictionConeIsAsSet) {
+TEST(Proxy, FrictionConeHasTheCoefficient) {
   const double mu_static = 0.4, mu_dynamic = 0.25, depth_mm = 1.5;
   ProxyRun run = on_floor(mu_static, mu_dynamic);
   run.lead({0, 0, 1}, {0, 0, -depth_mm}, 0.05);
@@ -994,7 +994,7 @@ TEST(Proxy, FrictionConeIsAsSet) {
 }
 
 // on a plane of any orientation to the voxels, in any tangential direction
-TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
+TEST(Proxy, FrictionConeHasTheCoefficientOnEveryPlane) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -1058,7 +1058,7 @@ TEST(Proxy, DoesNotDriftWhileItSticks) {
   }
 }
 
-TEST(Proxy, AWallThatIsMetOnTheWayLetsNoFrictionGo) {
+TEST(Proxy, NewConstraintOnThePathKeepsSticking) {
   // Sticking on a floor at a distance from a wall just above the constraint distance, pulled into the notch
   // and along it. On the floor alone it would slide; in the notch static friction holds it.
   for (const double before_wall_mm : {0.055, 0.06, 0.065}) {
@@ -1079,7 +1079,7 @@ TEST(Proxy, AWallThatIsMetOnTheWayLetsNoFrictionGo) {
   }
 }
 
-TEST(Proxy, ATipThatBeginsInsideIsNotHeldUntilItIsFree) {
+TEST(Proxy, TipStartingInsideIsUnconstrainedUntilFree) {
   ProxyRun run;
   run.surfaces = {felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), floor_mm)};
   for (int n = 0; n < 5; ++n) {
@@ -1094,7 +1094,7 @@ TEST(Proxy, ATipThatBeginsInsideIsNotHeldUntilItIsFree) {
   EXPECT_GT(run.result.force_N.z(), 0.9);
 }
 
-TEST(Proxy, IsBornAtTheNearestPlaceOutsideWhenAsked) {
+TEST(Proxy, InitialisesAtTheNearestFreePositionOnRequest) {
   ProxyRun run;
   run.surfaces = {
       felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 8; })};
@@ -1107,7 +1107,7 @@ TEST(Proxy, IsBornAtTheNearestPlaceOutsideWhenAsked) {
   EXPECT_FALSE(initialise_proxy(run.surfaces, run.spheres, Point<Patient>(0.3, 0, 0), run.state));
 }
 
-TEST(Proxy, GoesThroughAtThePunctureForceAndClosesWhenTheToolHasLeft) {
+TEST(Proxy, PuncturesAtItsForceAndClosesBehindTheTool) {
   ProxyRun run = on_floor();
   run.surfaces[0].puncture_N = 3;  // reached at a depth of 1.5 mm
   run.lead({0, 0, 1}, {0, 0, -1.4}, 0.05);
@@ -1144,7 +1144,7 @@ TEST(Proxy, TwoSpheresOnAPlaneShareTheForceAndATiltedToolTurns) {
   EXPECT_NEAR(run.result.torque_Nmm.y(), -3 * run.result.force_N.z(), 1e-3) << "r x F";
 }
 
-TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
+TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   ProxyRun run = on_floor();
   run.spheres = {{Vector<Patient>(-2, 0, 0), 1, Vector<Patient>(6, 0, 0)}};
   run.at({0, 0, 3});
@@ -1167,7 +1167,7 @@ TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
 }
 
 // between two balls of one surface, one beside each of its ends: a single contact would let it slide off
-TEST(Proxy, ACapsuleAcrossTwoBallsLiesBetweenThem) {
+TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
   const auto balls = [](const Eigen::Vector3d& p) {
     return std::min((p - Eigen::Vector3d(-4, -1, 0)).norm(), (p - Eigen::Vector3d(4, 1, 0)).norm()) - 2;
   };
@@ -1192,7 +1192,7 @@ TEST(Proxy, ACapsuleAcrossTwoBallsLiesBetweenThem) {
   EXPECT_NEAR(run.result.torque_Nmm.y(), 0, 0.05 * 4 * run.result.force_N.z()) << "half of it on either side";
 }
 
-TEST(Proxy, StiffnessIsThatOfWhatIsTouchedByItsPull) {
+TEST(Proxy, StiffnessIsWeightedByTheLoadOnEachStructure) {
   ProxyRun run;
   for (int axis = 0; axis < 2; ++axis)
     run.surfaces.push_back(
@@ -1206,7 +1206,7 @@ TEST(Proxy, StiffnessIsThatOfWhatIsTouchedByItsPull) {
   EXPECT_NEAR(run.result.stiffness_N_per_mm, 1, 1e-9);
 }
 
-TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
+TEST(Proxy, MoreSurfacesThanTheTickBudgetStillConstrain) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
   ProxyRun run;
@@ -1230,7 +1230,7 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
 }
 
 // the cache of a resting proxy may only affect the time
-TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
+TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> unit(0, 1), about(-1, 1);
@@ -1331,7 +1331,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
   EXPECT_GT(ruptures, 0);
 }
 
-TEST(Proxy, WhatWasTouchedAtRestIsOfOneToolAtOnePlace) {
+TEST(Proxy, RestCacheIsKeyedByToolAndPlace) {
   const Point<Patient> place(1, 2, 3);
   const ToolSphere sphere{{0, 0, 1}, 0.5};
   const RestingContacts::Wall wall{{0, 0, 1}, 2.5, 4, 0};
@@ -1352,7 +1352,7 @@ TEST(Proxy, WhatWasTouchedAtRestIsOfOneToolAtOnePlace) {
 }
 
 // whatever is touched, the work of a tick is bounded and the penetration within tolerance
-TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
+TEST(Proxy, RandomPathsOverRandomSurfacesStayOutside) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> unit(0, 1), about(-1, 1);

@@ -72,7 +72,7 @@ TEST(Decay, IsAnExponentialOverTheWholeRange) {
   EXPECT_NEAR(decay(1e9).left, 0, 1e-300);
 }
 
-TEST(RelaxationTimes, AreSortedAndEachIsThereOnce) {
+TEST(RelaxationTimes, AreSortedAndUnique) {
   RelaxationTimes times;
   EXPECT_FALSE(times.any());
   EXPECT_TRUE(times.add({}));
@@ -95,7 +95,7 @@ TEST(RelaxationTimes, AreSortedAndEachIsThereOnce) {
   EXPECT_FALSE(times.add({{{{0.3, 500}, {}}}}));
 }
 
-TEST(AdvanceRelaxation, AStepThatIsHeldFallsAsTheStandardLinearSolids) {
+TEST(AdvanceRelaxation, HeldStepMatchesTheStandardLinearSolid) {
   for (const Relaxation& relaxation : {Relaxation{{{{0.6, 0.3}, {}}}}, kTwoTerms}) {
     Relaxing tissue(relaxation);
     double worst = 0, time_s = -0.0005;
@@ -109,7 +109,7 @@ TEST(AdvanceRelaxation, AStepThatIsHeldFallsAsTheStandardLinearSolids) {
   }
 }
 
-TEST(AdvanceRelaxation, ARampThatIsHeldIsExactWhateverTheTicks) {
+TEST(AdvanceRelaxation, HeldRampIsExactForAnyTickLength) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -129,7 +129,7 @@ TEST(AdvanceRelaxation, ARampThatIsHeldIsExactWhateverTheTicks) {
   }
 }
 
-TEST(AdvanceRelaxation, ASineLosesWhatItsTermsSay) {
+TEST(AdvanceRelaxation, SineDissipationMatchesThePronySeries) {
   for (const double hz : {0.1, 0.3, 1.0, 3.0, 10.0}) {
     const double omega = 2 * std::numbers::pi * hz;
     double stored = 1, lost = 0;
@@ -156,7 +156,7 @@ TEST(AdvanceRelaxation, ASineLosesWhatItsTermsSay) {
   }
 }
 
-TEST(AdvanceRelaxation, TwoPressesAddUp) {
+TEST(AdvanceRelaxation, PressesSuperpose) {
   Relaxing both(kTwoTerms), first(kTwoTerms), second(kTwoTerms);
   for (int n = 1; n <= 3000; ++n) {
     const double time_s = 0.001 * n;
@@ -166,7 +166,7 @@ TEST(AdvanceRelaxation, TwoPressesAddUp) {
   }
 }
 
-TEST(AdvanceRelaxation, WithoutPartsIsTheElasticForceToTheBit) {
+TEST(AdvanceRelaxation, WithoutTermsEqualsTheElasticForceBitwise) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -179,7 +179,7 @@ TEST(AdvanceRelaxation, WithoutPartsIsTheElasticForceToTheBit) {
   }
 }
 
-TEST(AdvanceRelaxation, ADentFillsUpAsFreeTissueDoes) {
+TEST(AdvanceRelaxation, ReleasedDentRecoversLikeFreeTissue) {
   constexpr double kPart = 0.6, kTime_s = 0.5;
   Relaxing tissue({{{{kPart, kTime_s}, {}}}});
   for (int n = 0; n < 10'000; ++n) tissue.at(2, 0.001);
@@ -208,7 +208,7 @@ TEST(AdvanceRelaxation, ADentFillsUpAsFreeTissueDoes) {
   EXPECT_EQ(tissue.state.lagging_N[0], 0);
 }
 
-TEST(AdvanceRelaxation, OtherPartsComeInWithoutAStep) {
+TEST(AdvanceRelaxation, ChangedTermsBlendInWithoutAForceStep) {
   Relaxing tissue(kTwoTerms);
   for (int n = 0; n < 5000; ++n) tissue.at(2, 0.001);
   double before_N = tissue.at(2, 0.001);
@@ -248,7 +248,7 @@ struct PressedSphere {
   }
 };
 
-TEST(ComplementaryEnergy, IsWhatTheStoredEnergyLeavesOfForceTimesDepth) {
+TEST(ComplementaryEnergy, IsForceTimesDepthMinusStoredEnergy) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -273,7 +273,7 @@ TEST(ComplementaryEnergy, IsWhatTheStoredEnergyLeavesOfForceTimesDepth) {
 
 // Random holding, fast motion, withdrawal and renewed contact: the work put in covers the stored energy after
 // every tick, and no tick returns more than the stored energy decreases.
-TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
+TEST(AdvanceRelaxation, IsPassiveOnRandomPaths) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -317,7 +317,7 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
   EXPECT_GE(min_left, 0);
 }
 
-TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
+TEST(AdvanceRelaxation, IsAtMostAsStiffAsTheInstantaneousLaw) {
   // bounded by the stiffness limit times the displacement, plus the relaxation and recovery of a tick
   constexpr double kMax_N_per_mm = 0.05, kDown_mm = 0.005, kShort_s = 1e-4;
   PressedSphere sphere{.max_N_per_mm = kMax_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
@@ -353,7 +353,7 @@ struct RelaxingFloor {
   ProxyRun run;
 };
 
-TEST(ProxyOnWhatRelaxes, HoldsALittleLessFromTickToTick) {
+TEST(ProxyOnWhatRelaxes, ForceDecaysFromTickToTick) {
   RelaxingFloor floor(kTwoTerms);
   floor.run.lead({0, 0, 5}, {0, 0, 3.05}, 0.05);
   floor.run.lead({0, 0, 3.05}, {0, 0, 1}, 0.41);
@@ -374,7 +374,7 @@ TEST(ProxyOnWhatRelaxes, HoldsALittleLessFromTickToTick) {
   EXPECT_NEAR(floor.run.result.stiffness_N_per_mm, floor.run.result.force_N.z() / 2, 1e-3);
 }
 
-TEST(ProxyOnWhatRelaxes, LeavesADentWhereItWasAndNowhereElse) {
+TEST(ProxyOnWhatRelaxes, LeavesADentOnlyAtTheContact) {
   RelaxingFloor floor({{{{0.6, 0.5}, {}}}});
   floor.run.lead({0, 0, 5}, {0, 0, 0}, 0.05);
   floor.wait({0, 0, 0}, 3);
@@ -395,7 +395,7 @@ TEST(ProxyOnWhatRelaxes, LeavesADentWhereItWasAndNowhereElse) {
   EXPECT_GT(held_N, 0);
 }
 
-TEST(ProxyOnWhatRelaxes, ASeriesOfNothingIsFeltToTheBitAsWithoutOne) {
+TEST(ProxyOnWhatRelaxes, EmptySeriesEqualsNoSeriesBitwise) {
   RelaxingFloor floor(kTwoTerms);
   floor.run.surfaces[0].relaxed = {};
   ProxyRun without = floor.run;
@@ -414,7 +414,7 @@ TEST(ProxyOnWhatRelaxes, ASeriesOfNothingIsFeltToTheBitAsWithoutOne) {
   }
 }
 
-TEST(ProxyOnWhatRelaxes, AFrameSaysWhatOfItRelaxes) {
+TEST(ProxyOnWhatRelaxes, FrameReportsTheRelaxingFraction) {
   RelaxingFloor floor(kTwoTerms);
   ComplianceFrame frame;
   frame.number = 1;
@@ -429,7 +429,7 @@ TEST(ProxyOnWhatRelaxes, AFrameSaysWhatOfItRelaxes) {
   EXPECT_NEAR(floor.run.result.force_N.z() / at_once_N, 1 - 0.5 * kTwoTerms.part(), 0.01);
 }
 
-TEST(ComplianceFrame, HashesWhatRelaxesAndNothingWhereNothingDoes) {
+TEST(ComplianceFrame, HashCoversRelaxationOnlyWherePresent) {
   ComplianceFrame frame;
   const std::uint64_t none = frame.hash();
   frame.spot[1].relaxed.of_time[3] = 0.25;

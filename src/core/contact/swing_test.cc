@@ -51,7 +51,7 @@ SeenSwing watch_swing(double frequency_hz, double peak_to_peak_mm, double rate_h
       wall_N, 2, rate_hz);
 }
 
-TEST(Swing, ALimitCycleIsFoundWithinAHundredMillisecondsOrThreeHalves) {
+TEST(Swing, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
   const struct {
     double frequency_hz, peak_to_peak_mm;
   } cycles[] = {{37, 0.9}, {20, 0.88}, {16, 1.2}, {12, 1.9}, {9, 6}, {60, 0.3}};
@@ -66,7 +66,7 @@ TEST(Swing, ALimitCycleIsFoundWithinAHundredMillisecondsOrThreeHalves) {
     }
 }
 
-TEST(Swing, IsFoundAtTheTurnThatEndsTheLastOfItsHalves) {
+TEST(Swing, IsDetectedAtTheEndOfItsLastHalfPeriod) {
   constexpr double kLeg_mm = 2, kLeg_s = 0.04;
   const auto to_and_fro = [](double t) {
     const double phase = std::fmod(t / kLeg_s, 2);
@@ -77,7 +77,7 @@ TEST(Swing, IsFoundAtTheTurnThatEndsTheLastOfItsHalves) {
   EXPECT_LT(found_s, (kSwingFeel.halves + 0.25) * kLeg_s);
 }
 
-TEST(Swing, WhatAHandDoesIsNone) {
+TEST(Swing, HandMotionIsNoLimitCycle) {
   for (const double frequency_hz : {8.0, 10.0, 12.0}) {
     SCOPED_TRACE("a tremor of " + std::to_string(frequency_hz) + " Hz");
     EXPECT_EQ(watch_swing(frequency_hz, 0.4).later_s, 0);
@@ -109,7 +109,7 @@ TEST(Swing, WhatAHandDoesIsNone) {
   }
 }
 
-TEST(Swing, IsForgottenSlowly) {
+TEST(Swing, DetectionDecaysSlowly) {
   OscillationState state;
   state.later_s = 3e-3;
   for (int n = 0; n < 10'000; ++n) detect_oscillation({}, {}, kSwingStep_mm, 1e-3, state);

@@ -81,7 +81,7 @@ int count(const ToolContact& contact) {
   return n;
 }
 
-TEST(ToolContact, ANotchIsTwoContactsTheStrongestFirst) {
+TEST(ToolContact, NotchGivesTwoContactsStrongestFirst) {
   const Model model = notch();
   ToolRun run(model);
   const ToolContact contact = run.lead({3, 1, 3}, {-0.5, 1, -1});
@@ -99,7 +99,7 @@ TEST(ToolContact, ANotchIsTwoContactsTheStrongestFirst) {
   EXPECT_EQ(contact.strongest.site.label, floor.label);
 }
 
-TEST(ToolContact, EachPartOfTheToolSaysWhereItLeans) {
+TEST(ToolContact, EachToolPartReportsItsContact) {
   Model model = notch();
   model.tools[0].points_mm = {{0, 0, 0}, {4, 2, 0}};
   model.tools[0].radius_mm = 0.5;
@@ -132,7 +132,7 @@ TEST(ToolContact, EachPartOfTheToolSaysWhereItLeans) {
   EXPECT_NEAR(floor_N, kNotchStiffness_N_per_mm * 0.4, 0.01);
 }
 
-TEST(ToolContact, WhatLiesBeneathComesAfterTheOutermost) {
+TEST(ToolContact, InnerLayersFollowTheOutermostStructure) {
   constexpr double kShell_mm = 2, kDeep_mm = 3;
   const Model model = testing::as_one_body(testing::ball_model({0.6, 0.6, 0.6}, 1.0, kShell_mm), kShell_mm);
   ToolRun run(model);
@@ -151,7 +151,7 @@ TEST(ToolContact, WhatLiesBeneathComesAfterTheOutermost) {
   EXPECT_LT((contact.contacts[1].place - (Point<Patient>() + out * kBoneRadius_mm)).norm(), 0.1);
 }
 
-TEST(ToolContact, OfTheDirectMethodsEveryPointInsideIsOne) {
+TEST(ToolContact, DirectMethodsReportEveryPointInside) {
   Model model = testing::with_ramps(testing::ball_model(), 4);
   model.tools[0].points_mm = {{0, 0, 0}, {0, 0, -1}, {0, 0, 5}};
   const TickContext tick{model, ForceMethod::kTrilinear, false, false, 1e-3, {}, {}};
@@ -168,7 +168,7 @@ TEST(ToolContact, OfTheDirectMethodsEveryPointInsideIsOne) {
   EXPECT_EQ(contact.contacts[0].place, (Point<Patient>(0, 0, kBoneRadius_mm - 1.5)));
 }
 
-TEST(ToolContact, InFreeSpaceThereIsNone) {
+TEST(ToolContact, NoContactInFreeSpace) {
   const Model model = notch();
   ToolRun run(model);
   EXPECT_EQ(count(run.lead({3, 0, 3}, {1, 0, 1})), 0);

@@ -39,7 +39,7 @@ ProxyRun lever_over_plate(double lever_mm, double radius_mm, double height_mm) {
   return run;
 }
 
-TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
+TEST(ToolTurn, LeverPassesNoPlateAndGivesTorque) {
   struct Case {
     double lever_mm, radius_mm, speed_rad_s, tick_s;
   };
@@ -78,7 +78,7 @@ TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
   }
 }
 
-TEST(ToolTurn, WhatATickDoesNotFollowGoesOnInTheNext) {
+TEST(ToolTurn, RemainingTurnContinuesInTheNextTick) {
   // a third of a turn in one tick, without obstacles
   ProxyRun run;
   run.surfaces = {plate()};
@@ -100,7 +100,7 @@ TEST(ToolTurn, WhatATickDoesNotFollowGoesOnInTheNext) {
   EXPECT_EQ(run.state.attitude.coeffs(), about_y(2).normalized().coeffs());
 }
 
-TEST(ToolTurn, WhereThePlaceCannotYieldTheAttitudeStaysBehind) {
+TEST(ToolTurn, BlockedAttitudeLagsBehind) {
   // a floor, a ceiling 2 mm above it, and a bar whose ends both touch at asin(0.5 / 2)
   ProxyRun run;
   run.surfaces = {
@@ -125,7 +125,7 @@ TEST(ToolTurn, WhereThePlaceCannotYieldTheAttitudeStaysBehind) {
   EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
-TEST(ToolTurn, APointToolFeelsNoTurn) {
+TEST(ToolTurn, PointToolIgnoresTurns) {
   SCOPED_TRACE("seed " + std::to_string(kTurnSeed));
   std::mt19937 random(kTurnSeed);
   ProxyRun still, turned;
@@ -141,7 +141,7 @@ TEST(ToolTurn, APointToolFeelsNoTurn) {
 }
 
 // a shaft whose middle meets an obstacle between its ends, rotated into it and moved
-TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
+TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   const double reach_mm = 4;
   ProxyRun run;
   run.surfaces = {felt_surface(

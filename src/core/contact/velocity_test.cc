@@ -17,7 +17,7 @@ TEST(VelocityWindow, IsZeroBeforeTheFirstPushAndAfterClear) {
   EXPECT_EQ(window.velocity_mm_s(), Vector<Patient>());
 }
 
-TEST(VelocityWindow, IsSumOfDisplacementsOverSumOfTimesOfTheLastHundredth) {
+TEST(VelocityWindow, IsTheMeanOfTheLastTenMilliseconds) {
   std::mt19937 random(20260101);
   std::uniform_real_distribution<double> step(-0.2, 0.2);
   for (const double rate_hz : {250.0, 1000.0, 4000.0, 10000.0}) {
@@ -36,7 +36,7 @@ TEST(VelocityWindow, IsSumOfDisplacementsOverSumOfTimesOfTheLastHundredth) {
   }
 }
 
-TEST(VelocityWindow, SmoothsTheEncoderThatAOneTickDifferenceDoesNot) {
+TEST(VelocityWindow, SmoothsEncoderSteps) {
   // 5 mm/s quantised to steps of 0.03 mm at 1 kHz: one-tick differences are 0 or 30 mm/s
   VelocityWindow window;
   double previous = 0, worst = 0;
@@ -49,7 +49,7 @@ TEST(VelocityWindow, SmoothsTheEncoderThatAOneTickDifferenceDoesNot) {
   EXPECT_LE(worst, 0.03 / 0.01 + 1e-9) << "at most one encoder step over the window";
 }
 
-TEST(VelocityWindow, UnevenTicksCountByTheirTime) {
+TEST(VelocityWindow, WeightsTicksByTheirLength) {
   VelocityWindow window;
   window.push(Vector<Patient>(1, 0, 0), 0.002);
   window.push(Vector<Patient>(3, 0, 0), 0.006);
@@ -60,7 +60,7 @@ TEST(VelocityWindow, UnevenTicksCountByTheirTime) {
   EXPECT_NEAR(window.velocity_mm_s().x(), 0, 1e-9);
 }
 
-TEST(VelocityWindow, HashSeesEveryPushSinceItWasCleared) {
+TEST(VelocityWindow, HashCoversEveryPushSinceClear) {
   const auto hash_of = [](const VelocityWindow& window) {
     std::uint64_t hash = kHashSeed;
     window.hash_into(hash);

@@ -62,7 +62,7 @@ TEST(CubeRoot, IsOneOverTheWholeRange) {
   EXPECT_EQ(cube_root(0), 0);
 }
 
-TEST(YieldForce, IsHertzOnAHalfSpace) {
+TEST(YieldForce, MatchesHertzOnAHalfSpace) {
   const ContactLaw half_space{0, {}, kModulus};
   for (const double radius_mm : {0.5, 3.0, 8.0})
     for (const double depth : {0.01, 1.0, 7.0}) {
@@ -80,7 +80,7 @@ TEST(YieldForce, IsHertzOnAHalfSpace) {
             yield_force(half_space, 1, kYieldFeel.min_radius_mm).force_N);
 }
 
-TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
+TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -119,7 +119,7 @@ TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
   }
 }
 
-TEST(YieldForce, OverSomethingHardThatSoftensItGrowsWithTheDepthAndNotTooFast) {
+TEST(YieldForce, OverASofteningHardInclusionGrowsBoundedlyWithDepth) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -139,7 +139,7 @@ TEST(YieldForce, OverSomethingHardThatSoftensItGrowsWithTheDepthAndNotTooFast) {
   }
 }
 
-TEST(YieldForce, AsideIsWhatItsEnergyLosesAlongTheSurface) {
+TEST(YieldForce, TangentialForceIsTheEnergyGradientAlongTheSurface) {
   ContactLaw tissue{3, {-0.8, 0.3, 0}, kModulus};
   tissue.stiffening_mm_per_N2 = 12;
   tissue.stiffening_slope = {2, -5, 0};
@@ -161,7 +161,7 @@ TEST(YieldForce, AsideIsWhatItsEnergyLosesAlongTheSurface) {
   }
 }
 
-TEST(YieldForce, AHundredthDeeperIsNeverLess) {
+TEST(YieldForce, IsMonotonicInDepth) {
   const ContactLaw stiff_below{-0.3 / kModulus, {}, kModulus};
   double before_N = 0;
   for (int n = 1; n < 3000; ++n) {
@@ -179,7 +179,7 @@ ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<P
   return frame;
 }
 
-TEST(FeelYield, IsAHalfSpaceWhileNothingIsKnown) {
+TEST(FeelYield, IsAHalfSpaceWithoutAFrame) {
   ComplianceState state;
   const ContactLaw tissue = blend_compliance(0, {}, {1, 2, 3}, kModulus, 0.001, state);
   EXPECT_EQ(tissue.surroundings_mm_per_N, 0);
@@ -187,7 +187,7 @@ TEST(FeelYield, IsAHalfSpaceWhileNothingIsKnown) {
   EXPECT_EQ(tissue.slope_per_N, Vector<Patient>());
 }
 
-TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
+TEST(FeelYield, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
   const ComplianceFrame frame = frame_of(1, 10, {0.5, 0, 0});
   const double half_space = 0.6 / (3 * kModulus);
   const auto beyond_at = [&](double x) {
@@ -203,7 +203,7 @@ TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
   EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
 }
 
-TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
+TEST(FeelYield, NewFrameBlendsInWithoutAForceStep) {
   ComplianceState state;
   const ComplianceFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
   const auto force_N = [&](const ComplianceFrame& frame) {
@@ -232,7 +232,7 @@ TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
               1e-12);
 }
 
-TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
+TEST(FeelYield, RemainingFrameNeverMakesTheModulusNegative) {
   // from a known soft spot to unknown tissue, first stiff and then, before the blending ends, soft
   ComplianceFrame known = frame_of(1, 16, {});
   known.spot[0].modulus_N_per_mm2 = 0.01;
@@ -248,7 +248,7 @@ TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
   }
 }
 
-TEST(FeelYield, WhatANeoHookeanSolutionAddsComesInLikewise) {
+TEST(FeelYield, NeoHookeanTermBlendsInWithoutAForceStep) {
   ComplianceFrame frame = frame_of(1, 12);
   const std::uint64_t linear = frame.hash();
   frame.spot[0].stiffening_mm_per_N2 = 8;
@@ -289,7 +289,7 @@ ProxyRun on_soft_floor(double friction = 0) {
   return run;
 }
 
-TEST(ProxyOnWhatYields, GivesTheLawsForceEnergyAndStiffness) {
+TEST(ProxyOnWhatYields, RendersForceEnergyAndStiffnessOfTheLaw) {
   ProxyRun run = on_soft_floor();
   run.lead({0, 0, 5}, {0, 0, 1}, 0.05);
   for (int n = 0; n < 100; ++n) run.at({0, 0, 1});
@@ -301,7 +301,7 @@ TEST(ProxyOnWhatYields, GivesTheLawsForceEnergyAndStiffness) {
   EXPECT_NEAR(run.result.stiffness_N_per_mm, law.force_N / 2, 0.01 * law.force_N / 2);
 }
 
-TEST(ProxyOnWhatYields, GivesBackWhatSlidingOverAHardPlaceTakes) {
+TEST(ProxyOnWhatYields, SlidingOverAHardInclusionIsConservative) {
   // W decreases towards +x, as over something hard
   const ComplianceFrame frame = frame_of(1, 16, {-0.8, 0, 0});
   const auto work_mJ = [&](bool aside) {
@@ -330,14 +330,14 @@ TEST(ProxyOnWhatYields, GivesBackWhatSlidingOverAHardPlaceTakes) {
   EXPECT_LT(work_mJ(false), -0.2);
 }
 
-TEST(ProxyOnWhatYields, FrictionIsAPartOfWhatItGives) {
+TEST(ProxyOnWhatYields, FrictionScalesWithTheNormalForce) {
   ProxyRun run = on_soft_floor(0.2);
   run.lead({-6, 0, 5}, {-6, 0, 0}, 0.05);
   run.lead({-6, 0, 0}, {6, 0, 0}, 0.05);
   EXPECT_NEAR(-run.result.force_N.x() / run.result.force_N.z(), 0.2, 0.01);
 }
 
-TEST(ProxyOnWhatYields, BreaksThroughAtItsForceWhateverTheDeviceHolds) {
+TEST(ProxyOnWhatYields, PuncturesAtItsForceForAnyDeviceStiffness) {
   ProxyRun run = on_soft_floor();
   const double rupture_N = yield_force({0, {}, kModulus}, 3, 3).force_N;
   run.surfaces[0].puncture_N = rupture_N;
@@ -348,7 +348,7 @@ TEST(ProxyOnWhatYields, BreaksThroughAtItsForceWhateverTheDeviceHolds) {
   EXPECT_TRUE(run.state.punctured[0]);
 }
 
-TEST(ProxyOnWhatYields, BoneWithinHasAllOfItsStiffness) {
+TEST(ProxyOnWhatYields, BoneInsideKeepsItsFullStiffness) {
   ProxyRun run = on_soft_floor();
   ContactSurface bone =
       felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z() + 4; });
