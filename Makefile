@@ -32,7 +32,7 @@ bench:
 
 manual:
 	@tools/setup && tools/setup --manual
-	@tools/build_program
+	@tools/build_program palpate-verify
 	@sphinx-build -q -W --keep-going -b html -c docs/site . build/manual
 	@echo "build/manual/docs/README.html"
 
