@@ -17,7 +17,7 @@
 ///                 a thread reads the requested block, then the next one in the direction of playback
 ///
 /// If soft tissue deforms, a second thread solves it again at the displayed position from the ticks that it
-/// was originally solved from (docs/concepts/tissue.md, "Looked at again"): the pose is shown immediately,
+/// was originally solved from (docs/concepts/tissue.md, "Playback"): the pose is shown immediately,
 /// the deformation once it is solved.
 namespace palpate {
 

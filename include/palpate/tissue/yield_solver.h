@@ -64,7 +64,7 @@ class YieldSolver {
 
   /// Continues as a solver that has produced `frame` frames and has these boxes, to obtain a frame without
   /// all those before it. The next solve treats the boxes as new; within one or two frames the result equals
-  /// that of the original (docs/concepts/tissue.md, "Looked at again").
+  /// that of the original (docs/concepts/tissue.md, "Playback").
   /// @param boxes  of the devices from 0 on; empty: none
   void go_on(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
 
