@@ -250,7 +250,10 @@ struct ProxyLayer {
   double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
   int contacts = 0;   ///< Number of valid entries of `contact`
   std::array<ProxyContact, kMaxContacts> contact;
-  // caches: they affect the time of a tick but not its result
+};
+
+/// Caches of one layer's proxy. They affect the time of a tick but not its result.
+struct ProxyLayerCache {
   OwnerCache owners;
   RestingContacts at_rest;
 };
@@ -281,9 +284,16 @@ struct ProxyState : ProxyLayer {
   Point<Patient> free_tip;
   Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< Attitude of the tool at free_tip
   Point<Patient> last_search_tip;  ///< Tip position at the last search for a free path back to the free pose
+  std::array<ProxyLayerCache, kMaxLayers> caches;  ///< By layer; not part of the physical state
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
+  ProxyLayerCache& cache(int n) { return caches[static_cast<std::size_t>(n)]; }
+  /// Resets all layers but the outermost.
+  void reset_inner_layers() {
+    within = {};
+    for (std::size_t n = 1; n < caches.size(); ++n) caches[n].at_rest.forget();
+  }
 };
 
 /// Parameters of advance_proxy.

@@ -138,8 +138,8 @@ class ProxyUpdate {
   /// @param way        receives every vertex of the path; may be null
   ProxyUpdate(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
               double max_mm, const DisplacementLimit& leash, const Vector<Patient>& stretched,
-              const Point<Patient>& tip, ProxyLayer& state, const ProxyOptions& options, ProxyPath* way,
-              UpdateWorkspace& room)
+              const Point<Patient>& tip, ProxyLayer& state, ProxyLayerCache& cache,
+              const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room)
       : surfaces_(surfaces),
         limit_(leash),
         leash_mm_(leash.length_mm),
@@ -154,6 +154,7 @@ class ProxyUpdate {
         to_go_mm_(max_mm),
         tip_(tip),
         state_(state),
+        cache_(cache),
         proxy_(state.position),
         anchor_(state.position),
         last_way_(state.last_displacement),
@@ -233,7 +234,7 @@ class ProxyUpdate {
   // Checks the cached contacts of a proxy at rest. If the proxy still does not move (the common case), no
   // surface is queried; otherwise the state is left unchanged.
   bool rests_as_before() {
-    const auto touched = state_.at_rest.find(proxy_, state_.punctured, spheres_);
+    const auto touched = cache_.at_rest.find(proxy_, state_.punctured, spheres_);
     if (touched.empty()) return false;
     near_.clear();
     friction_known_.reset();
@@ -275,7 +276,7 @@ class ProxyUpdate {
                     walls_.near(n).sphere, std::nullopt};
       if (friction_known_[place]) touched[n].friction = friction_[place];
     }
-    state_.at_rest.remember(proxy_, state_.punctured, spheres_, std::span(touched).first(walls_.count()));
+    cache_.at_rest.remember(proxy_, state_.punctured, spheres_, std::span(touched).first(walls_.count()));
   }
 
   // Gathers the surfaces within reach of the next part of the path. In free space that is the whole path; in
@@ -610,7 +611,7 @@ class ProxyUpdate {
       Friction& known = friction_.make(place);
       const Point<Patient> at = proxy_ + (near.offset_mm(walls_.step(wall)) -
                                           walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall)));
-      const OwnerShares owners = state_.owners.at(surfaces_, near.index, at);
+      const OwnerShares owners = cache_.owners.at(surfaces_, near.index, at);
       for (const OwnerShare& share : owners.all()) {
         const ContactSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
         known.still += share.part * felt.static_friction;
@@ -639,6 +640,7 @@ class ProxyUpdate {
   double steepest_ = 1;  // maximum slope of the gathered distance fields
   const Point<Patient> tip_;
   ProxyLayer& state_;
+  ProxyLayerCache& cache_;
   Point<Patient> proxy_;
   Point<Patient> anchor_;  // position at which friction holds the proxy
   Vector<Patient> last_way_;
@@ -810,8 +812,9 @@ class LayerSprings {
   /// @param slip_N   as in slow_stiffness()
   /// @param yield    state of the deformable structures, used by the outermost layer only
   /// @return the layer's force
-  ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const ProxyAdvance& walked,
-                 double slip_N, ComplianceState& yield, RelaxationState& relaxation) {
+  ProxyForce add(const ProxyLayer& state, OwnerCache& owners, std::span<const ToolSphere> spheres,
+                 const ProxyAdvance& walked, double slip_N, ComplianceState& yield,
+                 RelaxationState& relaxation) {
     // otherwise the spring does not measure the operator's force, and nothing may be punctured by it
     const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
@@ -822,7 +825,7 @@ class LayerSprings {
       const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
       const Vector<Patient> arm_mm = arm_of(contact, sphere);
-      owners_.make(n, state.owners.at(surfaces_, contact.surface, state.position + arm_mm));
+      owners_.make(n, owners.at(surfaces_, contact.surface, state.position + arm_mm));
       all_mm += contact.multiplier_mm;
       for (const OwnerShare& share : owners_[n].all()) {
         const ContactSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
@@ -1137,13 +1140,14 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
 // rotates and moves one layer's proxy
 ProxyAdvance advance_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                            int layer, const ToolPose& hand, const Vector<Patient>& tip_moved,
-                           double max_slip_mm, ProxyLayer& state, const ProxyOptions& options, ProxyPath* way,
-                           UpdateWorkspace& room) {
+                           double max_slip_mm, ProxyLayer& state, ProxyLayerCache& cache,
+                           const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room) {
   const Point<Patient>& tip = hand.tip;
   ProxyAdvance result;
   if (!state.coupled) {
     if (!is_free(surfaces, spheres, layer, {}, {}, tip)) return result;
     state = {};
+    cache.at_rest.forget();
     state.coupled = true;
     state.position = tip;
     state.attitude = hand.attitude;
@@ -1164,7 +1168,7 @@ ProxyAdvance advance_layer(std::span<const ContactSurface> surfaces, std::span<c
   result.catch_up_mm = state.catch_up_mm + result.hand_mm;
   result.max_change_mm = leash.length_mm;
   const bool in_walls = !ProxyUpdate(surfaces, held.spheres(), layer, max_mm, leash, result.stretched_mm, tip,
-                                     state, options, way, room)
+                                     state, cache, options, way, room)
                              .go(result);
   // a proxy inside surfaces, or stuck without a constraint, is reset to the tip where the tip is free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
@@ -1265,8 +1269,10 @@ void release_layer(std::span<const ContactSurface> surfaces, std::span<const Too
 
 // transfer_proxy() for one layer
 void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                    std::span<const SurfaceCorrespondence> before, ProxyLayer& state) {
+                    std::span<const SurfaceCorrespondence> before, ProxyLayer& state,
+                    ProxyLayerCache& cache) {
   const ProxyLayer old = state;
+  cache.at_rest.forget();
   SurfaceSet same, punctured;
   for (std::size_t s = 0; s < before.size(); ++s) {
     same[s] = before[s].same;
@@ -1281,7 +1287,6 @@ void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const To
 
   // remaps contacts to the new indices; contacts with surfaces that no longer exist are dropped
   state.punctured = punctured;
-  state.at_rest.forget();
   state.spring_N_per_mm.reset();
   state.contacts = 0;
   for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
@@ -1299,7 +1304,8 @@ void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const To
 // initialises a layer's proxy for a tip that is inside tissue
 // @param punctured  surfaces that the tool has punctured
 bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      int layer, const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
+                      int layer, const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state,
+                      ProxyLayerCache& cache) {
   // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   constexpr double kFar_mm = 1000;
   constexpr int kMaxSteps = 64, kMaxGatherings = 4;
@@ -1310,6 +1316,7 @@ bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const 
     if (!project_out(near, kMaxSteps, kFar_mm, born)) return false;
   }
   if (!is_out()) return false;
+  cache.at_rest.forget();
   state = {};
   state.coupled = true;
   state.punctured = punctured;
@@ -1428,12 +1435,12 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     const double max_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
     const ProxyAdvance walked = advance_layer(surfaces, spheres, n, hand, tip_moved, max_slip_mm, layer,
-                                              options, n == 0 ? way : nullptr, room);
+                                              state.cache(n), options, n == 0 ? way : nullptr, room);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
     if (!state.coupled) {
       // the side from which the tip entered is unknown
-      state.within = {};
+      state.reset_inner_layers();
       state.release = {};
       springs.recover(state.relaxation);
       return result;
@@ -1441,8 +1448,8 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     const ProxySpheres held(spheres, hand.attitude, layer.attitude);
     // only the outermost layer contains deformable structures
     ComplianceState none;
-    const ProxyForce force =
-        springs.add(layer, held.spheres(), walked, slip_N, n == 0 ? state.yield : none, state.relaxation);
+    const ProxyForce force = springs.add(layer, state.cache(n).owners, held.spheres(), walked, slip_N,
+                                         n == 0 ? state.yield : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
     layer.catch_up_mm = layer.contacts == 0 && walked.lagging ? walked.catch_up_mm : 0;
     // slip that this layer has not used is left to the layers within
@@ -1496,7 +1503,8 @@ void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const To
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
   for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = state.layer(n);
-    transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer);
+    transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer,
+                   state.cache(n));
   }
 }
 
@@ -1504,7 +1512,8 @@ bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const 
                       const ToolPose& hand, ProxyState& state) {
   ProxyState born;
   for (int n = 0; n < layers_of(surfaces); ++n)
-    if (!initialise_layer(surfaces, spheres, n, hand, {}, born.layer(n)) && n == 0) return false;
+    if (!initialise_layer(surfaces, spheres, n, hand, {}, born.layer(n), born.cache(n)) && n == 0)
+      return false;
   born.free_tip = born.position;
   born.free_attitude = born.attitude;
   state = born;
@@ -1520,8 +1529,9 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
     for (int n = 0; n < kMaxLayers && before[s].index >= 0; ++n)
       through[s] = through[s] || state.layer(n).punctured[static_cast<std::size_t>(before[s].index)];
   const bool was_coupled = state.coupled;
-  transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state);
-  state.within = {};
+  transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state,
+                 state.cache(0));
+  state.reset_inner_layers();
   state.yield = {};
   state.relaxation = {};
   // the side from which the tip entered was unknown
@@ -1531,7 +1541,7 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
     if (through[s]) open(surfaces, static_cast<int>(s), state);
   for (int n = state.coupled ? 1 : 0; n < layers_of(surfaces); ++n) {
     const SurfaceSet punctured = state.layer(n).punctured;
-    const bool born = initialise_layer(surfaces, spheres, n, hand, punctured, state.layer(n));
+    const bool born = initialise_layer(surfaces, spheres, n, hand, punctured, state.layer(n), state.cache(n));
     if (!born || n > 0) continue;
     state.free_tip = state.position;
     state.free_attitude = state.attitude;

@@ -1283,11 +1283,12 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
         attitude = Eigen::AngleAxisd(0.01, random_direction(random).eigen()) * attitude;
       const ToolPose hand(tip, attitude);
       const auto spheres = run.turned(hand.attitude);
-      const bool knew =
-          !run.state.at_rest.find(run.state.position, run.state.punctured, spheres.spheres()).empty();
+      const bool knew = !run.state.cache(0)
+                             .at_rest.find(run.state.position, run.state.punctured, spheres.spheres())
+                             .empty();
       const ProxyResult is =
           advance_proxy(run.surfaces, spheres.spheres(), hand, run.state, {.holes = &run.holes});
-      for (int layer = 0; layer < kMaxLayers; ++layer) looks_again.layer(layer).at_rest.forget();
+      for (int layer = 0; layer < kMaxLayers; ++layer) looks_again.cache(layer).at_rest.forget();
       const ProxyResult expected =
           advance_proxy(run.surfaces, spheres.spheres(), hand, looks_again, {.holes = &holes});
       ASSERT_EQ(is.force_N, expected.force_N) << "scene " << scene << ", tick " << n;

@@ -111,7 +111,8 @@ Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
 
 // distribution of a layer's force over its contacts: along each normal, in sum the spring force
 struct LayerForce {
-  ProxyLayer& layer;
+  const ProxyLayer& layer;
+  OwnerCache& owners;
   double force_N_per_mm;  // force per multiplier
   std::span<const ToolSphere> spheres;
 };
@@ -127,7 +128,7 @@ std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<
   for (; n < std::min(count, told.size()); ++n) {
     const ProxyContact& contact = *order[n];
     const Point<Patient> place = place_of(contact, on.layer, on.spheres);
-    told[n] = {label_under(model, contact, place, on.layer.owners), contact.sphere, place,
+    told[n] = {label_under(model, contact, place, on.owners), contact.sphere, place,
                std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
   }
   return n;
@@ -275,13 +276,14 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   ToolContact tool;
   std::size_t told = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
-    ProxyLayer& layer = proxy.layer(n);
+    const ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
     // tool parts in the proxy's attitude
     const ProxySpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
     const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
-    told += append_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
-                            std::span(tool.contacts).subspan(told));
+    const LayerForce force{layer, proxy.cache(n).owners, n == 0 ? felt_N_per_mm * part : felt_N_per_mm,
+                           turned.spheres()};
+    told += append_contacts(model, force, std::span(tool.contacts).subspan(told));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
                                 result.force_N - outermost.force_N * less);
