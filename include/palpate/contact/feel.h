@@ -74,6 +74,17 @@ struct ProxyFeel {
   /// dominate the cost of tools with several spheres among many constraints. Capsules need more queries.
   int max_looks = 150, max_looks_of_capsules = 1000;
 
+  /// Search for a direction where no normal gives one: number of cones around the direction to the tip, the
+  /// first of which is that direction itself, and the angle between them; number of directions on a cone; and
+  /// fraction of a substep, as a divisor, below which no shorter substep is tried.
+  int search_cones = 4, search_directions = 8;
+  double search_cone_rad = 0.47, search_shortest_divisor = 5;
+  /// Search for the nearest point outside all surfaces when contact begins inside tissue: reach, which is
+  /// more than that of any distance field; projection steps per search; and number of searches, because
+  /// surfaces beyond the reach of the first may be nearer at its result.
+  double initial_reach_mm = 1000;
+  int max_initial_steps = 64, max_initial_searches = 4;
+
   /// Substep length along surfaces. Between end points at most dip_mm below it, a surface whose distance
   /// field has unit slope can rise by at most half of it.
   constexpr double stride_mm() const { return 2 * (max_dip_mm - dip_mm) - 0.004; }
@@ -110,6 +121,13 @@ struct ProxyFeel {
     of("max_feelings", max_feelings);
     of("max_looks", max_looks);
     of("max_looks_of_capsules", max_looks_of_capsules);
+    of("search_cones", search_cones);
+    of("search_directions", search_directions);
+    of("search_cone_rad", search_cone_rad);
+    of("search_shortest_divisor", search_shortest_divisor);
+    of("initial_reach_mm", initial_reach_mm);
+    of("max_initial_steps", max_initial_steps);
+    of("max_initial_searches", max_initial_searches);
   }
 };
 

@@ -93,7 +93,7 @@ class OwnerCache {
   OwnerShares at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place);
 
  private:
-  struct Known {
+  struct Entry {
     std::uint64_t owners = 0;  ///< Owners::number(). 0: empty entry
     int surface = -1;
     /// Whether tissue had been removed from the surface; the original surface and labels do not change
@@ -102,7 +102,7 @@ class OwnerCache {
     Point<Patient> place;
     OwnerShares shares;
   };
-  std::array<Known, 4> known_;
+  std::array<Entry, 4> entries_;
   std::size_t next_ = 0;
 };
 /// Maximum number of surfaces of a model.
@@ -192,7 +192,7 @@ struct Friction {
 /// capsules.
 class RestingContacts {
  public:
-  struct Wall {
+  struct Constraint {
     Vector<Patient> normal;  ///< Outward normal; unit
     double offset_mm = 0;    ///< Half-space of allowed tip proxies: normal . p >= offset_mm
     int surface = -1, sphere = 0;
@@ -202,19 +202,19 @@ class RestingContacts {
   static constexpr std::size_t kMaxConstraints = 4;
 
   /// Cached half-spaces; empty if the cache does not match these arguments.
-  std::span<const Wall> find(const Point<Patient>& position, const SurfaceSet& punctured,
-                             std::span<const ToolSphere> spheres) const;
-  void remember(const Point<Patient>& position, const SurfaceSet& punctured,
-                std::span<const ToolSphere> spheres, std::span<const Wall> walls);
-  void forget() { walls_ = 0; }
+  std::span<const Constraint> find(const Point<Patient>& position, const SurfaceSet& punctured,
+                                   std::span<const ToolSphere> spheres) const;
+  void store(const Point<Patient>& position, const SurfaceSet& punctured, std::span<const ToolSphere> spheres,
+             std::span<const Constraint> constraints);
+  void forget() { count_ = 0; }
 
  private:
   struct Sphere {
     Vector<Patient> offset_mm;
     double radius_mm = 0;
   };
-  std::array<Wall, kMaxConstraints> wall_;
-  std::size_t walls_ = 0, spheres_ = 0;
+  std::array<Constraint, kMaxConstraints> constraint_;
+  std::size_t count_ = 0, spheres_ = 0;
   Point<Patient> position_;
   SurfaceSet punctured_;
   std::array<Sphere, kMaxToolSpheres> sphere_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <limits>
 #include <span>
@@ -16,6 +17,13 @@ namespace palpate {
 /// Capacity in pairs of a tool part and a surface. If more pairs are near, the nearest are kept and the path
 /// is limited to the distance within which they are complete.
 inline constexpr std::size_t kMaxNear = 32;
+
+/// Number of layers of the surfaces.
+inline int layer_count(std::span<const ContactSurface> surfaces) {
+  int innermost = 0;
+  for (const ContactSurface& surface : surfaces) innermost = std::max(innermost, surface.layer);
+  return std::min(innermost + 1, kMaxLayers);
+}
 
 /// Whether a layer's proxy can touch surface `s`: it is in that layer, has geometry, and is neither punctured
 /// nor covered by a surface that is not punctured.

@@ -1335,10 +1335,10 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
 TEST(Proxy, RestCacheIsKeyedByToolAndPlace) {
   const Point<Patient> place(1, 2, 3);
   const ToolSphere sphere{{0, 0, 1}, 0.5};
-  const RestingContacts::Wall wall{{0, 0, 1}, 2.5, 4, 0};
+  const RestingContacts::Constraint plane{{0, 0, 1}, 2.5, 4, 0};
   RestingContacts touched;
   EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
-  touched.remember(place, {}, {&sphere, 1}, {&wall, 1});
+  touched.store(place, {}, {&sphere, 1}, {&plane, 1});
   ASSERT_EQ(touched.find(place, {}, {&sphere, 1}).size(), 1u);
   EXPECT_EQ(touched.find(place, {}, {&sphere, 1})[0].surface, 4);
   EXPECT_TRUE(touched.find({1, 2, 3.0000001}, {}, {&sphere, 1}).empty());

@@ -1,0 +1,125 @@
+#include "contact/contact_springs.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolSphere> spheres,
+                          const Vector<Patient>& force_N, double stiffness_N_per_mm) {
+  Vector<Patient> torque_Nmm, along_N = force_N;
+  double all_mm = 0;
+  for (const ProxyContact& contact : contacts) {
+    along_N -= contact.normal * (contact.multiplier_mm * stiffness_N_per_mm);
+    all_mm += contact.multiplier_mm;
+  }
+  for (const ProxyContact& contact : contacts) {
+    const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+    torque_Nmm += arm_of(contact, sphere)
+                      .cross(contact.normal * (contact.multiplier_mm * stiffness_N_per_mm) +
+                             along_N * (contact.multiplier_mm / all_mm));
+  }
+  return torque_Nmm;
+}
+
+double LayerStiffness::contribution(const ContactSurface& surface, const ContactSurface& structure) const {
+  const double own = std::min(structure.stiffness_N_per_mm, max_N_per_mm_);
+  const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
+  // tolerance for rounding
+  const bool less = given_N_per_mm_ && *given_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
+  return up_to - std::min(own, less ? *given_N_per_mm_ : surface.from_N_per_mm);
+}
+
+ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerCache& owners) {
+  LayerMean mean;
+  const auto contacts = in.contacts();
+  for (std::size_t n = 0; n < contacts.size(); ++n) {
+    const ProxyContact& contact = contacts[n];
+    const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
+    const ToolSphere& sphere = in.spheres[static_cast<std::size_t>(contact.sphere)];
+    const Vector<Patient> arm_mm = arm_of(contact, sphere);
+    owners_.make(n, owners.at(surfaces_, contact.surface, in.layer.position + arm_mm));
+    mean.multiplier_mm += contact.multiplier_mm;
+    for (const OwnerShare& share : owners_[n].all()) {
+      const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
+      const double multiplier_mm = contact.multiplier_mm * share.part;
+      mean.friction += multiplier_mm * (in.layer.sticking ? structure.static_friction : structure.friction);
+      if (structure.yield_modulus_N_per_mm2 > 0) {
+        mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.part));
+        continue;
+      }
+      mean.own_stiffness += multiplier_mm * own_.contribution(surface, structure);
+      mean.stiffness += multiplier_mm * rendered_.contribution(surface, structure);
+    }
+  }
+  if (!(mean.multiplier_mm > 0)) return mean;
+  mean.stiffness /= mean.multiplier_mm;
+  mean.own_stiffness /= mean.multiplier_mm;
+  return mean;
+}
+
+ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, ComplianceState& yield,
+                               RelaxationState& relaxation) {
+  const auto contacts = in.contacts();
+  const LayerMean mean = average(in, owners);
+  const DeformableContact& pressed = mean.pressed;
+  ProxyForce force;
+  if (!(mean.multiplier_mm > 0)) {
+    yield = {};
+    forget_outer_layers();
+    return force;
+  }
+  if (pressed.any()) forget_outer_layers();
+  rendered_.add(mean.stiffness);
+  own_.add(mean.own_stiffness);
+
+  // rigid structures
+  const Vector<Patient> stretched_mm = (in.layer.position - tip_) * in.layer.part;
+  double stiffness = mean.stiffness, own_stiffness = mean.own_stiffness;
+  // deformable tissue has its own time constants
+  if (!pressed.any())
+    stiffness = limit_stiffness(stiffness, in.layer.spring_N_per_mm, stretched_mm, in.slip_N, in.motion);
+  force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
+  force.tangent_N_per_mm = stiffness;
+
+  // deformable structures
+  if (pressed.any()) {
+    const DeformableForce tissue =
+        press(pressed, {surfaces_, in.spheres, contacts, tip_, in.layer.position, stretched_mm}, options_,
+              yield, relaxation);
+    relaxed_ = relaxed_ || tissue.relaxed;
+    const double share = pressed.multiplier_mm / mean.multiplier_mm;
+    stiffness += share * tissue.secant_N_per_mm;
+    own_stiffness += share * tissue.own_secant_N_per_mm;
+    force.tangent_N_per_mm += share * tissue.law.tangent_N_per_mm;
+    force.stored_mJ += share * tissue.law.stored_mJ;
+    force.force_N = tissue.law.tangential_force_N * share;
+    force.yields = true;
+  } else {
+    yield = {};
+  }
+  force.stiffness_N_per_mm = stiffness;
+  force.force_N += stretched_mm * stiffness;
+  force.torque_Nmm = torque_of(contacts, in.spheres, force.force_N, stiffness);
+
+  // totals over the layers
+  path_.begin_layer(stretched_mm, stiffness);
+  for (std::size_t n = 0; n < contacts.size(); ++n) {
+    for (const OwnerShare& share : owners_[n].all())
+      path_.add_owner(share.structure, share.part * contacts[n].multiplier_mm / mean.multiplier_mm);
+    normals_N_ += contacts[n].normal * (contacts[n].multiplier_mm * stiffness);
+  }
+  if (in.has_arrived) add_puncture_forces(contacts, own_stiffness);
+  friction_N_ += mean.friction * stiffness;
+  normal_N_ += mean.multiplier_mm * stiffness;
+  return force;
+}
+
+void ContactSprings::add_puncture_forces(std::span<const ProxyContact> contacts, double own_stiffness) {
+  for (std::size_t n = 0; n < contacts.size(); ++n)
+    for (const OwnerShare& share : owners_[n].all())
+      if (std::isfinite(surfaces_[static_cast<std::size_t>(share.structure)].puncture_N))
+        puncture_forces_.add(share.structure, contacts[n].multiplier_mm * own_stiffness * share.part);
+}
+
+}  // namespace palpate

@@ -1,0 +1,102 @@
+#include "contact/deformable_contact.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "contact/footprint.h"
+
+namespace palpate {
+namespace {
+
+// Footprint of a tool with several parts, or of a capsule lying along tissue, which may have fewer contacts
+// than places that press. The depths are offset so that the deepest equals the spring's length.
+Footprint footprint_under(const DeformableContact& pressed, const PressingTool& tool) {
+  const double per_multiplier = 1 / pressed.multiplier_mm, depth_mm = tool.stretched_mm.norm();
+  const Footprint one{depth_mm, pressed.radius_mm * per_multiplier, 0, 1, pressed.arm_mm * per_multiplier};
+  if ((tool.spheres.size() == 1 && tool.spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0))
+    return one;
+  std::array<int, kMaxContacts> touched;
+  std::size_t count = 0;
+  for (const ProxyContact& contact : tool.contacts) {
+    const auto known = std::span(touched).first(count);
+    if (std::ranges::find(known, contact.surface) == known.end()) touched[count++] = contact.surface;
+  }
+  std::array<PressPlace, kMaxPressPlaces> places;
+  std::size_t found =
+      press_places(tool.surfaces, std::span(touched).first(count), tool.spheres, tool.tip, places);
+  double deepest_mm = 0;
+  for (const PressPlace& place : std::span(places).first(found))
+    deepest_mm = std::max(deepest_mm, place.depth_mm);
+  const auto shallow = std::remove_if(places.begin(), places.begin() + found, [&](PressPlace& place) {
+    place.depth_mm += depth_mm - deepest_mm;
+    return !(place.depth_mm > 0);
+  });
+  found = static_cast<std::size_t>(shallow - places.begin());
+  if (found <= 1) return one;
+  return footprint_of(std::span(places).first(found), tool.stretched_mm * (1 / depth_mm));
+}
+
+// viscoelastic correction of an elastic force and of its stored energy
+// (docs/decisions/archive/0040-relaxation.md)
+void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footprint& foot,
+           double max_N_per_mm, const ProxyOptions& options, RelaxationState& state, DeformableForce& force) {
+  const double elastic_N = force.law.force_N;
+  const double force_N =
+      advance_relaxation(*options.relaxation_times, elastic_N, &contact, options.dt_s, state);
+  force.relaxed = true;
+  double stored_mJ =
+      force_N * foot.depth_mm - complementary_mJ(tissue, state.elastic_N, foot.radius_mm, max_N_per_mm);
+  TangentialCoefficients aside = yield_aside(tissue, elastic_N);
+  for (std::size_t n = 0; n < options.relaxation_times->count; ++n) {
+    const double fraction = state.parts.of_time[n], lagging_N = state.lagging_N[n];
+    if (!(fraction > 0)) continue;
+    stored_mJ += fraction * complementary_mJ(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
+    const TangentialCoefficients lagging = yield_aside(tissue, lagging_N);
+    aside.of_compliance_N2 -= fraction * lagging.of_compliance_N2;
+    aside.of_stiffening_N3 -= fraction * lagging.of_stiffening_N3;
+  }
+  force.law.force_N = force_N;
+  force.law.stored_mJ = std::max(0.0, stored_mJ);
+  // a contact with a force that rounds to 0 also has a secant stiffness of 0
+  const double left = elastic_N > 0 ? force_N / elastic_N : 1;
+  force.secant_N_per_mm *= left;
+  force.own_secant_N_per_mm *= left;
+  force.law.tangential_force_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
+                                 tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
+}
+
+}  // namespace
+
+DeformableForce press(const DeformableContact& pressed, const PressingTool& tool, const ProxyOptions& options,
+                      ComplianceState& yield, RelaxationState& relaxation) {
+  const Footprint foot = footprint_under(pressed, tool);
+  const double length_mm = tool.stretched_mm.norm();
+  const ComplianceFrame* const frame = options.yields;
+  const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
+  const double per_multiplier = 1 / pressed.multiplier_mm;
+  const Point<Patient> at = tool.proxy + foot.arm_mm;
+  ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
+                                       pressed.modulus * per_multiplier, options.dt_s, yield);
+  tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
+  DeformableForce force;
+  if (!(foot.depth_mm > 0)) return force;
+  const double max_N_per_mm = options.max_stiffness_N_per_mm / foot.stiffer;
+  force.law = yield_force(tissue, foot.depth_mm, foot.radius_mm, max_N_per_mm);
+  force.law.tangent_N_per_mm *= foot.stiffer;
+  force.secant_N_per_mm = force.law.force_N / length_mm;
+  force.own_secant_N_per_mm = std::isfinite(max_N_per_mm)
+                                  ? yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
+                                  : force.secant_N_per_mm;
+  if (options.relaxation_times == nullptr) return force;
+  RelaxingContact contact{spot.relaxed, at, kYieldFeel.dent_radii * pressed.radius_mm * per_multiplier,
+                          kYieldFeel.blend_s};
+  if (!spot.is_known()) {
+    contact.parts = {};
+    contact.parts.add(pressed.relaxed, per_multiplier);
+  }
+  relax(tissue, contact, foot, max_N_per_mm, options, relaxation, force);
+  return force;
+}
+
+}  // namespace palpate

@@ -1,0 +1,89 @@
+#include "contact/force_continuity.h"
+
+#include "contact/puncture.h"
+
+namespace palpate {
+namespace {
+
+// force change of a layer that is not slip: explained by the tool's displacement, or exempt from the limit
+double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const SpringMotion& motion) {
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  if (!before_N_per_mm) return kAll;
+  if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * motion.catch_up_mm;
+  if (!std::isfinite(motion.max_change_mm)) return kAll;
+  return std::max(*before_N_per_mm, now.tangent_N_per_mm) * motion.tool_mm;
+}
+
+}  // namespace
+
+DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
+                                     double turned_mm, double max_slip_mm) {
+  if (layer.contacts == 0 || is_contact_punctured(layer)) return {};
+  return {layer.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
+}
+
+double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const Vector<Patient>& stretched_mm,
+                        double max_change_mm) {
+  const double length_mm = away_mm.norm();
+  // the last stretch, projected onto the new direction to the proxy
+  const double before_mm = stretched_mm.dot(away_mm) / length_mm;
+  const double turned_squared = stretched_mm.squared_norm() - before_mm * before_mm;
+  const double change_mm = std::sqrt(std::max(0.0, max_change_mm * max_change_mm - turned_squared));
+  return std::min(std::clamp(wanted_mm, before_mm - change_mm, before_mm + change_mm), length_mm);
+}
+
+double limit_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
+                       double slip_N, const SpringMotion& motion) {
+  const double length_mm = stretched_mm.norm();
+  if (!before || !(length_mm > 0)) return wanted;
+  // the spring was inactive and may already be long
+  const double beyond_mm = length_mm - motion.catch_up_mm;
+  if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
+  if (!std::isfinite(motion.max_change_mm)) return wanted;
+  // stiffnesses whose force lies in a ball around the last force
+  const double along = motion.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
+  const double across = motion.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
+  const double change = motion.max_change_mm / length_mm;
+  const double most = change * change - across;
+  if (!(most > 0)) return *before;
+  return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
+}
+
+void SlipBudget::spend(std::optional<double> before_N_per_mm, const ProxyForce& now,
+                       const SpringMotion& motion) {
+  const double changed_N = (now.force_N - motion.stretched_mm * before_N_per_mm.value_or(0)).norm();
+  left_N -= std::clamp(changed_N - explained_N(before_N_per_mm, now, motion), 0.0, left_N);
+}
+
+double ProxyRelease::fade(double max_N) {
+  const double before_N = force_N.norm();
+  limit(std::max(0.0, before_N - max_N));
+  return std::min(before_N, max_N);
+}
+
+void ProxyRelease::limit(double max_N) {
+  const double before_N = force_N.norm();
+  if (!(before_N > max_N)) return;
+  // exactly zero at the end
+  if (!(max_N > 0)) {
+    *this = {};
+    return;
+  }
+  const double left = max_N / before_N;
+  force_N = force_N * left;
+  torque_Nmm = torque_Nmm * left;
+  // quadratic in the force, as for a spring of constant stiffness
+  stored_mJ *= left * left;
+}
+
+double arc_of_rotation_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+                          const Eigen::Quaterniond& to) {
+  if (from.coeffs() == to.coeffs()) return 0;
+  double farthest_mm = 0;
+  for (const ToolSphere& sphere : spheres)
+    farthest_mm =
+        std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
+  return farthest_mm * from.angularDistance(to);
+}
+
+}  // namespace palpate

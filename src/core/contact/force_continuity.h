@@ -1,0 +1,99 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <span>
+
+#include "palpate/contact/proxy.h"
+
+/// Force continuity of the proxy: the part of a force change that the tool's own displacement does not
+/// explain, i.e. slip, is limited to ProxyOptions::max_slip_N_per_s (docs/decisions/0033). Slip moves the
+/// proxy along or off a surface, changes the stiffness in contact, and changes the fraction of the tip's
+/// distance that stretches the spring; each has its limit here.
+namespace palpate {
+
+/// Motion of a layer's spring in one tick.
+struct SpringMotion {
+  Vector<Patient> stretched_mm;  ///< Spring vector (tip to proxy) of the last tick
+  double tool_mm = 0;            ///< Displacement of the tip in this tick plus the arc of the tool's rotation
+  /// tool_mm plus the displacement accumulated while the proxy was catching up at zero force.
+  double catch_up_mm = 0;
+  /// Upper limit of the spring vector's change in this tick: tool_mm plus the permitted slip.
+  double max_change_mm = std::numeric_limits<double>::infinity();
+};
+
+/// Displacement limit of a proxy in one tick: a ball around the position to which the tip's displacement
+/// alone would have carried it. It bounds the change of the spring's stretch to the tip's displacement plus
+/// the permitted slip.
+struct DisplacementLimit {
+  Point<Patient> middle;  ///< Proxy position after the tool's rotation, plus the tip's displacement
+  double length_mm = std::numeric_limits<double>::infinity();
+
+  bool is_outside(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
+  bool is_at_limit(const Point<Patient>& at) const {
+    return (at - middle).norm() > length_mm - kProxyFeel.still_mm;
+  }
+  /// Largest fraction of a displacement that stays within the ball.
+  double fraction_within(const Point<Patient>& from, const Vector<Patient>& displacement_mm) const {
+    if (!is_outside(from + displacement_mm)) return 1;
+    const Vector<Patient> out = from - middle;
+    const double along = out.dot(displacement_mm), square = displacement_mm.squared_norm();
+    if (!(square > 0)) return 0;
+    const double beyond = length_mm * length_mm - out.squared_norm();
+    const double root = std::sqrt(std::max(0.0, along * along + square * beyond));
+    return std::clamp((root - along) / square, 0.0, 1.0);
+  }
+};
+
+/// Displacement limit of a layer's proxy. None without contact, nor after a puncture: that releases the proxy
+/// at once.
+/// @param layer        after the tool's rotation, which has already pushed the proxy
+/// @param tip_moved    displacement of the tip in this tick, mm
+/// @param turned_mm    arc length of that rotation
+/// @param max_slip_mm  permitted slip
+DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
+                                     double turned_mm, double max_slip_mm);
+
+/// Length of the spring, which changes from that of the last tick by at most the displacement limit.
+/// @param away_mm         vector from the tip to the proxy; not 0
+/// @param wanted_mm       length for the current contacts
+/// @param stretched_mm    spring vector of the last tick, tip to proxy
+/// @param max_change_mm   radius of the displacement limit; finite
+/// @return length in mm; 0 or less: inactive
+double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const Vector<Patient>& stretched_mm,
+                        double max_change_mm);
+
+/// Rate-limited spring stiffness. The stiffness depends on position and contacts and may change only as fast
+/// as the proxy may slip: the force change that is not explained by the tip's displacement is at most that of
+/// a slip.
+/// @param wanted        stiffness of the current contacts, N/mm
+/// @param before        stiffness of the last tick, N/mm; empty: unknown, no limit
+/// @param stretched_mm  current spring vector, tip to proxy
+/// @param slip_N        permitted force change in this tick beyond the tip's displacement
+double limit_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
+                       double slip_N, const SpringMotion& motion);
+
+/// Force change that slip may still cause in this tick. Layers use it from outside to inside.
+struct SlipBudget {
+  double left_N = 0;
+  /// Stiffness on which slip of the current layer acts: that of this layer and those within, in the last
+  /// tick.
+  double stiffness_N_per_mm = 0;
+
+  /// Slip that the current layer's proxy may make.
+  double max_slip_mm() const {
+    return stiffness_N_per_mm > 0 ? left_N / stiffness_N_per_mm : std::numeric_limits<double>::infinity();
+  }
+  /// Subtracts the slip that a layer's force change contains.
+  /// @param before_N_per_mm  spring stiffness of the layer in the last tick; empty: unknown
+  /// @param now              force of the layer in this tick
+  void spend(std::optional<double> before_N_per_mm, const ProxyForce& now, const SpringMotion& motion);
+};
+
+/// Arc length of a rotation at the tool point farthest from the tip.
+double arc_of_rotation_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+                          const Eigen::Quaterniond& to);
+
+}  // namespace palpate

@@ -1,0 +1,29 @@
+#include "palpate/contact/proxy.h"
+
+namespace palpate {
+
+OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at) {
+  const ContactSurface& surface = surfaces[static_cast<std::size_t>(index)];
+  if (surface.owners == nullptr) return OwnerShares(surface.structure < 0 ? index : surface.structure);
+  if (surface.made == nullptr) return surface.owners->at(at);
+  // labels below the surface differ only from a depth of half a voxel
+  const double beneath_mm = 0.5 * surface.original_labels->geometry().min_spacing_mm();
+  return surface.made->distance_mm(at) < -beneath_mm ? surface.owners->within(*surface.original_labels, at)
+                                                     : surface.owners->at(at);
+}
+
+OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place) {
+  const ContactSurface& surface = surfaces[static_cast<std::size_t>(index)];
+  if (surface.owners == nullptr) return owners_at(surfaces, index, place);
+  const bool cut = surface.made != nullptr;
+  for (const Entry& entry : entries_)
+    if (entry.owners == surface.owners->number() && entry.surface == index && entry.cut == cut &&
+        entry.place == place)
+      return entry.shares;
+  Entry& entry = entries_[next_];
+  next_ = (next_ + 1) % entries_.size();
+  entry = {surface.owners->number(), index, cut, place, owners_at(surfaces, index, place)};
+  return entry.shares;
+}
+
+}  // namespace palpate

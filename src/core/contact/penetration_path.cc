@@ -1,0 +1,60 @@
+#include "contact/penetration_path.h"
+
+#include <algorithm>
+#include <functional>
+
+namespace palpate {
+
+void PenetrationPath::add_owner(int structure, double share) {
+  const std::size_t first = layer_[layers_ - 1].first_owner;
+  const std::span own(owner_.data() + first, owners_ - first);
+  const auto same =
+      std::find_if(own.begin(), own.end(), [&](const OwnerShare& one) { return one.structure == structure; });
+  if (same != own.end())
+    same->part += share;
+  else if (owners_ < owner_.size())
+    owner_.make(owners_++, structure, share);
+}
+
+void PenetrationPath::report(ProxyResult& result) const {
+  const Vector<Patient> along = force_N_.normalized();
+  UninitialisedArray<PathSegment, kMaxOwners> segment;
+  std::size_t segments = 0;
+  double stiffness = 0, all_N = 0;
+  for (std::size_t m = 0; m < layers_; ++m) {
+    const Layer& layer = layer_[m];
+    const bool innermost = m + 1 == layers_;
+    const Vector<Patient> beneath_mm = innermost ? Vector<Patient>() : layer_[m + 1].stretched_mm;
+    const std::size_t end = innermost ? owners_ : layer_[m + 1].first_owner;
+    stiffness += layer.stiffness;
+    // an inner layer touched from the side may have a longer spring than the layer around it
+    const double depth_mm = std::max(0.0, layer.stretched_mm.norm() - beneath_mm.norm());
+    const double force_N = std::max(0.0, stiffness * (layer.stretched_mm - beneath_mm).dot(along));
+    all_N += force_N;
+    for (std::size_t n = layer.first_owner; n < end; ++n) {
+      std::size_t at = 0;
+      while (at < segments && segment[at].structure != owner_[n].structure) ++at;
+      if (at == segments) segment.make(segments++).structure = owner_[n].structure;
+      segment[at].depth_mm += depth_mm * owner_[n].part;
+      segment[at].share += force_N * owner_[n].part;
+    }
+  }
+  if (!(all_N > 0)) return;
+  report_largest({segment.data(), segments}, all_N, result);
+}
+
+void PenetrationPath::report_largest(std::span<PathSegment> segments, double all_N, ProxyResult& result) {
+  std::array<double, kMaxOwners> shares;
+  for (std::size_t n = 0; n < segments.size(); ++n) shares[n] = segments[n].share /= all_N;
+  double least = kTouchFeel.min_share;
+  if (segments.size() > kMaxPathSegments) {
+    std::nth_element(shares.begin(), shares.begin() + kMaxPathSegments - 1,
+                     shares.begin() + static_cast<std::ptrdiff_t>(segments.size()), std::greater<>());
+    least = std::max(least, shares[kMaxPathSegments - 1]);
+  }
+  for (const PathSegment& one : segments)
+    if (one.share >= least && result.felt_parts < static_cast<int>(kMaxPathSegments))
+      result.felt[static_cast<std::size_t>(result.felt_parts++)] = one;
+}
+
+}  // namespace palpate

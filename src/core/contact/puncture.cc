@@ -1,0 +1,134 @@
+#include "contact/puncture.h"
+
+#include <algorithm>
+#include <bitset>
+
+#include "contact/capsule_row.h"
+#include "contact/near_surfaces.h"
+
+namespace palpate {
+namespace {
+
+// whether the puncture of a structure opens a surface
+bool opens(const ContactSurface& surface, std::size_t index, int structure) {
+  return static_cast<int>(index) == structure || surface.structure == structure ||
+         std::find(surface.opened_by.begin(), surface.opened_by.end(), structure) != surface.opened_by.end();
+}
+
+// visits every contact, in any layer, whose largest owner is the structure
+template <class Visit>
+void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                         int structure, const ToolPose& hand, const ProxyState& state, const Visit& visit) {
+  for (int n = 0; n < layer_count(surfaces); ++n) {
+    const ProxyLayer& layer = state.layer(n);
+    const TurnedTool held(spheres, hand.attitude, layer.attitude);
+    for (const ProxyContact& contact :
+         std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts))) {
+      const auto surface = static_cast<std::size_t>(contact.surface);
+      if (!opens(surfaces[surface], surface, structure)) continue;
+      const ToolSphere& sphere = held.spheres()[static_cast<std::size_t>(contact.sphere)];
+      const double radius_mm = sphere.radius_at_mm(contact.part);
+      const Point<Patient> middle = layer.position + sphere.offset_mm + sphere.along_mm * contact.part;
+      if (owners_at(surfaces, contact.surface, middle - contact.normal * radius_mm).largest() == structure)
+        visit(contact, middle, radius_mm);
+    }
+  }
+}
+
+// extends the permanent holes that the tool is in, and lets the tool into those that it fits
+void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                 const ToolPose& hand, ProxyState& state, Holes& holes) {
+  std::array<int, Holes::kMost> structures;
+  std::size_t count = 0;
+  for (const Hole& hole : holes.all()) {
+    const auto known = std::span(structures).first(count);
+    if (std::find(known.begin(), known.end(), hole.structure) == known.end())
+      structures[count++] = hole.structure;
+  }
+  for (const int structure : std::span(structures).first(count)) {
+    const auto s = static_cast<std::size_t>(structure);
+    if (state.layer(surfaces[s].layer).punctured[s]) {
+      const TurnedTool held(spheres, hand.attitude, state.attitude);
+      for (const ToolSphere& sphere : held.spheres())
+        for (const double end : {0.0, 1.0})
+          holes.lead(structure, state.position + sphere.offset_mm + sphere.along_mm * end);
+      continue;
+    }
+    bool in_contact = false, fits = true;
+    for_each_contact_of(surfaces, spheres, structure, hand, state,
+                        [&](const ProxyContact& /*contact*/, const Point<Patient>& middle, double radius_mm) {
+                          in_contact = true;
+                          fits = fits &&
+                                 std::any_of(holes.all().begin(), holes.all().end(), [&](const Hole& hole) {
+                                   return hole.structure == structure && hole.fits(middle, radius_mm);
+                                 });
+                        });
+    if (in_contact && fits) open_structure(surfaces, structure, state);
+  }
+}
+
+// creates permanent holes where a structure with stays_open was punctured
+void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
+                const ToolPose& hand, const ProxyState& state, Holes& holes) {
+  std::bitset<kMaxToolSpheres> done;
+  for_each_contact_of(surfaces, spheres, structure, hand, state,
+                      [&](const ProxyContact& contact, const Point<Patient>& middle, double radius_mm) {
+                        // a tool part in contact in several layers makes one hole, in the outermost
+                        if (done[static_cast<std::size_t>(contact.sphere)]) return;
+                        done[static_cast<std::size_t>(contact.sphere)] = true;
+                        holes.make({structure, middle, -contact.normal, 0, radius_mm});
+                      });
+}
+
+}  // namespace
+
+SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const ToolPose& hand, const ProxyLayer& layer) {
+  SurfaceSet punctured = layer.punctured;
+  if (punctured.none()) return punctured;
+  const TurnedTool held(spheres, hand.attitude, layer.attitude);
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    if (!punctured[s]) continue;
+    const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
+      return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
+        const ContactPair pair{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
+        int queries = 0;
+        return pair.clearance(at, kProxyFeel.sealed_mm, pair.steps / 2, queries).mm > kProxyFeel.sealed_mm;
+      });
+    };
+    if (has_left(spheres, hand.tip) && has_left(held.spheres(), layer.position)) punctured[s] = false;
+  }
+  return punctured;
+}
+
+bool is_contact_punctured(const ProxyLayer& layer) {
+  const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
+  return std::any_of(contacts.begin(), contacts.end(), [&](const ProxyContact& contact) {
+    return layer.punctured[static_cast<std::size_t>(contact.surface)];
+  });
+}
+
+void open_structure(std::span<const ContactSurface> surfaces, int structure, ProxyState& state) {
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    const ContactSurface& surface = surfaces[s];
+    if (surface.surface != nullptr && opens(surface, s, structure))
+      state.layer(surface.layer).punctured[s] = true;
+  }
+}
+
+bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+              const ToolPose& hand, const PunctureForces& forces, Holes* holes, ProxyState& state) {
+  if (holes != nullptr && !holes->empty()) enter_holes(surfaces, spheres, hand, state, *holes);
+  bool any = false;
+  for (std::size_t n = 0; n < forces.count(); ++n) {
+    const int structure = forces.structure(n);
+    const ContactSurface& surface = surfaces[static_cast<std::size_t>(structure)];
+    if (!(forces.force_N(n) > surface.puncture_N)) continue;
+    if (holes != nullptr && surface.stays_open) make_holes(surfaces, spheres, structure, hand, state, *holes);
+    open_structure(surfaces, structure, state);
+    any = true;
+  }
+  return any;
+}
+
+}  // namespace palpate

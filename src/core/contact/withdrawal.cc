@@ -1,0 +1,59 @@
+#include "contact/withdrawal.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "contact/force_continuity.h"
+#include "contact/near_surfaces.h"
+
+namespace palpate {
+namespace {
+
+// Whether the tool is clear of the outermost layer and has a collision-free straight path to another pose
+// (linear tip motion, spherical interpolation of the attitude). Sphere tracing (Hart 1996); false if that
+// exceeds the work limit of a tick.
+bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                  const SurfaceSet& punctured, const ToolPose& hand, const ToolPose& to) {
+  const Vector<Patient> displacement_mm = to.tip - hand.tip;
+  const double arc_mm = arc_of_rotation_mm(spheres, hand.attitude, to.attitude);
+  const double length_mm = displacement_mm.norm() + arc_mm,
+               reach_mm = std::max(length_mm, kProxyFeel.back_clearance_mm);
+  PairSet pairs(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
+  if (pairs.reach_mm() < reach_mm) return false;
+  const auto clearance_mm = [&](const Point<Patient>& at) {
+    double min_mm = std::numeric_limits<double>::infinity();
+    for (std::size_t n = 0; n < pairs.count(); ++n) min_mm = std::min(min_mm, pairs.clearance(n, at));
+    return min_mm;
+  };
+  double free_mm = clearance_mm(hand.tip);
+  if (free_mm < kProxyFeel.back_clearance_mm) return false;
+  double traced_mm = 0;
+  for (int sample = 0; sample < kProxyFeel.max_back_places; ++sample) {
+    if (!(free_mm + kProxyFeel.dip_mm > 0)) return false;
+    traced_mm += (free_mm + kProxyFeel.dip_mm) / pairs.steepest();
+    if (traced_mm >= length_mm) return true;
+    const double fraction = traced_mm / length_mm;
+    if (arc_mm > 0)
+      pairs.turn(TurnedTool(spheres, hand.attitude, hand.attitude.slerp(fraction, to.attitude)).spheres());
+    free_mm = clearance_mm(hand.tip + displacement_mm * fraction);
+  }
+  return false;
+}
+
+}  // namespace
+
+bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                   const ToolPose& hand, ProxyState& state) {
+  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxyFeel.back_pitch_mm)
+    return false;
+  state.last_search_tip = hand.tip;
+  // early-out: the tip usually lies below the surface in contact
+  const ProxyContact& contact = state.contact[0];
+  const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+  const Surface& surface = *surfaces[static_cast<std::size_t>(contact.surface)].surface;
+  const double enough_mm = sphere.radius_mm + kProxyFeel.back_clearance_mm;
+  if (nearest_part(surface, sphere, hand.tip, enough_mm).distance_mm < enough_mm) return false;
+  return is_path_free(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
+}
+
+}  // namespace palpate
