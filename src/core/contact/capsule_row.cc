@@ -26,7 +26,7 @@ class RowSearch {
         enough_mm_(enough_mm) {}
 
   double look(int step) {
-    ++looks_;
+    ++queries_;
     const double distance_mm = distance_of_step(surface_, centre_, shape_, steps_, step);
     if (distance_mm < nearest_.distance_mm) nearest_ = {distance_mm, step};
     return distance_mm;
@@ -50,7 +50,7 @@ class RowSearch {
     if (nearest_.distance_mm <= enough_mm_) return nearest_;
     return {std::min(nearest_.distance_mm, left_out_mm_), nearest_.step};
   }
-  int looks() const { return looks_; }
+  int queries() const { return queries_; }
 
  private:
   const Surface& surface_;
@@ -61,7 +61,7 @@ class RowSearch {
   const double enough_mm_;
   NearestInRow nearest_{std::numeric_limits<double>::infinity(), 0};
   double left_out_mm_ = std::numeric_limits<double>::infinity();
-  int looks_ = 0;
+  int queries_ = 0;
 };
 
 }  // namespace
@@ -78,12 +78,12 @@ int row_steps(const ToolSphere& sphere) {
 }
 
 NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
-                            int steps, int begin, double enough_mm, int& looks) {
+                            int steps, int begin, double enough_mm, int& queries) {
   RowSearch row(surface, centre, shape, steps, enough_mm);
   row.look(begin);
   row.search(0, begin - 1);
   row.search(begin + 1, steps);
-  looks += row.looks();
+  queries += row.queries();
   return row.nearest();
 }
 
@@ -92,15 +92,15 @@ NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const
   const Point<Patient> centre = at + sphere.offset_mm;
   const int steps = row_steps(sphere);
   if (steps == 0) return {surface.distance_mm(centre), 0};
-  int looks = 0;
-  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, looks);
+  int queries = 0;
+  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, queries);
   return {nearest.distance_mm, static_cast<double>(nearest.step) / steps};
 }
 
 double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
-                          int steps, int step, double beside_mm, int& looks) {
+                          int steps, int step, double beside_mm, int& queries) {
   const auto distance_mm = [&](int at) {
-    ++looks;
+    ++queries;
     return distance_of_step(surface, centre, shape, steps, at);
   };
   const double min_mm = distance_mm(step);

@@ -35,14 +35,14 @@ struct NearestInRow {
 /// @param shape   capsule, gives the axis from there
 /// @param steps   row_steps() of the capsule
 /// @param begin   step evaluated first; the last known nearest one saves queries
-/// @param looks   incremented by the number of surface queries
+/// @param queries   incremented by the number of surface queries
 NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
-                            int steps, int begin, double enough_mm, int& looks);
+                            int steps, int begin, double enough_mm, int& queries);
 
 /// Middle of the interval of a row that touches a surface together with one step, 0 ... 1 along the axis:
 /// mean of the adjacent steps whose distance differs by less than `beside_mm`, weighted linearly by that
 /// difference.
 double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
-                          int steps, int step, double beside_mm, int& looks);
+                          int steps, int step, double beside_mm, int& queries);
 
 }  // namespace palpate

@@ -44,7 +44,7 @@ TEST(CapsuleRow, NearestSphereEqualsExhaustiveSearch) {
   std::mt19937 random(kRowSeed);
   std::uniform_real_distribution<double> unit(0, 1), about(-4, 4);
   const auto surfaces = ball_and_plate(random);
-  int looks = 0, all = 0, bounds = 0;
+  int queries = 0, all = 0, bounds = 0;
   // inside the volume; beyond it the plate's distance drops to the value outside
   for (int n = 0; n < 20'000; ++n) {
     const Surface& surface = *surfaces[static_cast<std::size_t>(n % 2)].surface;
@@ -66,7 +66,7 @@ TEST(CapsuleRow, NearestSphereEqualsExhaustiveSearch) {
       return surface.distance_mm(centre + along_mm * part) - shape.widens_mm * part;
     };
     for (int step = 0; step <= steps; ++step) min_mm = std::min(min_mm, at_step(step));
-    const NearestInRow nearest = nearest_in_row(surface, centre, shape, steps, begin, enough_mm, looks);
+    const NearestInRow nearest = nearest_in_row(surface, centre, shape, steps, begin, enough_mm, queries);
     all += steps + 1;
     if (nearest.distance_mm <= enough_mm) {
       ASSERT_EQ(nearest.distance_mm, min_mm);
@@ -78,25 +78,25 @@ TEST(CapsuleRow, NearestSphereEqualsExhaustiveSearch) {
     }
   }
   EXPECT_GT(bounds, 1000);
-  EXPECT_LT(looks, all * 3 / 4) << "of short rows near the surface";
+  EXPECT_LT(queries, all * 3 / 4) << "of short rows near the surface";
 }
 
 TEST(CapsuleRow, ContactCentreIsTheCentreOfTheSupportedSegment) {
   std::mt19937 random(kRowSeed);
-  int looks = 0;
+  int queries = 0;
   const auto surfaces = ball_and_plate(random);
   // the whole capsule lies on the plate; then only its end touches
   const Point<Patient> on_plate(-5, 1, 1);
-  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {10, 0, 0}}, 40, 3, 0.02, looks),
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {10, 0, 0}}, 40, 3, 0.02, queries),
               0.5, 0.02);
-  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {8, 0, 6}}, 40, 0, 0.02, looks), 0,
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {8, 0, 6}}, 40, 0, 0.02, queries), 0,
               1e-9);
   // nearest to the ball at a third of the axis
-  EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {{}, 1, {9, 0, 0}}, 30, 10, 0.02, looks),
+  EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {{}, 1, {9, 0, 0}}, 30, 10, 0.02, queries),
               1.0 / 3, 0.03);
   // a cone with its side along the plate and its axis inclined to it
   const ToolSphere cone{{}, 1, Vector<Patient>(std::sqrt(99.0), 0, 1), 1};
-  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, cone, 40, 3, 0.02, looks), 0.5, 0.02);
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, cone, 40, 3, 0.02, queries), 0.5, 0.02);
 }
 
 }  // namespace

@@ -20,10 +20,10 @@ struct AxisBox {
 
 // whether the surface's bounding box excludes that any sphere of the part comes within a distance
 bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Point<Patient>& at,
-                     double within_mm) {
-  if (shape.along_mm == Vector<Patient>()) return surface.is_beyond(at + shape.offset_mm, within_mm);
+                     double distance_mm) {
+  if (shape.along_mm == Vector<Patient>()) return surface.is_beyond(at + shape.offset_mm, distance_mm);
   const AxisBox box(at, shape);
-  return surface.is_beyond(box.low, box.high, within_mm);
+  return surface.is_beyond(box.low, box.high, distance_mm);
 }
 
 }  // namespace
@@ -41,7 +41,7 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
     widest_mm = std::max({widest_mm, sphere.radius_mm, sphere.radius_at_mm(1)});
   }
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (!is_there(surfaces, layer, punctured, s)) continue;
+    if (!can_touch(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
     // early-out for the common case: the path does not reach the surface's bounding box
     const bool known_free = surface.outside_mm() > widest_mm + kProxyFeel.skin_mm;
@@ -49,11 +49,12 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
       if (known_free && is_known_beyond(surface, sphere, at, reach_mm)) continue;
-      const ContactPair near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+      const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
       const double far_mm = reach_mm * surface.steepest();
-      if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm) continue;
-      const Known known = look(near, at, far_mm, near.steps / 2);
-      if (known.clearance_mm <= far_mm) insert(near, known.clearance_mm / surface.steepest(), known);
+      if (pair.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm) continue;
+      const Evaluation evaluation = evaluate(pair, at, far_mm, pair.steps / 2);
+      if (evaluation.clearance_mm <= far_mm)
+        insert(pair, evaluation.clearance_mm / surface.steepest(), evaluation);
     }
   }
   reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
@@ -61,16 +62,16 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
 
 bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
              const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at) {
-  int looks = 0;
+  int queries = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (but[s] || !is_there(surfaces, layer, punctured, s)) continue;
+    if (but[s] || !can_touch(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
-      const ContactPair near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+      const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
       const double min_mm = sphere.radius_mm - kProxyFeel.outside_mm;
-      if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= min_mm) continue;
-      if (near.clearance(at, -kProxyFeel.outside_mm, near.steps / 2, looks).mm < -kProxyFeel.outside_mm)
+      if (pair.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= min_mm) continue;
+      if (pair.clearance(at, -kProxyFeel.outside_mm, pair.steps / 2, queries).mm < -kProxyFeel.outside_mm)
         return false;
     }
   }
@@ -79,51 +80,51 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
 
 double PairSet::steepest() const {
   double steepest = 1;
-  for (std::size_t n = 0; n < count_; ++n) steepest = std::max(steepest, near_[n].surface->steepest());
+  for (std::size_t n = 0; n < count_; ++n) steepest = std::max(steepest, pairs_[n].surface->steepest());
   return steepest;
 }
 
-PairSet::Known PairSet::look(const ContactPair& near, const Point<Patient>& proxy, double enough_mm,
-                             int begin) {
-  const ContactPair::Clearance clearance = near.clearance(proxy, enough_mm, begin, looks_);
-  return {proxy + near.shape.offset_mm, clearance.mm,
-          near.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
+PairSet::Evaluation PairSet::evaluate(const ContactPair& pair, const Point<Patient>& proxy, double enough_mm,
+                                      int begin) {
+  const ContactPair::Clearance clearance = pair.clearance(proxy, enough_mm, begin, queries_);
+  return {proxy + pair.shape.offset_mm, clearance.mm,
+          pair.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
 }
 
 double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double enough_mm) {
-  Known& known = known_[n];
-  const ContactPair& near = near_[n];
-  const Point<Patient> centre = proxy + near.shape.offset_mm;
-  const double moved_mm = (centre - known.centre).norm();
-  const double at_least_mm = known.clearance_mm - moved_mm * near.surface->steepest();
-  if (moved_mm == 0 && known.clearance_mm <= known.enough_mm) return known.clearance_mm;
+  Evaluation& evaluation = evaluations_[n];
+  const ContactPair& pair = pairs_[n];
+  const Point<Patient> centre = proxy + pair.shape.offset_mm;
+  const double moved_mm = (centre - evaluation.centre).norm();
+  const double at_least_mm = evaluation.clearance_mm - moved_mm * pair.surface->steepest();
+  if (moved_mm == 0 && evaluation.clearance_mm <= evaluation.enough_mm) return evaluation.clearance_mm;
   if (at_least_mm > enough_mm) return at_least_mm;
-  known = look(near, proxy, enough_mm, known.step);
-  return known.clearance_mm;
+  evaluation = evaluate(pair, proxy, enough_mm, evaluation.step);
+  return evaluation.clearance_mm;
 }
 
 double PairSet::middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step) {
-  const ContactPair& near = near_[n];
-  if (near.steps == 0) return 0;
-  return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape, near.steps,
-                                     step, kProxyFeel.beside_mm, looks_);
+  const ContactPair& pair = pairs_[n];
+  if (pair.steps == 0) return 0;
+  return palpate::middle_of_touching(*pair.surface, proxy + pair.shape.offset_mm, pair.shape, pair.steps,
+                                     step, kProxyFeel.beside_mm, queries_);
 }
 
 void PairSet::turn(std::span<const ToolSphere> spheres) {
   for (std::size_t n = 0; n < count_; ++n) {
-    const ToolSphere& turned = spheres[static_cast<std::size_t>(near_[n].sphere)];
-    if (near_[n].steps > 0) {
+    const ToolSphere& turned = spheres[static_cast<std::size_t>(pairs_[n].sphere)];
+    if (pairs_[n].steps > 0) {
       // bound for the displacement of the last sphere beyond that of the first
-      known_[n].clearance_mm -=
-          (turned.along_mm - near_[n].shape.along_mm).norm() * near_[n].surface->steepest();
-      known_[n].enough_mm = -std::numeric_limits<double>::infinity();
+      evaluations_[n].clearance_mm -=
+          (turned.along_mm - pairs_[n].shape.along_mm).norm() * pairs_[n].surface->steepest();
+      evaluations_[n].enough_mm = -std::numeric_limits<double>::infinity();
     }
-    near_[n].shape = turned;
+    pairs_[n].shape = turned;
   }
 }
 
 // insertion sort by clearance, so that the nearest pairs are kept
-void PairSet::insert(const ContactPair& near, double clearance_mm, const Known& known) {
+void PairSet::insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation) {
   if (count_ == kMaxNear)
     left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxNear - 1]));
   std::size_t place = count_;
@@ -131,60 +132,60 @@ void PairSet::insert(const ContactPair& near, double clearance_mm, const Known& 
   if (place == kMaxNear) return;
   count_ = std::min(count_ + 1, kMaxNear);
   for (std::size_t n = count_ - 1; n > place; --n) {
-    near_.make(n, near_[n - 1]);
-    known_.make(n, known_[n - 1]);
+    pairs_.make(n, pairs_[n - 1]);
+    evaluations_.make(n, evaluations_[n - 1]);
     clearances_mm_.make(n, clearances_mm_[n - 1]);
   }
-  near_.make(place, near);
-  known_.make(place, known);
+  pairs_.make(place, pair);
+  evaluations_.make(place, evaluation);
   clearances_mm_.make(place, clearance_mm);
 }
 
-bool ContactConstraints::add(const ContactPair& near, int step, const Point<Patient>& at,
+bool ContactConstraints::add(const ContactPair& pair, int step, const Point<Patient>& at,
                              double clearance_mm) {
-  const Vector<Patient> normal = near.surface->outward(at + near.offset_mm(step));
+  const Vector<Patient> normal = pair.surface->outward(at + pair.offset_mm(step));
   if (normal == Vector<Patient>()) return false;
-  const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
-  const std::size_t place = full() ? place_of_weaker(wall) : count_++;
+  const HalfSpace plane{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
+  const std::size_t place = full() ? place_of_weaker(plane) : count_++;
   if (place == kMaxHalfSpaces) return false;
-  put(place, near, step, wall);
+  put(place, pair, step, plane);
   return true;
 }
 
-void ContactConstraints::put(std::size_t place, const ContactPair& near, int step, const HalfSpace& wall) {
-  half_spaces_.make(place, wall);
-  near_.make(place, &near);
+void ContactConstraints::put(std::size_t place, const ContactPair& pair, int step, const HalfSpace& plane) {
+  half_spaces_.make(place, plane);
+  pairs_.make(place, &pair);
   step_.make(place, step);
 }
 
 // index of a parallel half-space that is less restrictive, or kMaxHalfSpaces
-std::size_t ContactConstraints::place_of_weaker(const HalfSpace& wall) const {
+std::size_t ContactConstraints::place_of_weaker(const HalfSpace& plane) const {
   std::size_t n = 0;
-  while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(wall.normal) > kProxyFeel.parallel &&
-                                 half_spaces_[n].offset < wall.offset))
+  while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(plane.normal) > kProxyFeel.parallel &&
+                                 half_spaces_[n].offset < plane.offset))
     ++n;
   return n;
 }
 
-bool project_out(PairSet& near, int max_steps, double step_mm, Point<Patient>& proxy) {
-  ContactConstraints walls;
+bool project_out(PairSet& pairs, int max_steps, double step_mm, Point<Patient>& proxy) {
+  ContactConstraints constraints;
   Point<Patient> outside = proxy;
   for (int n = 0; n <= max_steps; ++n) {
-    walls.clear();
+    constraints.clear();
     double deepest_mm = 0;
-    for (std::size_t i = 0; i < near.count(); ++i) {
-      const double clearance_mm = near.clearance(i, outside, 0);
+    for (std::size_t i = 0; i < pairs.count(); ++i) {
+      const double clearance_mm = pairs.clearance(i, outside, 0);
       deepest_mm = std::min(deepest_mm, clearance_mm);
-      if (clearance_mm < 0) walls.add(near[i], near.step(i), outside, clearance_mm);
+      if (clearance_mm < 0) constraints.add(pairs[i], pairs.step(i), outside, clearance_mm);
     }
     if (deepest_mm > -kProxyFeel.outside_mm) {
       proxy = outside;
       return true;
     }
-    const auto nearest = closest_point(outside, walls.half_spaces());
+    const auto nearest = closest_point(outside, constraints.half_spaces());
     if (!nearest) return false;
-    const Vector<Patient> way = nearest->point - outside;
-    outside += way * std::min(1.0, step_mm / way.norm());
+    const Vector<Patient> displacement = nearest->point - outside;
+    outside += displacement * std::min(1.0, step_mm / displacement.norm());
   }
   return false;
 }

@@ -27,11 +27,11 @@ inline int layer_count(std::span<const ContactSurface> surfaces) {
 
 /// Whether a layer's proxy can touch surface `s`: it is in that layer, has geometry, and is neither punctured
 /// nor covered by a surface that is not punctured.
-inline bool is_there(std::span<const ContactSurface> surfaces, int layer, const SurfaceSet& punctured,
-                     std::size_t s) {
-  const ContactSurface& felt = surfaces[s];
-  const bool covered = felt.beneath >= 0 && !punctured[static_cast<std::size_t>(felt.beneath)];
-  return felt.layer == layer && felt.surface != nullptr && !punctured[s] && !covered;
+inline bool can_touch(std::span<const ContactSurface> surfaces, int layer, const SurfaceSet& punctured,
+                      std::size_t s) {
+  const ContactSurface& surface = surfaces[s];
+  const bool covered = surface.beneath >= 0 && !punctured[static_cast<std::size_t>(surface.beneath)];
+  return surface.layer == layer && surface.surface != nullptr && !punctured[s] && !covered;
 }
 
 /// Pair of a tool part and a surface that it may touch in this tick.
@@ -54,15 +54,15 @@ struct ContactPair {
   /// Clearance with the tip's proxy at `proxy`. For a capsule that is nowhere nearer than `enough_mm` the
   /// result may be any lower bound above that.
   /// @param begin  step at which the search starts
-  /// @param looks  incremented by the number of surface queries
-  Clearance clearance(const Point<Patient>& proxy, double enough_mm, int begin, int& looks) const {
+  /// @param queries  incremented by the number of surface queries
+  Clearance clearance(const Point<Patient>& proxy, double enough_mm, int begin, int& queries) const {
     const Point<Patient> centre = proxy + shape.offset_mm;
     if (steps == 0) {
-      ++looks;
+      ++queries;
       return {surface->distance_mm(centre) - shape.radius_mm, 0};
     }
     const NearestInRow nearest =
-        nearest_in_row(*surface, centre, shape, steps, begin, enough_mm + shape.radius_mm, looks);
+        nearest_in_row(*surface, centre, shape, steps, begin, enough_mm + shape.radius_mm, queries);
     return {nearest.distance_mm - shape.radius_mm, nearest.step};
   }
 };
@@ -85,12 +85,12 @@ class PairSet {
   /// Empties the set.
   void clear() { count_ = 0; }
   /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMaxNear.
-  const ContactPair& recall(const ContactPair& near) { return near_.make(count_++, near); }
+  const ContactPair& recall(const ContactPair& pair) { return pairs_.make(count_++, pair); }
 
   std::size_t count() const { return count_; }
-  const ContactPair& operator[](std::size_t n) const { return near_[n]; }
-  std::size_t place_of(const ContactPair& near) const {
-    return static_cast<std::size_t>(&near - near_.data());
+  const ContactPair& operator[](std::size_t n) const { return pairs_[n]; }
+  std::size_t index_of(const ContactPair& pair) const {
+    return static_cast<std::size_t>(&pair - pairs_.data());
   }
   double reach_mm() const { return reach_mm_; }
   /// Maximum slope of the distance fields in the set; at least 1.
@@ -103,12 +103,12 @@ class PairSet {
   double clearance(std::size_t n, const Point<Patient>& proxy,
                    double enough_mm = std::numeric_limits<double>::infinity());
   /// Step of the capsule's row at which the last clearance of pair n was found.
-  int step(std::size_t n) const { return known_[n].step; }
+  int step(std::size_t n) const { return evaluations_[n].step; }
   /// Middle of the interval of a capsule's axis that touches the surface together with `step`, 0 ... 1.
   double middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step);
 
   /// Number of surface queries since construction; the measure of a tick's work.
-  int looks() const { return looks_; }
+  int queries() const { return queries_; }
 
   /// Rotates the tool of the gathered pairs.
   /// @param spheres  tool parts in the new attitude
@@ -116,22 +116,22 @@ class PairSet {
 
  private:
   // last evaluation of a pair: the clearance decreases by at most the surface's maximum slope per mm
-  struct Known {
+  struct Evaluation {
     Point<Patient> centre;
     double clearance_mm = 0;
     double enough_mm = 0;  // above this, clearance_mm may be a lower bound
     int step = 0;
   };
 
-  Known look(const ContactPair& near, const Point<Patient>& proxy, double enough_mm, int begin);
+  Evaluation evaluate(const ContactPair& pair, const Point<Patient>& proxy, double enough_mm, int begin);
 
-  void insert(const ContactPair& near, double clearance_mm, const Known& known);
+  void insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation);
 
-  UninitialisedArray<ContactPair, kMaxNear> near_;
+  UninitialisedArray<ContactPair, kMaxNear> pairs_;
   UninitialisedArray<double, kMaxNear> clearances_mm_;
-  UninitialisedArray<Known, kMaxNear> known_;
+  UninitialisedArray<Evaluation, kMaxNear> evaluations_;
   std::size_t count_ = 0;
-  int looks_ = 0;
+  int queries_ = 0;
   // clearance of the nearest pair that did not fit
   double left_out_mm_ = std::numeric_limits<double>::infinity();
   double reach_mm_ = 0;
@@ -151,21 +151,21 @@ class ContactConstraints {
   /// Adds the tangent plane of the pair's surface at a position of the tip with a known clearance. A full set
   /// replaces a weaker parallel plane. Returns false if the surface has no normal there, or there is no room.
   /// @param step  step of the capsule's row that has this clearance
-  bool add(const ContactPair& near, int step, const Point<Patient>& at, double clearance_mm);
+  bool add(const ContactPair& pair, int step, const Point<Patient>& at, double clearance_mm);
   /// Adds the half-space of a sphere from an earlier tick. Precondition: not full.
-  void recall(const ContactPair& near, const HalfSpace& wall) { put(count_++, near, 0, wall); }
+  void recall(const ContactPair& pair, const HalfSpace& plane) { put(count_++, pair, 0, plane); }
   std::size_t count() const { return count_; }
   std::span<const HalfSpace> half_spaces() const { return {half_spaces_.data(), count_}; }
   const HalfSpace& half_space(std::size_t n) const { return half_spaces_[n]; }
-  const ContactPair& near(std::size_t n) const { return *near_[n]; }
+  const ContactPair& pair(std::size_t n) const { return *pairs_[n]; }
   int step(std::size_t n) const { return step_[n]; }
 
  private:
-  std::size_t place_of_weaker(const HalfSpace& wall) const;
-  void put(std::size_t place, const ContactPair& near, int step, const HalfSpace& wall);
+  std::size_t place_of_weaker(const HalfSpace& plane) const;
+  void put(std::size_t place, const ContactPair& pair, int step, const HalfSpace& plane);
 
   UninitialisedArray<HalfSpace, kMaxHalfSpaces> half_spaces_;
-  UninitialisedArray<const ContactPair*, kMaxHalfSpaces> near_;
+  UninitialisedArray<const ContactPair*, kMaxHalfSpaces> pairs_;
   UninitialisedArray<int, kMaxHalfSpaces> step_;
   std::size_t count_ = 0;
 };
@@ -175,6 +175,6 @@ class ContactConstraints {
 /// @param step_mm  maximum length of each step, because nearly opposite planes have a distant intersection
 /// @param proxy    updated only on success
 /// @return false if no position outside was found within max_steps
-bool project_out(PairSet& near, int max_steps, double step_mm, Point<Patient>& proxy);
+bool project_out(PairSet& pairs, int max_steps, double step_mm, Point<Patient>& proxy);
 
 }  // namespace palpate

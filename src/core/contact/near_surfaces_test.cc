@@ -277,10 +277,10 @@ TEST(PairSet, EvaluatesOnlyNearbyPairs) {
   for (int n = 0; n < 200; ++n) {
     const Point<Patient> at(place_within(12, random));
     const PairSet alone(few, LedTool::kTool, 0, {}, at, 3), among(many, LedTool::kTool, 0, {}, at, 3);
-    ASSERT_EQ(alone.looks(), among.looks());
+    ASSERT_EQ(alone.queries(), among.queries());
     ASSERT_EQ(alone.count(), among.count());
-    ASSERT_GE(alone.looks(), static_cast<int>(alone.count()));
-    asked += alone.looks();
+    ASSERT_GE(alone.queries(), static_cast<int>(alone.count()));
+    asked += alone.queries();
   }
   EXPECT_GT(asked, 200);
   EXPECT_LT(asked, 200 * 12) << "of these pairs some are too far, too";

@@ -1269,7 +1269,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
     run.spheres = {{{}, radius_mm}};
     if (scene % 3 == 1) run.spheres.insert(run.spheres.end(), {{{2, 0, 0}, 0.5}, {{0, 2, 1}, 0.7}});
     if (scene % 5 == 4) run.spheres.push_back({{0, 0, 0.5}, 0.3, {0, 0, 4}});
-    ProxyState looks_again;
+    ProxyState without_cache;
     Holes holes;
     Point<Patient> tip(0, 0, 12);
     Vector<Patient> way;
@@ -1288,9 +1288,9 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
                              .empty();
       const ProxyResult is =
           advance_proxy(run.surfaces, spheres.spheres(), hand, run.state, {.holes = &run.holes});
-      for (int layer = 0; layer < kMaxLayers; ++layer) looks_again.cache(layer).at_rest.forget();
+      for (int layer = 0; layer < kMaxLayers; ++layer) without_cache.cache(layer).at_rest.forget();
       const ProxyResult expected =
-          advance_proxy(run.surfaces, spheres.spheres(), hand, looks_again, {.holes = &holes});
+          advance_proxy(run.surfaces, spheres.spheres(), hand, without_cache, {.holes = &holes});
       ASSERT_EQ(is.force_N, expected.force_N) << "scene " << scene << ", tick " << n;
       ASSERT_EQ(is.torque_Nmm, expected.torque_Nmm);
       ASSERT_EQ(is.normal, expected.normal);
@@ -1301,7 +1301,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
       ASSERT_EQ(is.lagging, expected.lagging);
       ASSERT_EQ(is.ruptured, expected.ruptured);
       for (int m = 0; m < 2; ++m) {
-        const ProxyLayer &layer = run.state.layer(m), &other = looks_again.layer(m);
+        const ProxyLayer &layer = run.state.layer(m), &other = without_cache.layer(m);
         ASSERT_EQ(layer.position, other.position) << "scene " << scene << ", tick " << n << ", layer " << m;
         ASSERT_EQ(layer.attitude.coeffs(), other.attitude.coeffs());
         ASSERT_EQ(layer.last_displacement, other.last_displacement);

@@ -30,27 +30,28 @@ constexpr double kArc_mm = kToolTurnFeel.arc_strides * kProxyFeel.stride_mm();
 class Turn {
  public:
   Turn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-       const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* way)
+       const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path)
       : surfaces_(surfaces),
         spheres_(spheres),
         layer_(layer),
         attitude_(attitude),
         state_(state),
-        way_(way),
-        left_looks_(has_capsules(spheres) ? kToolTurnFeel.max_looks_of_capsules : kToolTurnFeel.max_looks) {}
+        path_(path),
+        left_queries_(has_capsules(spheres) ? kToolTurnFeel.max_looks_of_capsules : kToolTurnFeel.max_looks) {
+  }
 
   /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
-  ToolTurn go() {
-    note();
+  ToolTurn run() {
+    record_pose();
     for (int leg = 0; leg < kToolTurnFeel.max_legs && left_steps_ > 0; ++leg)
-      if (!go_leg()) return result_;
+      if (!run_leg()) return result_;
     result_.lagging = true;
     return result_;
   }
 
  private:
   // rotates by at most one leg, for which surfaces are gathered once; false if the rotation ends with it
-  bool go_leg() {
+  bool run_leg() {
     const Eigen::Quaterniond begun = state_.attitude;
     const Eigen::AngleAxisd rest(attitude_ * begun.conjugate());
     const TurnedTool tool(spheres_, attitude_, begun);
@@ -67,27 +68,27 @@ class Turn {
 
     const double leg_rad =
         whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
-    PairSet near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
-                 kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
+    PairSet pairs(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
+                  kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
     // the push of a step is at most a stride and is added to the arc
-    room_mm_ = near.reach_mm() - kProxyFeel.stride_mm();
+    reach_mm_ = pairs.reach_mm() - kProxyFeel.stride_mm();
     double done_rad = 0;
     // beyond the work limit, the next tick continues
-    max_looks_ = near.looks() + left_looks_;
-    while (left_steps_ > 0 && near.looks() < max_looks_ && done_rad < leg_rad &&
-           room_mm_ > kProxyFeel.outside_mm) {
+    max_queries_ = pairs.queries() + left_queries_;
+    while (left_steps_ > 0 && pairs.queries() < max_queries_ && done_rad < leg_rad &&
+           reach_mm_ > kProxyFeel.outside_mm) {
       --left_steps_;
-      const double step_rad = step(near, rest, begun, done_rad, leg_rad - done_rad);
+      const double step_rad = step(pairs, rest, begun, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
-        (near.looks() < max_looks_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
+        (pairs.queries() < max_queries_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
         return false;
       }
       done_rad += step_rad;
       has_turned_ = true;
     }
-    left_looks_ = max_looks_ - near.looks();
+    left_queries_ = max_queries_ - pairs.queries();
     if (done_rad >= rest.angle()) return arrive();
-    result_.lagging = done_rad == 0 || left_looks_ <= 0;
+    result_.lagging = done_rad == 0 || left_queries_ <= 0;
     return !result_.lagging;
   }
 
@@ -98,47 +99,48 @@ class Turn {
   }
 
   // one step of at most max_rad; returns the angle that was taken, 0 if none
-  double step(PairSet& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun, double done_rad,
+  double step(PairSet& pairs, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun, double done_rad,
               double max_rad) {
-    double angle_rad = std::min(max_rad, room_mm_ / farthest_mm_);
-    for (std::size_t n = 0; n < near.count(); ++n) {
-      const double slope = near[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(near[n].sphere)];
+    double angle_rad = std::min(max_rad, reach_mm_ / farthest_mm_);
+    for (std::size_t n = 0; n < pairs.count(); ++n) {
+      const double slope =
+          pairs[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)];
       clearance_mm_[n] =
-          std::max(0.0, near.clearance(n, state_.position, std::max(kProxyFeel.skin_mm, slope * angle_rad)));
+          std::max(0.0, pairs.clearance(n, state_.position, std::max(kProxyFeel.skin_mm, slope * angle_rad)));
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
     }
-    const double stride_mm = kProxyFeel.stride_mm() / near.steepest();
+    const double stride_mm = kProxyFeel.stride_mm() / pairs.steepest();
     for (int tries = 0; tries <= kToolTurnFeel.max_halvings; ++tries, angle_rad *= 0.5) {
       // the first step of a tick is always completed, so that the rotation progresses however many surfaces
       // are near
-      if (tries > 0 && has_turned_ && near.looks() >= max_looks_) return 0;
+      if (tries > 0 && has_turned_ && pairs.queries() >= max_queries_) return 0;
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
-      near.turn(TurnedTool(spheres_, attitude_, turned).spheres());
+      pairs.turn(TurnedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
-      if (!project_out(near, kProxyFeel.max_corrections, stride_mm, there)) continue;
+      if (!project_out(pairs, kProxyFeel.max_corrections, stride_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();
-      if (!is_safe(near, angle_rad, push_mm)) continue;
-      room_mm_ -= angle_rad * farthest_mm_ + push_mm;
+      if (!is_safe(pairs, angle_rad, push_mm)) continue;
+      reach_mm_ -= angle_rad * farthest_mm_ + push_mm;
       state_.position = there;
       state_.attitude = turned;
-      note();
+      record_pose();
       return angle_rad;
     }
     return 0;
   }
 
   // whether no sphere penetrates beyond the tolerance between the ends of a step
-  bool is_safe(const PairSet& near, double angle_rad, double push_mm) const {
-    for (std::size_t n = 0; n < near.count(); ++n) {
-      const double way_mm = angle_rad * radius_mm_[static_cast<std::size_t>(near[n].sphere)] + push_mm;
-      if (near[n].surface->steepest() * way_mm > clearance_mm_[n] + kProxyFeel.stride_mm()) return false;
+  bool is_safe(const PairSet& pairs, double angle_rad, double push_mm) const {
+    for (std::size_t n = 0; n < pairs.count(); ++n) {
+      const double length_mm = angle_rad * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)] + push_mm;
+      if (pairs[n].surface->steepest() * length_mm > clearance_mm_[n] + kProxyFeel.stride_mm()) return false;
     }
     return true;
   }
 
-  void note() {
-    if (way_ != nullptr) way_->add(state_.position, state_.attitude);
+  void record_pose() {
+    if (path_ != nullptr) path_->add(state_.position, state_.attitude);
   }
 
   std::span<const ContactSurface> surfaces_;
@@ -146,24 +148,24 @@ class Turn {
   const int layer_;
   const Eigen::Quaterniond attitude_;
   ProxyLayer& state_;
-  ProxyPath* way_;
+  ProxyPath* path_;
   ToolTurn result_;
   std::array<double, kMaxToolSpheres> radius_mm_{};  // radii of the spheres' arcs
   double farthest_mm_ = 0;                           // maximum of radius_mm_
-  double room_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
+  double reach_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
   std::array<double, kMaxNear> clearance_mm_{};
   int left_steps_ = kToolTurnFeel.max_steps;
-  int left_looks_;     // queries left in this tick after the current leg
-  int max_looks_ = 0;  // query count at which the current leg stops
+  int left_queries_;     // queries left in this tick after the current leg
+  int max_queries_ = 0;  // query count at which the current leg stops
   bool has_turned_ = false;
 };
 
 }  // namespace
 
 ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* way) {
+                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path) {
   if (state.attitude.coeffs() == attitude.coeffs()) return {};
-  return Turn(surfaces, spheres, layer, attitude, state, way).go();
+  return Turn(surfaces, spheres, layer, attitude, state, path).run();
 }
 
 }  // namespace palpate

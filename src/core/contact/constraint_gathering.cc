@@ -1,0 +1,49 @@
+#include "contact/constraint_gathering.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+// distance within which there is no surface
+double free_distance_mm(PairSet& pairs, const Point<Patient>& proxy) {
+  double free_mm = std::numeric_limits<double>::infinity();
+  for (std::size_t n = 0; n < pairs.count(); ++n) {
+    // for a touched surface without a normal, half of the remaining clearance
+    const double clearance_mm = pairs.clearance(n, proxy);
+    const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxyFeel.skin_mm, 0.5 * clearance_mm});
+    free_mm = std::min(free_mm, leaves_mm / pairs[n].surface->steepest());
+  }
+  return free_mm;
+}
+
+}  // namespace
+
+double gather_constraints(PairSet& pairs, const Point<Patient>& proxy, ContactConstraints& constraints) {
+  constraints.clear();
+  for (std::size_t n = 0; n < pairs.count(); ++n) {
+    const double clearance_mm = pairs.clearance(n, proxy, kProxyFeel.skin_mm);
+    if (clearance_mm <= kProxyFeel.skin_mm) constraints.add(pairs[n], pairs.step(n), proxy, clearance_mm);
+  }
+  return constraints.count() == 0 ? free_distance_mm(pairs, proxy) : std::numeric_limits<double>::infinity();
+}
+
+bool add_penetrated(PairSet& pairs, const Point<Patient>& end, ContactConstraints& constraints) {
+  bool any = false;
+  for (std::size_t n = 0; n < pairs.count(); ++n) {
+    const double clearance_mm = pairs.clearance(n, end, -kProxyFeel.dip_mm);
+    if (clearance_mm >= -kProxyFeel.dip_mm) continue;
+    constraints.add(pairs[n], pairs.step(n), end, clearance_mm);
+    any = true;
+  }
+  return any;
+}
+
+bool penetrates_any(PairSet& pairs, const Point<Patient>& at) {
+  for (std::size_t n = 0; n < pairs.count(); ++n)
+    if (pairs.clearance(n, at, -kProxyFeel.dip_mm) < -kProxyFeel.dip_mm) return true;
+  return false;
+}
+
+}  // namespace palpate

@@ -1,0 +1,116 @@
+#include "contact/constraint_solver.h"
+
+#include <algorithm>
+#include <array>
+
+namespace palpate {
+namespace {
+
+// friction of a constraint; on a common surface, evaluated where the constraint is first met in this tick
+const Friction& friction_of(std::size_t constraint, const ContactProblem& problem, PairFriction& coefficients,
+                            OwnerCache& owners) {
+  const ContactPair& pair = problem.constraints.pair(constraint);
+  const std::size_t index = problem.pairs.index_of(pair);
+  if (const Friction* known = coefficients.find(index)) return *known;
+  const int step = problem.constraints.step(constraint);
+  const Vector<Patient>& normal = problem.constraints.half_space(constraint).normal;
+  const Point<Patient> at = problem.proxy + (pair.offset_mm(step) - normal * pair.radius_mm(step));
+  Friction friction;
+  const OwnerShares shares = owners.at(problem.surfaces, pair.index, at);
+  for (const OwnerShare& share : shares.all()) {
+    const ContactSurface& structure = problem.surfaces[static_cast<std::size_t>(share.structure)];
+    friction.still += share.part * structure.static_friction;
+    friction.sliding += share.part * structure.friction;
+  }
+  return coefficients.store(index, friction);
+}
+
+// component in the tangent space of the active constraints
+Vector<Patient> tangential(const Vector<Patient>& displacement, const ClosestPoint& nearest,
+                           const ContactConstraints& constraints) {
+  if (nearest.count == 3) return {};
+  const Vector<Patient>& first = constraints.half_space(static_cast<std::size_t>(nearest.active[0])).normal;
+  if (nearest.count == 1) return displacement - first * first.dot(displacement);
+  const Vector<Patient>& second = constraints.half_space(static_cast<std::size_t>(nearest.active[1])).normal;
+  const Vector<Patient> edge = first.cross(second).normalized();
+  return edge * edge.dot(displacement);
+}
+
+// applies the friction cone to the frictionless goal of a solution that has active constraints
+void apply_friction(const ContactProblem& problem, PairFriction& coefficients, OwnerCache& owners,
+                    Solution& solution) {
+  const ClosestPoint& nearest = solution.nearest;
+  double still = 0, sliding = 0, all_mm = 0;
+  for (int n = 0; n < nearest.count; ++n) {
+    const double multiplier_mm = nearest.multiplier_mm[static_cast<std::size_t>(n)];
+    const auto constraint = static_cast<std::size_t>(nearest.active[static_cast<std::size_t>(n)]);
+    const Friction& friction = friction_of(constraint, problem, coefficients, owners);
+    still += multiplier_mm * friction.still;
+    sliding += multiplier_mm * friction.sliding;
+    all_mm += multiplier_mm;
+  }
+  // with one constraint the multiplier is the depth; in a corner the depth is less than the sum of
+  // multipliers
+  const double depth_mm = (nearest.point - problem.tip).norm();
+  const Vector<Patient> behind =
+      tangential(solution.friction.anchor - nearest.point, nearest, problem.constraints);
+  const double behind_mm = behind.norm();
+  const bool stuck = solution.friction.sticking;
+  bool& sticking = solution.friction.sticking;
+  sticking = behind_mm <= (stuck ? still : sliding) / all_mm * depth_mm;
+  if (stuck && !sticking) solution.released_mm = (still - sliding) / all_mm * depth_mm;
+  solution.goal =
+      sticking ? nearest.point + behind : nearest.point + behind * (sliding / all_mm * depth_mm / behind_mm);
+}
+
+}  // namespace
+
+std::optional<Solution> solve_constraints(const ContactProblem& problem, const FrictionState& before,
+                                          PairFriction& coefficients, OwnerCache& owners) {
+  std::optional<Solution> result;
+  const auto nearest = closest_point(problem.tip, problem.constraints.half_spaces());
+  if (!nearest) return result;
+  Solution& solution = result.emplace();
+  solution.nearest = *nearest;
+  solution.goal = nearest->point;
+  solution.friction = before;
+  if (nearest->count == 0) solution.friction.anchored = false;
+  if (nearest->count == 0 || !problem.friction)
+    solution.friction.sticking = false;
+  else
+    apply_friction(problem, coefficients, owners, solution);
+  return result;
+}
+
+void add_contact(const PairSet& pairs, const ContactOrigin& origin, const Vector<Patient>& normal,
+                 double multiplier_mm, ProxyLayer& layer, ContactOrigins& origins) {
+  if (layer.contacts == static_cast<int>(kMaxContacts)) return;
+  const auto n = static_cast<std::size_t>(layer.contacts++);
+  const ContactPair& pair = pairs[origin.pair];
+  layer.contact[n] = {pair.index, pair.sphere, pair.part(origin.step), normal, multiplier_mm};
+  origins.make(n, origin);
+}
+
+void store_contacts(const ClosestPoint& nearest, const PairSet& pairs, const ContactConstraints& constraints,
+                    ProxyLayer& layer, ContactOrigins& origins) {
+  layer.contacts = 0;
+  for (int n = 0; n < nearest.count; ++n) {
+    const HalfSpace& active = constraints.half_space(static_cast<std::size_t>(nearest.active[n]));
+    std::array<double, kMaxHalfSpaces> weight{};
+    double all = 0;
+    for (std::size_t c = 0; c < constraints.count(); ++c) {
+      const HalfSpace& other = constraints.half_space(c);
+      const double clearance_mm = other.clearance(nearest.point);
+      if (other.normal.dot(active.normal) < kProxyFeel.parallel || clearance_mm >= kProxyFeel.beside_mm)
+        continue;
+      all += weight[c] = 1 - std::max(0.0, clearance_mm) / kProxyFeel.beside_mm;
+    }
+    for (std::size_t c = 0; c < constraints.count(); ++c)
+      if (weight[c] > 0)
+        add_contact(pairs, {pairs.index_of(constraints.pair(c)), constraints.step(c)},
+                    constraints.half_space(c).normal,
+                    nearest.multiplier_mm[static_cast<std::size_t>(n)] * weight[c] / all, layer, origins);
+  }
+}
+
+}  // namespace palpate
