@@ -10,11 +10,11 @@ struct OscillationState {
   double way_mm = 0, time_s = 0;  ///< Displacement along the axis and time since the last reversal
   /// Extremum of way_mm since the last reversal, and its time.
   double farthest_mm = 0, farthest_s = 0;
-  Vector<World> aside_mm;  ///< Lateral displacement since the last reversal
-  double before_mm = 0;    ///< Amplitude of the previous half cycle
-  int halves = 0;          ///< Number of consecutive half cycles of a self-sustained oscillation
-  double free_s = 0;       ///< Time since the last contact
-  double later_s = 0;      ///< Estimate of the force delay beyond the known one
+  Vector<World> aside_mm;    ///< Lateral displacement since the last reversal
+  double before_mm = 0;      ///< Amplitude of the previous half cycle
+  int halves = 0;            ///< Number of consecutive half cycles of a self-sustained oscillation
+  double free_s = 0;         ///< Time since the last contact
+  double extra_delay_s = 0;  ///< Estimate of the force delay beyond the known one
 };
 
 /// Detects a self-sustained oscillation of the operator's hand against a contact, and estimates by how much
@@ -29,7 +29,7 @@ struct OscillationState {
 /// @param way_mm   displacement of the tip since the last tick, relative to the object; mm of the device
 /// @param step_mm  encoder step
 /// @param dt_s     length of the tick
-/// @param state    detector state, updated; state.later_s is the estimate
+/// @param state    detector state, updated; state.extra_delay_s is the estimate
 void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
                         double dt_s, OscillationState& state);
 

@@ -91,7 +91,7 @@ struct ToolContact {
   double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
   std::uint32_t flags = 0;  ///< Flags of the proxy: kFlagInside, kFlagWedged, kFlagRuptured, kFlagRelease
   /// Whether the proxy was reset because tissue was put back over it; its force fades out.
-  bool let_go = false;
+  bool released = false;
 };
 
 /// Contact by a direct force method: sum over the tool's points.

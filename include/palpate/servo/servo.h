@@ -76,6 +76,12 @@ struct SessionState {
     DelayLine delay;
     double turned_mJ = 0;  ///< Work that the turning object has done on this hand since the run began
     OutputState output;
+
+    /// Resets the contact: the side of each surface on which the tip lies is unknown.
+    void reset_contact();
+    /// Resets everything that depends on the path of the tip, which is unknown. The output stage, and the
+    /// material that a burr removes, stay.
+    void reset_path();
   };
 
   std::uint64_t tick = 0;

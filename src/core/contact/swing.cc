@@ -17,7 +17,7 @@ void end_half(double step_mm, OscillationState& state) {
   const bool as_large = length_mm >= kSwingFeel.kept * state.before_mm;
   state.halves = !by_itself ? 0 : as_large ? state.halves + 1 : 1;
   if (state.halves >= kSwingFeel.halves)
-    state.later_s = std::min(kSwingFeel.max_later_s, state.later_s + kSwingFeel.later_s);
+    state.extra_delay_s = std::min(kSwingFeel.max_later_s, state.extra_delay_s + kSwingFeel.later_s);
   state.before_mm = length_mm;
 }
 
@@ -25,14 +25,14 @@ void end_half(double step_mm, OscillationState& state) {
 
 void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
                         double dt_s, OscillationState& state) {
-  state.later_s = std::max(0.0, state.later_s - kSwingFeel.forget_later * dt_s);
+  state.extra_delay_s = std::max(0.0, state.extra_delay_s - kSwingFeel.forget_later * dt_s);
   const double force = force_N.norm();
   state.free_s = force > 0 ? 0 : state.free_s + dt_s;
   if (force > 0) state.axis = force_N / force;
   if (state.free_s > kSwingFeel.forgotten_s) {
-    const double later_s = state.later_s;
+    const double extra_delay_s = state.extra_delay_s;
     state = {};
-    state.later_s = later_s;
+    state.extra_delay_s = extra_delay_s;
     state.free_s = kSwingFeel.forgotten_s;
     return;
   }

@@ -13,8 +13,8 @@ namespace {
 constexpr double kSwingStep_mm = 0.03;
 
 struct SeenSwing {
-  double found_s = -1;  ///< time of detection since the beginning
-  double later_s = 0;   ///< estimate at the end
+  double found_s = -1;       ///< time of detection since the beginning
+  double extra_delay_s = 0;  ///< estimate at the end
 };
 
 // a tip on a prescribed path, quantised to encoder steps, and a force along x that depends on its position
@@ -31,9 +31,9 @@ SeenSwing look_at(const std::function<Vector<World>(double)>& tip_at,
     const Vector<World> tip = read(n / rate_hz);
     const Vector<World> force_N(std::max(0.0, force_N_at(tip)), 0, 0);
     detect_oscillation(force_N, tip - read((n - 1) / rate_hz), kSwingStep_mm, 1 / rate_hz, state);
-    if (state.later_s > 0 && seen.found_s < 0) seen.found_s = n / rate_hz;
+    if (state.extra_delay_s > 0 && seen.found_s < 0) seen.found_s = n / rate_hz;
   }
-  seen.later_s = state.later_s;
+  seen.extra_delay_s = state.extra_delay_s;
   return seen;
 }
 
@@ -62,7 +62,7 @@ TEST(Swing, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
       EXPECT_GT(seen.found_s, 0);
       // the first quarter is not a half cycle, and a reversal is detected only after some displacement back
       EXPECT_LT(seen.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
-      EXPECT_GT(seen.later_s, kSwingFeel.max_later_s - kSwingFeel.later_s) << "as long as it goes on";
+      EXPECT_GT(seen.extra_delay_s, kSwingFeel.max_later_s - kSwingFeel.later_s) << "as long as it goes on";
     }
 }
 
@@ -80,19 +80,19 @@ TEST(Swing, IsDetectedAtTheEndOfItsLastHalfPeriod) {
 TEST(Swing, HandMotionIsNoLimitCycle) {
   for (const double frequency_hz : {8.0, 10.0, 12.0}) {
     SCOPED_TRACE("a tremor of " + std::to_string(frequency_hz) + " Hz");
-    EXPECT_EQ(watch_swing(frequency_hz, 0.4).later_s, 0);
+    EXPECT_EQ(watch_swing(frequency_hz, 0.4).extra_delay_s, 0);
   }
   for (const double frequency_hz : {1.0, 3.0, 5.0, 6.0}) {
     SCOPED_TRACE("tapping " + std::to_string(frequency_hz) + " times a second");
-    EXPECT_EQ(watch_swing(frequency_hz, 12).later_s, 0);
-    EXPECT_EQ(watch_swing(frequency_hz, 1.5).later_s, 0);
+    EXPECT_EQ(watch_swing(frequency_hz, 12).extra_delay_s, 0);
+    EXPECT_EQ(watch_swing(frequency_hz, 1.5).extra_delay_s, 0);
   }
   for (const double speed_mm_s : {10.0, 30.0, 60.0, 120.0}) {
     SCOPED_TRACE("sliding over ribs of 1 mm, 4 mm apart, with " + std::to_string(speed_mm_s) + " mm/s");
     const auto rib_mm = [](double y) { return 0.5 * std::sin(2 * std::numbers::pi * y / 4); };
     EXPECT_EQ(look_at([&](double t) { return Vector<World>(rib_mm(speed_mm_s * t) - 1, speed_mm_s * t, 0); },
                       [&](const Vector<World>& tip) { return 1.2 * (rib_mm(tip.y()) - tip.x()); }, 2)
-                  .later_s,
+                  .extra_delay_s,
               0);
   }
   {
@@ -100,20 +100,21 @@ TEST(Swing, HandMotionIsNoLimitCycle) {
     const auto dies = [](double t) {
       return Vector<World>(-1 + 2 * std::exp(-t / 0.05) * std::cos(2 * std::numbers::pi * 14 * t), 0, 0);
     };
-    EXPECT_EQ(look_at(dies, wall_N, 2).later_s, 0);
+    EXPECT_EQ(look_at(dies, wall_N, 2).extra_delay_s, 0);
   }
   {
     SCOPED_TRACE("in the air");
-    EXPECT_EQ(look_at([](double t) { return Vector<World>(5 + std::sin(100 * t), 0, 0); }, wall_N, 2).later_s,
-              0);
+    EXPECT_EQ(
+        look_at([](double t) { return Vector<World>(5 + std::sin(100 * t), 0, 0); }, wall_N, 2).extra_delay_s,
+        0);
   }
 }
 
 TEST(Swing, DetectionDecaysSlowly) {
   OscillationState state;
-  state.later_s = 3e-3;
+  state.extra_delay_s = 3e-3;
   for (int n = 0; n < 10'000; ++n) detect_oscillation({}, {}, kSwingStep_mm, 1e-3, state);
-  EXPECT_NEAR(state.later_s, 2e-3, 1e-9) << "a millisecond in 10 s, in the air, too";
+  EXPECT_NEAR(state.extra_delay_s, 2e-3, 1e-9) << "a millisecond in 10 s, in the air, too";
 }
 
 }  // namespace

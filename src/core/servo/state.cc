@@ -118,7 +118,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash_place(hash, swing.axis);
   hash_place(hash, swing.aside_mm);
   hash.add(swing.way_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm, swing.free_s,
-           swing.later_s, swing.halves);
+           swing.extra_delay_s, swing.halves);
   hash.add(hand.delay.count, hand.delay.dropped_older);
   for (int n = 0; n < hand.delay.count; ++n) {
     const DelayLine::Held& held = hand.delay.held[static_cast<std::size_t>(n)];
@@ -131,6 +131,22 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
 }
 
 }  // namespace
+
+void SessionState::Hand::reset_contact() {
+  proxy = {};
+  coupling = {};
+}
+
+void SessionState::Hand::reset_path() {
+  reset_contact();
+  seen = false;
+  velocity.clear();
+  asked = {};
+  pushed_directly = false;
+  passivity = {};
+  swing = {};
+  delay = {};
+}
 
 std::uint64_t SessionState::hash(int devices) const {
   HashOfWords hash;

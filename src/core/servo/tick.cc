@@ -69,24 +69,45 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 }
 
 /// Change of surfaces between two versions of the model.
-struct Changed {
+struct SurfaceChange {
   std::span<const SurfaceCorrespondence> before;  // correspondence to the previous surfaces; empty: unknown
   bool layers = false;                            // structures belong to other layers
+};
+
+/// Inputs of a tick that all devices share.
+struct SharedInputs {
+  const TickContext& tick;
+  const Parameters& parameters;
+  bool changed;  // the force source differs from the last tick's
+  std::uint32_t stroke;
+};
+
+/// Inputs of one device in a tick.
+struct DeviceInputs {
+  std::size_t number;
+  const DeviceState& state;
+  const DeviceParameters& own;
+  SurfaceChange surfaces;  // since the device's proxy was advanced last
+  double max_force_N;      // lesser of the user's and the scene's limit
+};
+
+/// Contact of a device's tool, and the motion of its tip.
+struct RenderedContact {
+  const ToolContact& tool;
+  Vector<World> displacement_mm;  // displacement of the tip relative to the object in this tick, device mm
+  Vector<World> velocity_mm_s;    // mean velocity of the tip relative to the object, device mm/s
 };
 
 // Prepares contact for this tick. After a jump, or while the output is off and faded out, the tip's path is
 // unknown and so is the side of each surface on which it lies: the proxy is reset. While the force still
 // fades out the path is known.
-ProxyChange prepare_contact(const Model& model, std::size_t device, const Changed& surfaces,
-                            const OutputRequest& request, SessionState::Hand& hand) {
+ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const OutputRequest& request,
+                            SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
-  const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(device) : 0;
-  const ProxyChange change{hand.proxy_version != model.version, surfaces.before, surfaces.layers,
+  const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(in.number) : 0;
+  const ProxyChange change{hand.proxy_version != model.version, in.surfaces.before, in.surfaces.layers,
                            hand.pushed_directly && !lost, carved};
-  if (lost) {
-    hand.proxy = {};
-    hand.coupling = {};
-  }
+  if (lost) hand.reset_contact();
   hand.proxy_version = model.version;
   hand.pushed_directly = false;
   return change;
@@ -109,19 +130,18 @@ double recovery_damping_factor(const DeviceParameters& own, const Vector<World>&
 }
 
 // Passivity: reduces the requested force so that it returns no more energy than the operator has put in.
-// @param way_mm         displacement of the tip relative to the object since the last tick, device mm
-// @param velocity_mm_s  mean velocity of the tip relative to the object, device mm/s
-// @param most           factor that another damper leaves of the force; the smaller factor applies, not the
-//                       product
-void apply_passivity(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
-                     const Vector<World>& way_mm, const Vector<World>& velocity_mm_s, double most,
-                     double max_force_N, double dt_s, SessionState::Hand& hand, OutputRequest& request,
-                     DeviceTick& out) {
+// @param max_factor  factor that another damper leaves of the force; the smaller factor applies, not the
+// product
+void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const RenderedContact& contact,
+                     double max_factor, SessionState::Hand& hand, OutputRequest& request, DeviceTick& out) {
+  const DeviceParameters& own = in.own;
+  const ToolContact& tool = contact.tool;
+  const double dt_s = shared.tick.dt_s;
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
-  detect_oscillation(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
+  detect_oscillation(request.asked.force_N, contact.displacement_mm, step_mm, dt_s, hand.swing);
   // a long tick holds the force longer, which counts as additional delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
-  const double told_s = own.delay_s + hand.swing.later_s, delay_s = told_s + held_s;
+  const double device_delay_s = own.delay_s + hand.swing.extra_delay_s, delay_s = device_delay_s + held_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
   // a force that has faded out ends the energy account
   const bool faded_out = request.off && hand.output.gain == 0;
@@ -130,22 +150,23 @@ void apply_passivity(const ToolContact& tool, const Parameters& parameters, cons
     return;
   }
   const double asked_N = request.asked.force_N.norm();
-  const double limit_N = next_limit_N(own.limits, max_force_N, dt_s, hand.output);
-  const double within = asked_N > limit_N ? limit_N / asked_N : 1;
-  const PassivityOutput kept = control_passivity(
-      {request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain, acted_N, way_mm,
-       tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
-       pending_impulse_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), told_s, velocity_mm_s},
-      parameters.passivity, hand.passivity);
-  const double factor = std::min(kept.factor, most);
+  const double limit_N = next_limit_N(own.limits, in.max_force_N, dt_s, hand.output);
+  const double clamped = asked_N > limit_N ? limit_N / asked_N : 1;
+  const PassivityOutput reduced = control_passivity(
+      {request.asked.force_N * (clamped * hand.output.gain), asked_N * hand.output.gain, acted_N,
+       contact.displacement_mm, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
+       pending_impulse_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), device_delay_s,
+       contact.velocity_mm_s},
+      shared.parameters.passivity, hand.passivity);
+  const double factor = std::min(reduced.factor, max_factor);
   if (factor == 1) return;
-  if (within < 1) out.flags |= kFlagClamped;
-  request.asked.force_N = request.asked.force_N * (within * factor);
-  request.asked.torque_Nmm = request.asked.torque_Nmm * (within * factor);
+  if (clamped < 1) out.flags |= kFlagClamped;
+  request.asked.force_N = request.asked.force_N * (clamped * factor);
+  request.asked.torque_Nmm = request.asked.torque_Nmm * (clamped * factor);
   // a later blend starts from the force that was rendered
   hand.asked = request.asked;
-  if (kept.factor == 1) return;
-  out.damping_N_s_per_m = kept.damping_N_s_per_m;
+  if (reduced.factor == 1) return;
+  out.damping_N_s_per_m = reduced.damping_N_s_per_m;
   out.flags |= kFlagPassivity;
 }
 
@@ -157,13 +178,13 @@ bool outside(const Field& field, const Point<Patient>& x) {
 }
 
 // A motor runs only while the force is rendered in full, so that the operator can feel the tool.
-MotorState motor_of(const TickContext& tick, const DeviceContext& context, bool switched_on,
-                    double max_force_N, const OutputRequest& request, const OutputState& output,
-                    std::uint32_t stroke) {
-  if (!context.tool.burr) return {};
-  const bool force = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
-  const double limit_N = next_limit_N(context.device.limits, max_force_N, tick.dt_s, output);
-  return {switched_on && force, limit_N / context.device.force_gain, stroke};
+MotorState motor_of(const SharedInputs& shared, const DeviceInputs& in, const Tool& tool,
+                    const OutputRequest& request, const OutputState& output) {
+  if (!tool.burr) return {};
+  const bool is_on = tool.motor_is_on(shared.parameters.motor, in.state.buttons);
+  const bool is_rendered = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
+  const double limit_N = next_limit_N(in.own.limits, in.max_force_N, shared.tick.dt_s, output);
+  return {is_on && is_rendered, limit_N / in.own.force_gain, shared.stroke};
 }
 
 // a stroke lasts from the start of the first motor to the stop of the last one
@@ -176,82 +197,77 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
   state.motor_on = on;
 }
 
-// tick inputs besides those of the contacts (TickContext)
-struct SharedInputs {
-  const Parameters& parameters;
-  bool changed;  // the force source differs from the last tick's
-  std::uint32_t stroke;
-};
+// contact of the tool by the selected force method
+ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const DeviceContext& context,
+                  const OutputRequest& request, SessionState::Hand& hand) {
+  const Model& model = shared.tick.model;
+  if (shared.tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
+    const ProxyChange change = prepare_contact(model, in, request, hand);
+    const MotorState motor = motor_of(shared, in, context.tool, request, hand.output);
+    return advance_tool(shared.tick, context, change, motor, hand);
+  }
+  hand.reset_contact();
+  const ToolContact tool = touch_directly(shared.tick, context);
+  // Deep inside, where a direct method gives no force, a proxy initialised at the distant surface would pull
+  // with the full force limit.
+  const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
+  hand.pushed_directly = pushes && !request.off && request.faults == 0;
+  return tool;
+}
 
-void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_t number,
-                 const DeviceState& device, const Changed& surfaces, SessionState::Hand& hand, Wrench& wrench,
+// requested force of a device whose pose is valid: contact, no-go regions, blend, passivity
+ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand,
+                          OutputRequest& request, DeviceTick& out) {
+  const TickContext& tick = shared.tick;
+  const DeviceParameters& own = in.own;
+  const Point<Patient> tip = tick.X_PatientWorld * in.state.tip;
+  const Vector<Patient> displacement_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
+  const bool jumped = (request.faults & kFlagJump) != 0;
+  const DeviceContext context{tick.model.tool_of(in.number),
+                              own,
+                              in.state.R_WorldTool.normalized().toRotationMatrix(),
+                              tip,
+                              follow_tip(in.state, tip, tick.dt_s, jumped, hand),
+                              in.number};
+  ToolContact tool = touch(shared, in, context, request, hand);
+  keep_away(tick, context, tool, out);
+  out.flags |= tool.flags;
+  request.asked = blended(tool.asked, shared.changed || tool.released, tick.dt_s, hand);
+  request.unclamped_N = request.asked.force_N.norm();
+
+  const RenderedContact contact{tool, tick.X_WorldPatient * displacement_mm / own.scale,
+                                tick.X_WorldPatient * context.velocity_mm_s / own.scale};
+  const double stop = recovery_damping_factor(own, contact.velocity_mm_s, hand, request);
+  if (stop > 1) {
+    request.asked.force_N = request.asked.force_N * stop;
+    request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
+  }
+  apply_passivity(shared, in, contact, std::min(stop, 1.0), hand, request, out);
+  if (outside(*tick.model.field, tip)) out.flags |= kFlagOutside;
+  if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
+  return tool;
+}
+
+void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand, Wrench& wrench,
                  DeviceTick& out) {
-  const Model& model = tick.model;
   const Parameters& parameters = shared.parameters;
-  const DeviceParameters& own = parameters.device[number];
-  record_inputs(device, own, out);
-  const bool clutched = (device.status & kDeviceClutched) != 0;
-  OutputRequest request{{}, device.age_s, faults_of(device, parameters, own.scale, tick.dt_s, hand), false};
+  const double dt_s = shared.tick.dt_s;
+  record_inputs(in.state, in.own, out);
+  const bool clutched = (in.state.status & kDeviceClutched) != 0;
+  OutputRequest request{{}, in.state.age_s, faults_of(in.state, parameters, in.own.scale, dt_s, hand), false};
   request.off = parameters.paused || clutched;
 
-  const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
   ToolContact tool;
   if (request.faults & kFlagNotFinite) {
-    // a pose that is not finite resets the contact state and moves nothing
-    hand.seen = false;
-    hand.velocity.clear();
-    hand.asked = {};
-    hand.proxy = {};
+    hand.reset_path();
     // the stroke may end in this tick
-    if (model.tool_of(number).burr) hand.burr.closed = true;
-    hand.pushed_directly = false;
-    hand.coupling = {};
-    hand.passivity = {};
-    hand.swing = {};
-    hand.delay = {};
+    if (shared.tick.model.tool_of(in.number).burr) hand.burr.closed = true;
   } else {
-    const Point<Patient> tip = tick.X_PatientWorld * device.tip;
-    const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
-    const bool jumped = (request.faults & kFlagJump) != 0;
-    const DeviceContext context{model.tool_of(number),
-                                own,
-                                device.R_WorldTool.normalized().toRotationMatrix(),
-                                tip,
-                                follow_tip(device, tip, tick.dt_s, jumped, hand),
-                                number};
-    if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
-      const ProxyChange change = prepare_contact(model, number, surfaces, request, hand);
-      const MotorState motor =
-          motor_of(tick, context, context.tool.motor_is_on(parameters.motor, device.buttons), max_force_N,
-                   request, hand.output, shared.stroke);
-      tool = advance_tool(tick, context, change, motor, hand);
-    } else {
-      hand.proxy = {};
-      hand.coupling = {};
-      tool = touch_directly(tick, context);
-      // Deep inside, where a direct method gives no force, a proxy initialised at the distant surface would
-      // pull with the full force limit.
-      const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
-      hand.pushed_directly = pushes && !request.off && request.faults == 0;
-    }
-    keep_away(tick, context, tool, out);
-    out.flags |= tool.flags;
-    request.asked = blended(tool.asked, shared.changed || tool.let_go, tick.dt_s, hand);
-    request.unclamped_N = request.asked.force_N.norm();
-    const Vector<World> velocity_mm_s = tick.X_WorldPatient * context.velocity_mm_s / own.scale;
-    const double stop = recovery_damping_factor(own, velocity_mm_s, hand, request);
-    if (stop > 1) {
-      request.asked.force_N = request.asked.force_N * stop;
-      request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
-    }
-    apply_passivity(tool, parameters, own, tick.X_WorldPatient * way_mm / own.scale, velocity_mm_s,
-                    std::min(stop, 1.0), max_force_N, tick.dt_s, hand, request, out);
-    if (outside(*model.field, tip)) out.flags |= kFlagOutside;
-    if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
+    tool = request_force(shared, in, hand, request, out);
   }
 
   // every force passes the output stage
-  const Output sent = make_output(request, own.limits, max_force_N, tick.dt_s, hand.output);
+  const Output sent = make_output(request, in.own.limits, in.max_force_N, dt_s, hand.output);
   wrench = sent.wrench;
   if (parameters.paused) out.flags |= kFlagPaused;
   if (clutched) out.flags |= kFlagClutched;
@@ -260,19 +276,19 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
 
 // digest of everything that selects the force computation; a new value starts a blend
 std::uint64_t force_source_digest(const Model& model, const Parameters& parameters, std::size_t devices) {
-  std::uint64_t maker = kHashSeed;
+  std::uint64_t digest = kHashSeed;
   // local edits are excluded: material that was cut away takes effect at once
-  hash_word(maker, model.version - model.edits);
-  const ForceMethod felt = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
-  hash_word(maker, static_cast<std::uint64_t>(felt) << 3 | parameters.passivity << 2 |
-                       parameters.friction << 1 | static_cast<std::uint64_t>(parameters.viscosity));
+  hash_word(digest, model.version - model.edits);
+  const ForceMethod method = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
+  hash_word(digest, static_cast<std::uint64_t>(method) << 3 | parameters.passivity << 2 |
+                        parameters.friction << 1 | static_cast<std::uint64_t>(parameters.viscosity));
   for (std::size_t d = 0; d < devices; ++d) {
-    hash_double(maker, parameters.device[d].force_gain);
-    hash_double(maker, parameters.device[d].scale);
-    hash_double(maker, parameters.device[d].max_stiffness_N_per_mm);
-    hash_double(maker, parameters.device[d].max_damping_N_s_per_mm);
+    hash_double(digest, parameters.device[d].force_gain);
+    hash_double(digest, parameters.device[d].scale);
+    hash_double(digest, parameters.device[d].max_stiffness_N_per_mm);
+    hash_double(digest, parameters.device[d].max_damping_N_s_per_mm);
   }
-  return hash_finish(maker) | 1;
+  return hash_finish(digest) | 1;
 }
 
 }  // namespace
@@ -298,9 +314,9 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // a change of force source starts a blend
-  const std::uint64_t maker = force_source_digest(model, parameters, devices.size());
-  const bool changed = state.force_source != 0 && state.force_source != maker;
-  state.force_source = maker;
+  const std::uint64_t source = force_source_digest(model, parameters, devices.size());
+  const bool changed = state.force_source != 0 && state.force_source != source;
+  state.force_source = source;
 
   // proxies stay on surfaces that a new version of the model shares with the old one
   SurfaceMatches before;
@@ -314,12 +330,15 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   // each device
   count_strokes(model, parameters, devices, state);
+  const SharedInputs shared{context, parameters, changed, state.strokes};
+  const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
   const std::uint32_t common_flags = (is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored) |
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const bool known = state.hands[d].proxy_version == state.surfaces.version;
-    const Changed surfaces{known ? surfaces_before : std::span<const SurfaceCorrespondence>(), other_layers};
-    tick_device(context, {parameters, changed, state.strokes}, d, devices[d], surfaces, state.hands[d],
+    const SurfaceChange surfaces{known ? surfaces_before : std::span<const SurfaceCorrespondence>(),
+                                 other_layers};
+    tick_device(shared, {d, devices[d], parameters.device[d], surfaces, max_force_N}, state.hands[d],
                 wrenches[d], record.device[d]);
     record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);
   }

@@ -47,14 +47,14 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
     transfer_proxy_to_new_layers(surfaces, held.spheres(), held.pose(), change.before, proxy);
   else if (change.surfaces)
     transfer_proxy(surfaces, held.spheres(), held.pose(), change.before, proxy);
-  const bool let_go = coupled_layers(proxy) != coupled_before;
+  const bool released = coupled_layers(proxy) != coupled_before;
   if (change.method && !proxy.coupled) initialise_proxy(surfaces, held.spheres(), held.pose(), proxy);
   const ProxyOptions options = proxy_options(tick, context);
   const ProxyResult result = burr ? advance_burr(surfaces, *burr, held.pose(), proxy, hand.burr, options)
                                   : advance_proxy(surfaces, held.spheres(), held.pose(), proxy, options);
   if (burr) held.set_first(burr->head(hand.burr.penetration_mm));
   ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
-  contact.let_go = let_go;
+  contact.released = released;
   // a burr's head is at the proxy of the layer in which it cuts, or else of the innermost layer in contact
   if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
     contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
