@@ -298,7 +298,7 @@ nlohmann::json ticks(int rounds) {
     for (int n = 0; n < kTicks; ++n) {
       const double down = std::max(0.0, 4 - 0.01 * n);
       const Point<Patient> tip(6 * std::sin(1e-3 * n), 6 * std::cos(1e-3 * n), tool[0].radius_mm - 2 + down);
-      advance_proxy(model.surfaces, tool, tip, state, {.yields = yields});
+      advance_proxy(model.surfaces, tool, tip, state, {.compliance = yields});
     }
   };
   const auto times =

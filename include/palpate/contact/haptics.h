@@ -237,9 +237,13 @@ struct Model {
     return tissue >= 0 ? &tissues[tissue] : nullptr;
   }
   /// Whether the tissue deforms elastically under the model's law.
+  bool is_deformable(const Tissue& tissue) const {
+    return is_elastic(tissue_law) && tissue.elastic.has_value();
+  }
   /// Whether the tissue moves visibly under the model's law.
-  bool yields(const Tissue& tissue) const { return is_elastic(tissue_law) && tissue.elastic.has_value(); }
-  bool moves(const Tissue& tissue) const { return is_moving(tissue_law) && tissue.elastic.has_value(); }
+  bool moves_visibly(const Tissue& tissue) const {
+    return is_moving(tissue_law) && tissue.elastic.has_value();
+  }
   /// Whether the method is prepared.
   bool has(ForceMethod method) const {
     return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;

@@ -39,12 +39,12 @@ class Holes {
   std::span<const Hole> all() const { return {hole_.data(), count_}; }
   bool empty() const { return count_ == 0; }
   /// Adds a hole. If there are kMost, the oldest is closed.
-  void make(const Hole& hole);
+  void add(const Hole& hole);
   /// Extends the holes around a tool part that has punctured a structure to its current centre.
-  void lead(int structure, const Point<Patient>& middle);
+  void extend(int structure, const Point<Patient>& middle);
   /// Transfers the holes to a changed set of surfaces; holes in structures that no longer exist are dropped.
   /// @param before  correspondence for each of the new surfaces
-  void keep(std::span<const SurfaceCorrespondence> before);
+  void transfer(std::span<const SurfaceCorrespondence> before);
   void hash_into(std::uint64_t& hash) const;
 
  private:

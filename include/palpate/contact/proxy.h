@@ -124,8 +124,8 @@ struct ToolSphere {
   /// radius. With a fixed value the spheres stay at the same positions of the axis when the radius changes.
   double row_radius_mm = 0;
 
-  /// @param part  position on the axis, 0 at offset_mm ... 1 at the other end
-  double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
+  /// @param axis_fraction  position on the axis, 0 at offset_mm ... 1 at the other end
+  double radius_at_mm(double axis_fraction) const { return radius_mm + widens_mm * axis_fraction; }
 };
 /// Maximum number of spheres and capsules of a tool.
 inline constexpr std::size_t kMaxToolSpheres = 4;
@@ -135,7 +135,7 @@ struct NearestPart {
   /// Signed distance of the sphere centre there, minus the increase of the capsule's radius up to that point;
   /// mm. Clearance is distance_mm - radius_mm.
   double distance_mm = 0;
-  double part = 0;  ///< Position on the axis, 0 ... 1
+  double axis_fraction = 0;  ///< Position on the axis, 0 ... 1
 };
 /// Closest approach, evaluated on the same row of spheres that the proxy uses for a capsule. Does not
 /// allocate, lock or throw.
@@ -171,17 +171,17 @@ class TurnedTool {
 
 /// A contact between a sphere or capsule of the tool and a surface.
 struct ProxyContact {
-  int surface = -1;        ///< Index into the surfaces
-  int sphere = 0;          ///< Index of the tool part
-  double part = 0;         ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
-  Vector<Patient> normal;  ///< Outward surface normal; unit
+  int surface = -1;          ///< Index into the surfaces
+  int sphere = 0;            ///< Index of the tool part
+  double axis_fraction = 0;  ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
+  Vector<Patient> normal;    ///< Outward surface normal; unit
   /// Multiplier of the contact: its contribution along `normal` to the vector from tip to proxy.
   double multiplier_mm = 0;
 };
 /// Lever arm: vector from the tip to the contact point.
 inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
-  return sphere.offset_mm + sphere.along_mm * contact.part -
-         contact.normal * sphere.radius_at_mm(contact.part);
+  return sphere.offset_mm + sphere.along_mm * contact.axis_fraction -
+         contact.normal * sphere.radius_at_mm(contact.axis_fraction);
 }
 /// Friction coefficients of a contact.
 struct Friction {
@@ -241,7 +241,7 @@ struct ProxyLayer {
   SurfaceSet punctured;   ///< Bit n: the tool has punctured surface n and not left it yet
   /// Fraction of the vector from tip to proxy that stretches the spring. Below 1 where the proxy is blocked
   /// by a surface although no half-space constraint explains it.
-  double part = 1;
+  double stretch_fraction = 1;
   /// Spring stiffness of the last tick (force over length). 0: the spring was inactive. Empty: unknown, e.g.
   /// after the surfaces changed.
   std::optional<double> spring_N_per_mm;
@@ -274,8 +274,8 @@ struct ProxyRelease {
 /// Contact state of one tool between ticks: the outermost layer (base class) and the layers within. Trivially
 /// copyable, without pointers.
 struct ProxyState : ProxyLayer {
-  std::array<ProxyLayer, kMaxLayers - 1> within;  ///< Layer n at n - 1
-  Point<Patient> tip;                             ///< Tip position of the last tick
+  std::array<ProxyLayer, kMaxLayers - 1> inner_layers;  ///< Layer n at n - 1
+  Point<Patient> tip;                                   ///< Tip position of the last tick
   double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
   ComplianceState yield;          ///< State of the deformable structures of the outermost layer
   RelaxationState relaxation;     ///< Relaxation state of the outermost layer
@@ -286,12 +286,14 @@ struct ProxyState : ProxyLayer {
   Point<Patient> last_search_tip;  ///< Tip position at the last search for a free path back to the free pose
   std::array<ProxyLayerCache, kMaxLayers> caches;  ///< By layer; not part of the physical state
 
-  const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
-  ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
+  const ProxyLayer& layer(int n) const {
+    return n == 0 ? *this : inner_layers[static_cast<std::size_t>(n - 1)];
+  }
+  ProxyLayer& layer(int n) { return n == 0 ? *this : inner_layers[static_cast<std::size_t>(n - 1)]; }
   ProxyLayerCache& cache(int n) { return caches[static_cast<std::size_t>(n)]; }
   /// Resets all layers but the outermost.
   void reset_inner_layers() {
-    within = {};
+    inner_layers = {};
     for (std::size_t n = 1; n < caches.size(); ++n) caches[n].at_rest.forget();
   }
 };
@@ -306,16 +308,16 @@ struct ProxyOptions {
   double max_slip_N_per_s = kProxyFeel.max_slip_N_per_s;
   /// Local compliance of deformable structures, published by the elastic solver; `device` selects the entry
   /// of this tool. null: no solution yet, each structure is an elastic half-space.
-  const ComplianceFrame* yields = nullptr;
+  const ComplianceFrame* compliance = nullptr;
   std::size_t device = 0;
   /// Relaxation times of the model. null: nothing relaxes.
   const RelaxationTimes* relaxation_times = nullptr;
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
   Holes* holes = nullptr;
   /// Maximum fraction of a substep by which the distance to the tip may increase.
-  double away = kProxyFeel.away;
+  double max_away = kProxyFeel.away;
   /// Limit of the force sent to the device; a release starts with at most this force.
-  double most_force_N = std::numeric_limits<double>::infinity();
+  double max_force_N = std::numeric_limits<double>::infinity();
 };
 
 /// Force of the springs from the tip to the proxies.
@@ -327,8 +329,8 @@ struct ProxyForce {
   double stiffness_N_per_mm = 0;
   /// Tangent stiffness (derivative of the force by depth). Differs from the secant for deformable structures.
   double tangent_N_per_mm = 0;
-  double stored_mJ = 0;  ///< Elastic energy
-  bool yields = false;   ///< Whether a deformable structure is in contact
+  double stored_mJ = 0;     ///< Elastic energy
+  bool deformable = false;  ///< Whether a deformable structure is in contact
 };
 
 /// Contribution of one structure along the penetration path. The force is the stiffness integrated along the
@@ -340,7 +342,7 @@ struct PathSegment {
   double depth_mm = 0;
   double share = 0;  ///< Fraction of the force, 0 ... 1
 };
-inline constexpr std::size_t kMaxPathSegments = 6;  ///< Capacity of ProxyResult::felt
+inline constexpr std::size_t kMaxPathSegments = 6;  ///< Capacity of ProxyResult::path
 
 /// Total over all layers, including the force still being released.
 struct ProxyResult : ProxyForce {
@@ -348,8 +350,8 @@ struct ProxyResult : ProxyForce {
   ProxyRelease release;                         ///< Residual force included in the total; it has no contacts
   /// Structures along the penetration path, outermost first; empty without contact. If there are more than
   /// fit, those with the largest shares.
-  std::array<PathSegment, kMaxPathSegments> felt;
-  int felt_parts = 0;  ///< Number of valid entries of `felt`
+  std::array<PathSegment, kMaxPathSegments> path;
+  int path_segments = 0;  ///< Number of valid entries of `path`
   /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
   /// disabled.
   double friction = 0;

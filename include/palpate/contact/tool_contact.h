@@ -23,8 +23,9 @@ struct TickContext {
   /// Pose of the patient in the world, including the object's rotation.
   Transform<World, Patient> X_WorldPatient;
   Transform<Patient, World> X_PatientWorld;
-  const ComplianceFrame* yields = nullptr;  ///< Local compliance of deformable tissue; null: no solution yet
-  Holes* holes = nullptr;                   ///< As ProxyOptions::holes
+  const ComplianceFrame* compliance =
+      nullptr;             ///< Local compliance of deformable tissue; null: no solution yet
+  Holes* holes = nullptr;  ///< As ProxyOptions::holes
 };
 
 /// Tick inputs of one device.

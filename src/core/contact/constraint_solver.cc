@@ -87,7 +87,7 @@ void add_contact(const PairSet& pairs, const ContactOrigin& origin, const Vector
   if (layer.contacts == static_cast<int>(kMaxContacts)) return;
   const auto n = static_cast<std::size_t>(layer.contacts++);
   const ContactPair& pair = pairs[origin.pair];
-  layer.contact[n] = {pair.index, pair.sphere, pair.part(origin.step), normal, multiplier_mm};
+  layer.contact[n] = {pair.index, pair.sphere, pair.axis_fraction(origin.step), normal, multiplier_mm};
   origins.make(n, origin);
 }
 

@@ -25,8 +25,8 @@ class PairFriction {
   }
 
  private:
-  std::bitset<kMaxNear> evaluated_;
-  UninitialisedArray<Friction, kMaxNear> friction_;
+  std::bitset<kMaxPairs> evaluated_;
+  UninitialisedArray<Friction, kMaxPairs> friction_;
 };
 
 /// Friction state of a proxy during its update.

@@ -45,7 +45,7 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
       const double multiplier_mm = contact.multiplier_mm * share.part;
       mean.friction += multiplier_mm * (in.layer.sticking ? structure.static_friction : structure.friction);
       if (structure.yield_modulus_N_per_mm2 > 0) {
-        mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.part));
+        mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.axis_fraction));
         continue;
       }
       mean.own_stiffness += multiplier_mm * own_.contribution(surface, structure);
@@ -74,7 +74,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   own_.add(mean.own_stiffness);
 
   // rigid structures
-  const Vector<Patient> stretched_mm = (in.layer.position - tip_) * in.layer.part;
+  const Vector<Patient> stretched_mm = (in.layer.position - tip_) * in.layer.stretch_fraction;
   double stiffness = mean.stiffness, own_stiffness = mean.own_stiffness;
   // deformable tissue has its own time constants
   if (!pressed.any())
@@ -94,7 +94,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
     force.tangent_N_per_mm += share * tissue.law.tangent_N_per_mm;
     force.stored_mJ += share * tissue.law.stored_mJ;
     force.force_N = tissue.law.tangential_force_N * share;
-    force.yields = true;
+    force.deformable = true;
   } else {
     yield = {};
   }

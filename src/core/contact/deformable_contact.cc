@@ -72,7 +72,7 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
                       ComplianceState& yield, RelaxationState& relaxation) {
   const Footprint foot = footprint_under(pressed, tool);
   const double length_mm = tool.stretched_mm.norm();
-  const ComplianceFrame* const frame = options.yields;
+  const ComplianceFrame* const frame = options.compliance;
   const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
   const double per_multiplier = 1 / pressed.multiplier_mm;
   const Point<Patient> at = tool.proxy + foot.arm_mm;

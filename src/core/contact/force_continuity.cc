@@ -9,7 +9,7 @@ namespace {
 double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const SpringMotion& motion) {
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kAll;
-  if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * motion.catch_up_mm;
+  if (*before_N_per_mm == 0) return now.deformable ? kAll : now.tangent_N_per_mm * motion.catch_up_mm;
   if (!std::isfinite(motion.max_change_mm)) return kAll;
   return std::max(*before_N_per_mm, now.tangent_N_per_mm) * motion.tool_mm;
 }

@@ -24,7 +24,7 @@ bool Hole::fits(const Point<Patient>& middle, double part_radius_mm) const {
          along_mm <= length_mm + play_mm && aside_mm(*this, from_entry) <= room_mm;
 }
 
-void Holes::make(const Hole& hole) {
+void Holes::add(const Hole& hole) {
   if (count_ < kMost) {
     hole_[count_++] = hole;
     return;
@@ -33,7 +33,7 @@ void Holes::make(const Hole& hole) {
   oldest_ = (oldest_ + 1) % kMost;
 }
 
-void Holes::lead(int structure, const Point<Patient>& middle) {
+void Holes::extend(int structure, const Point<Patient>& middle) {
   for (std::size_t n = 0; n < count_; ++n) {
     Hole& hole = hole_[n];
     const Vector<Patient> from_entry = middle - hole.at;
@@ -43,7 +43,7 @@ void Holes::lead(int structure, const Point<Patient>& middle) {
   }
 }
 
-void Holes::keep(std::span<const SurfaceCorrespondence> before) {
+void Holes::transfer(std::span<const SurfaceCorrespondence> before) {
   const Holes old = *this;
   *this = {};
   // in order of creation
@@ -54,7 +54,7 @@ void Holes::keep(std::span<const SurfaceCorrespondence> before) {
     });
     if (now == before.end()) continue;
     hole.structure = static_cast<int>(now - before.begin());
-    make(hole);
+    add(hole);
   }
 }
 

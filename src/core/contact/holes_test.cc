@@ -37,13 +37,13 @@ TEST(Holes, AdmitToolsThatFitAtAnyOffset) {
 
 TEST(Holes, ReachAsDeepAsTheToolHasAdvanced) {
   Holes holes;
-  holes.make(made());
-  holes.lead(2, {0.3, 0, 5});
+  holes.add(made());
+  holes.extend(2, {0.3, 0, 5});
   EXPECT_EQ(holes.all()[0].length_mm, 5);
-  holes.lead(2, {0.3, 0, 3});
+  holes.extend(2, {0.3, 0, 3});
   EXPECT_EQ(holes.all()[0].length_mm, 5) << "it does not grow shorter";
-  holes.lead(1, {0, 0, 9});
-  holes.lead(2, {4, 0, 9});
+  holes.extend(1, {0, 0, 9});
+  holes.extend(2, {4, 0, 9});
   EXPECT_EQ(holes.all()[0].length_mm, 5) << "another structure's, and one beside it";
 }
 
@@ -53,7 +53,7 @@ TEST(Holes, OldestHoleClosesBeyondTheMaximum) {
   for (int n = 0; n < number; ++n) {
     Hole hole = made();
     hole.at = Point<Patient>(10.0 * n, 0, 0);
-    holes.make(hole);
+    holes.add(hole);
   }
   ASSERT_EQ(holes.all().size(), Holes::kMost);
   std::vector<double> places;
@@ -65,14 +65,14 @@ TEST(Holes, OldestHoleClosesBeyondTheMaximum) {
 
 TEST(Holes, FollowTheirStructureWhenSurfacesAreReordered) {
   Holes holes;
-  holes.make(made());
+  holes.add(made());
   Hole other = made();
   other.structure = 0;
-  holes.make(other);
+  holes.add(other);
   const std::uint64_t first = hash_of(holes);
   // structure 0 no longer exists, structure 2 has index 1
   const std::vector<SurfaceCorrespondence> before{{1, true}, {2, false}};
-  holes.keep(before);
+  holes.transfer(before);
   ASSERT_EQ(holes.all().size(), 1u);
   EXPECT_EQ(holes.all()[0].structure, 1);
   EXPECT_NE(hash_of(holes), first);

@@ -125,12 +125,12 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
 
 // insertion sort by clearance, so that the nearest pairs are kept
 void PairSet::insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation) {
-  if (count_ == kMaxNear)
-    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxNear - 1]));
+  if (count_ == kMaxPairs)
+    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxPairs - 1]));
   std::size_t place = count_;
   while (place > 0 && clearances_mm_[place - 1] > clearance_mm) --place;
-  if (place == kMaxNear) return;
-  count_ = std::min(count_ + 1, kMaxNear);
+  if (place == kMaxPairs) return;
+  count_ = std::min(count_ + 1, kMaxPairs);
   for (std::size_t n = count_ - 1; n > place; --n) {
     pairs_.make(n, pairs_[n - 1]);
     evaluations_.make(n, evaluations_[n - 1]);

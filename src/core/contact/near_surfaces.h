@@ -16,7 +16,7 @@ namespace palpate {
 
 /// Capacity in pairs of a tool part and a surface. If more pairs are near, the nearest are kept and the path
 /// is limited to the distance within which they are complete.
-inline constexpr std::size_t kMaxNear = 32;
+inline constexpr std::size_t kMaxPairs = 32;
 
 /// Number of layers of the surfaces.
 inline int layer_count(std::span<const ContactSurface> surfaces) {
@@ -42,10 +42,10 @@ struct ContactPair {
   int steps;  ///< Number of intervals in a capsule's row of spheres. 0: a sphere
 
   /// Position of a step on the capsule's axis, 0 ... 1.
-  double part(int step) const { return steps == 0 ? 0 : static_cast<double>(step) / steps; }
+  double axis_fraction(int step) const { return steps == 0 ? 0 : static_cast<double>(step) / steps; }
   /// Vector from the tip to the centre of a step's sphere.
-  Vector<Patient> offset_mm(int step) const { return shape.offset_mm + shape.along_mm * part(step); }
-  double radius_mm(int step) const { return shape.radius_at_mm(part(step)); }
+  Vector<Patient> offset_mm(int step) const { return shape.offset_mm + shape.along_mm * axis_fraction(step); }
+  double radius_mm(int step) const { return shape.radius_at_mm(axis_fraction(step)); }
 
   struct Clearance {
     double mm;  ///< Signed clearance by the distance field; negative: penetration
@@ -77,14 +77,14 @@ class PairSet {
   }
 
   /// Replaces the set by the pairs that a layer's proxy can touch on a path of length `reach_mm` from `at`.
-  /// If there are more than kMaxNear, reach_mm() is shorter.
+  /// If there are more than kMaxPairs, reach_mm() is shorter.
   /// @param spheres  tool parts in the proxy's attitude
   void gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm);
 
   /// Empties the set.
   void clear() { count_ = 0; }
-  /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMaxNear.
+  /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMaxPairs.
   const ContactPair& recall(const ContactPair& pair) { return pairs_.make(count_++, pair); }
 
   std::size_t count() const { return count_; }
@@ -127,9 +127,9 @@ class PairSet {
 
   void insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation);
 
-  UninitialisedArray<ContactPair, kMaxNear> pairs_;
-  UninitialisedArray<double, kMaxNear> clearances_mm_;
-  UninitialisedArray<Evaluation, kMaxNear> evaluations_;
+  UninitialisedArray<ContactPair, kMaxPairs> pairs_;
+  UninitialisedArray<double, kMaxPairs> clearances_mm_;
+  UninitialisedArray<Evaluation, kMaxPairs> evaluations_;
   std::size_t count_ = 0;
   int queries_ = 0;
   // clearance of the nearest pair that did not fit

@@ -70,7 +70,7 @@ TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
     const Point<Patient> at(place_within(25, random));
     const PairSet near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
     looked_at += static_cast<int>(near.count());
-    cut_short += near.count() == kMaxNear;
+    cut_short += near.count() == kMaxPairs;
     for (int m = 0; m < 10; ++m) {
       const Point<Patient> there =
           at + random_direction(random) * (near.reach_mm() * std::cbrt(unit(random)));

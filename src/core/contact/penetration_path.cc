@@ -53,8 +53,8 @@ void PenetrationPath::report_largest(std::span<PathSegment> segments, double all
     least = std::max(least, shares[kMaxPathSegments - 1]);
   }
   for (const PathSegment& one : segments)
-    if (one.share >= least && result.felt_parts < static_cast<int>(kMaxPathSegments))
-      result.felt[static_cast<std::size_t>(result.felt_parts++)] = one;
+    if (one.share >= least && result.path_segments < static_cast<int>(kMaxPathSegments))
+      result.path[static_cast<std::size_t>(result.path_segments++)] = one;
 }
 
 }  // namespace palpate

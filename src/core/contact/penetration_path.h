@@ -24,7 +24,7 @@ class PenetrationPath {
   /// @param share  0 ... 1
   void add_owner(int structure, double share);
 
-  /// Writes ProxyResult::felt.
+  /// Writes ProxyResult::path.
   void report(ProxyResult& result) const;
 
  private:

@@ -177,7 +177,7 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.has_contacts = true;
-    layer.part = 1;
+    layer.stretch_fraction = 1;
     return true;
   }
   work.constraints.clear();
@@ -210,7 +210,7 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
   if (work.pairs.count() > 0 || layer.contacts > 0 || length_mm + kProxyFeel.still_mm >= progress.left_mm)
     return false;
   progress.friction.anchored = progress.friction.sticking = false;
-  layer.part = 1;
+  layer.stretch_fraction = 1;
   if (length_mm <= kProxyFeel.still_mm) return true;
   layer.position = in.tip;
   layer.last_displacement = to_tip;
@@ -279,7 +279,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
     progress.has_contacts = true;
     if ((solution->goal - layer.position).norm() <= kProxyFeel.still_mm) {
       const bool is_complete =
-          attempt == 0 && layer.position == start && work.pairs.count() < kMaxNear && !in.has_capsules;
+          attempt == 0 && layer.position == start && work.pairs.count() < kMaxPairs && !in.has_capsules;
       if (is_complete) cache_contacts_at_rest(in, layer, work, cache);
       return false;
     }
@@ -321,7 +321,7 @@ bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, Proxy
       work.pairs.queries() + (in.has_capsules ? kProxyFeel.max_looks_of_capsules : kProxyFeel.max_looks);
   int substeps = 0;
   bool moves = true;
-  layer.part = 1;
+  layer.stretch_fraction = 1;
   for (int search = 0;; ++search) {
     while (moves && substeps < kProxyFeel.max_strides && work.pairs.queries() < progress.max_queries &&
            progress.left_mm > kProxyFeel.still_mm) {
@@ -347,7 +347,7 @@ void add_blocking_contact(const UpdateInputs& in, ProxyLayer& layer, UpdateProgr
   add_contact(work.pairs, {blocking->pair, work.pairs.step(blocking->pair)}, blocking->normal,
               blocking->multiplier_mm, layer, work.origins);
   progress.has_contacts = true;
-  layer.part = blocking->multiplier_mm / (layer.position - in.tip).norm();
+  layer.stretch_fraction = blocking->multiplier_mm / (layer.position - in.tip).norm();
 }
 
 // Places the contact of a capsule that lies along a surface at the middle of the touching interval, which
@@ -355,7 +355,7 @@ void add_blocking_contact(const UpdateInputs& in, ProxyLayer& layer, UpdateProgr
 void centre_capsule_contacts(ProxyLayer& layer, UpdateWorkspace& work) {
   for (int n = 0; n < layer.contacts; ++n) {
     const ContactOrigin& origin = work.origins[static_cast<std::size_t>(n)];
-    layer.contact[static_cast<std::size_t>(n)].part =
+    layer.contact[static_cast<std::size_t>(n)].axis_fraction =
         work.pairs.middle_of_touching(origin.pair, layer.position, origin.step);
   }
 }
@@ -368,13 +368,13 @@ void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool 
   const Vector<Patient> away = layer.position - in.tip;
   const double away_mm = away.norm();
   if (!std::isfinite(progress.limit.length_mm) || away_mm <= kProxyFeel.arrived_mm) return;
-  const double wanted_mm = through_free_space || layer.contacts > 0 ? layer.part * away_mm : 0;
+  const double wanted_mm = through_free_space || layer.contacts > 0 ? layer.stretch_fraction * away_mm : 0;
   const double now_mm = limit_stretch_mm(away, wanted_mm, in.stretched_mm, progress.limit.length_mm);
   if (now_mm <= 0) {
     layer.contacts = 0;
     return;
   }
-  layer.part = now_mm / away_mm;
+  layer.stretch_fraction = now_mm / away_mm;
   for (int n = 0; n < layer.contacts; ++n)
     layer.contact[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / wanted_mm;
   if (layer.contacts > 0) return;
@@ -445,7 +445,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   // attitude
   const Eigen::Quaterniond attitude_before = layer.attitude;
   const Vector<Patient> tip_moved = tick.tip_moved();
-  result.spring.stretched_mm = (layer.position - (tip - tip_moved)) * layer.part;
+  result.spring.stretched_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;
   const ToolTurn turn = turn_tool(surfaces, spheres, n, tick.hand.attitude, layer, path);
   const ProxySpheres held(spheres, tick.hand.attitude, layer.attitude);
   const double turned_mm = arc_of_rotation_mm(spheres, attitude_before, layer.attitude);
@@ -460,7 +460,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   result.spring.max_change_mm = limit.length_mm;
   const bool capsules = has_capsules(spheres);
   const double max_away =
-      capsules ? std::min(tick.options.away, kProxyFeel.away_of_capsules) : tick.options.away;
+      capsules ? std::min(tick.options.max_away, kProxyFeel.away_of_capsules) : tick.options.max_away;
   const PositionUpdate update =
       update_position({surfaces, held.spheres(), n, tip, max_mm, limit, result.spring.stretched_mm,
                        tick.options.friction, capsules, max_away, path},
@@ -485,7 +485,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 // explained by the tip's displacement since: a tool lifted off within one tick leaves none.
 void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& release) {
   const ToolPose& hand = tick.hand;
-  const Vector<Patient> stretched_mm = (layer.position - tick.tip_before) * layer.part;
+  const Vector<Patient> stretched_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
   const double left_mm = stretched_mm.norm() - tick.tip_moved().norm();
   if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && left_mm > 0) {
     const Vector<Patient> left_N = stretched_mm * (stiffness * left_mm / stretched_mm.norm());
@@ -504,7 +504,7 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   layer.coupled = true;
   layer.sticking = false;
   layer.contacts = 0;
-  layer.part = 1;
+  layer.stretch_fraction = 1;
   layer.spring_N_per_mm = 0;
   layer.catch_up_mm = layer.lost_s = 0;
   layer.punctured = still_open(tick.surfaces, tick.spheres, hand, layer);
@@ -524,7 +524,7 @@ void add_layer(int n, const ProxyForce& force, ProxyResult& result) {
   result.stiffness_N_per_mm += force.stiffness_N_per_mm;
   result.tangent_N_per_mm += force.tangent_N_per_mm;
   result.stored_mJ += force.stored_mJ;
-  result.yields = result.yields || force.yields;
+  result.deformable = result.deformable || force.deformable;
 }
 
 void add_release(const ProxyRelease& release, ProxyResult& result) {
@@ -595,7 +595,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     state.free_attitude = hand.attitude;
   }
   springs.recover(state.relaxation);
-  state.release.limit(options.most_force_N);
+  state.release.limit(options.max_force_N);
   state.stiffness_N_per_mm = result.tangent_N_per_mm;
   add_release(state.release, result);
   result.normal = springs.normal();

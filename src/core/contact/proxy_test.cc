@@ -464,8 +464,8 @@ TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
     run.lead({-5, 0, radius_mm - 1}, {-4.5, 0, radius_mm - 1}, 0.01);
     EXPECT_NEAR(run.result.force_N.z(), 1, 0.01);
     EXPECT_NEAR(-run.result.force_N.x(), 0.2, 0.005);
-    ASSERT_EQ(run.result.felt_parts, 1);
-    EXPECT_EQ(run.result.felt[0].structure, 0);
+    ASSERT_EQ(run.result.path_segments, 1);
+    EXPECT_EQ(run.result.path[0].structure, 0);
     constexpr double kStep = 0.01;
     double before_N = run.result.force_N.norm();
     for (double x = -4.5; x <= 4.5; x += kStep) {
@@ -473,18 +473,18 @@ TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
       EXPECT_LT(std::abs(result.force_N.norm() - before_N), kStep * 0.6 * 1.2 / Owners::kReach_mm + 1e-3)
           << x;
       double all = 0, all_mm = 0;
-      for (int n = 0; n < result.felt_parts; ++n) {
-        all += result.felt[static_cast<std::size_t>(n)].share;
-        all_mm += result.felt[static_cast<std::size_t>(n)].depth_mm;
+      for (int n = 0; n < result.path_segments; ++n) {
+        all += result.path[static_cast<std::size_t>(n)].share;
+        all_mm += result.path[static_cast<std::size_t>(n)].depth_mm;
       }
       EXPECT_NEAR(all, 1, kTouchFeel.min_share) << x;
       EXPECT_NEAR(all_mm, (run.state.position - Point<Patient>(x, 0, radius_mm - 1)).norm(), 0.02) << x;
-      EXPECT_GT(result.felt_parts, 0) << x;
+      EXPECT_GT(result.path_segments, 0) << x;
       before_N = result.force_N.norm();
     }
     EXPECT_NEAR(run.result.force_N.z(), 0.4, 0.004);
-    ASSERT_EQ(run.result.felt_parts, 1);
-    EXPECT_EQ(run.result.felt[0].structure, 1);
+    ASSERT_EQ(run.result.path_segments, 1);
+    EXPECT_EQ(run.result.path[0].structure, 1);
     EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
     EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
   }
@@ -586,21 +586,21 @@ TEST(ProxyLayers, IntegrateStiffnessAlongTheEntryPath) {
 TEST(ProxyLayers, ReportPathLengthAndForcePerStructure) {
   ProxyRun run = layered(0.036, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 10; });
   run.at({0, 0, 5});
-  EXPECT_EQ(run.result.felt_parts, 0);
+  EXPECT_EQ(run.result.path_segments, 0);
   run.lead({0, 0, 5}, {0.1, 0.2, -4}, 0.05);
-  ASSERT_EQ(run.result.felt_parts, 1);
-  EXPECT_EQ(run.result.felt[0].structure, 0);
-  EXPECT_NEAR(run.result.felt[0].depth_mm, 4, 0.02);
-  EXPECT_NEAR(run.result.felt[0].share, 1, 1e-12);
+  ASSERT_EQ(run.result.path_segments, 1);
+  EXPECT_EQ(run.result.path[0].structure, 0);
+  EXPECT_NEAR(run.result.path[0].depth_mm, 4, 0.02);
+  EXPECT_NEAR(run.result.path[0].share, 1, 1e-12);
   run.lead({0.1, 0.2, -4}, {0.1, 0.2, -15}, 0.05);
-  ASSERT_EQ(run.result.felt_parts, 2);
+  ASSERT_EQ(run.result.path_segments, 2);
   // 10 mm of fat, 5 mm of bone: 0.36 and 7.5 N
-  EXPECT_EQ(run.result.felt[0].structure, 0);
-  EXPECT_NEAR(run.result.felt[0].depth_mm, 10, 0.02);
-  EXPECT_NEAR(run.result.felt[0].share, 0.36 / 7.86, 1e-3);
-  EXPECT_EQ(run.result.felt[1].structure, 1);
-  EXPECT_NEAR(run.result.felt[1].depth_mm, 5, 0.02);
-  EXPECT_NEAR(run.result.felt[1].share, 7.5 / 7.86, 1e-3);
+  EXPECT_EQ(run.result.path[0].structure, 0);
+  EXPECT_NEAR(run.result.path[0].depth_mm, 10, 0.02);
+  EXPECT_NEAR(run.result.path[0].share, 0.36 / 7.86, 1e-3);
+  EXPECT_EQ(run.result.path[1].structure, 1);
+  EXPECT_NEAR(run.result.path[1].depth_mm, 5, 0.02);
+  EXPECT_NEAR(run.result.path[1].share, 7.5 / 7.86, 1e-3);
 }
 
 // A fast operator withdraws the tool within one tick, more so on a device with a low tick rate.
@@ -1152,7 +1152,7 @@ TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   EXPECT_NEAR(run.result.force_N.z(), 4, 1e-3) << "one spring, however long it is";
   EXPECT_NEAR(run.state.position.z(), 1, 1e-3);
   ASSERT_EQ(run.state.contacts, 1);
-  EXPECT_NEAR(run.state.contact[0].part, 0.5, 0.02);
+  EXPECT_NEAR(run.state.contact[0].axis_fraction, 0.5, 0.02);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -1 * run.result.force_N.z(), 0.4) << "r x F of its middle";
 
   // with its far end tilted down
@@ -1161,7 +1161,7 @@ TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   const double low_mm = 4 * std::sin(0.3);
   EXPECT_NEAR(run.state.position.z(), 1 + low_mm, 1e-3);
   EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
-  EXPECT_EQ(run.state.contact[0].part, 1);
+  EXPECT_EQ(run.state.contact[0].axis_fraction, 1);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
   EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
@@ -1185,7 +1185,7 @@ TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
   EXPECT_NEAR(run.result.force_N.z(), 2 * (up_mm + 1), 0.05);
   EXPECT_NEAR(run.result.force_N.y(), 0, 0.05);
   ASSERT_EQ(run.state.contacts, 2);
-  std::array<double, 2> parts{run.state.contact[0].part, run.state.contact[1].part};
+  std::array<double, 2> parts{run.state.contact[0].axis_fraction, run.state.contact[1].axis_fraction};
   std::sort(parts.begin(), parts.end());
   EXPECT_NEAR(parts[0], 3.0 / 14, 0.02);
   EXPECT_NEAR(parts[1], 11.0 / 14, 0.02);
@@ -1308,7 +1308,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
         ASSERT_EQ(layer.coupled, other.coupled);
         ASSERT_EQ(layer.sticking, other.sticking);
         ASSERT_EQ(layer.punctured, other.punctured);
-        ASSERT_EQ(layer.part, other.part);
+        ASSERT_EQ(layer.stretch_fraction, other.stretch_fraction);
         ASSERT_EQ(layer.spring_N_per_mm, other.spring_N_per_mm);
         ASSERT_EQ(layer.catch_up_mm, other.catch_up_mm);
         ASSERT_EQ(layer.lost_s, other.lost_s);
@@ -1318,7 +1318,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
                              &again = other.contact[static_cast<std::size_t>(c)];
           ASSERT_EQ(contact.surface, again.surface);
           ASSERT_EQ(contact.sphere, again.sphere);
-          ASSERT_EQ(contact.part, again.part);
+          ASSERT_EQ(contact.axis_fraction, again.axis_fraction);
           ASSERT_EQ(contact.normal, again.normal);
           ASSERT_EQ(contact.multiplier_mm, again.multiplier_mm);
         }

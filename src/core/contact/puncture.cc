@@ -27,8 +27,9 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
       const auto surface = static_cast<std::size_t>(contact.surface);
       if (!opens(surfaces[surface], surface, structure)) continue;
       const ToolSphere& sphere = held.spheres()[static_cast<std::size_t>(contact.sphere)];
-      const double radius_mm = sphere.radius_at_mm(contact.part);
-      const Point<Patient> middle = layer.position + sphere.offset_mm + sphere.along_mm * contact.part;
+      const double radius_mm = sphere.radius_at_mm(contact.axis_fraction);
+      const Point<Patient> middle =
+          layer.position + sphere.offset_mm + sphere.along_mm * contact.axis_fraction;
       if (owners_at(surfaces, contact.surface, middle - contact.normal * radius_mm).largest() == structure)
         visit(contact, middle, radius_mm);
     }
@@ -51,7 +52,7 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
       const TurnedTool held(spheres, hand.attitude, state.attitude);
       for (const ToolSphere& sphere : held.spheres())
         for (const double end : {0.0, 1.0})
-          holes.lead(structure, state.position + sphere.offset_mm + sphere.along_mm * end);
+          holes.extend(structure, state.position + sphere.offset_mm + sphere.along_mm * end);
       continue;
     }
     bool in_contact = false, fits = true;
@@ -76,7 +77,7 @@ void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSp
                         // a tool part in contact in several layers makes one hole, in the outermost
                         if (done[static_cast<std::size_t>(contact.sphere)]) return;
                         done[static_cast<std::size_t>(contact.sphere)] = true;
-                        holes.make({structure, middle, -contact.normal, 0, radius_mm});
+                        holes.add({structure, middle, -contact.normal, 0, radius_mm});
                       });
 }
 

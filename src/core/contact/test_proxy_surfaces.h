@@ -96,7 +96,7 @@ struct ProxyRun {
     const ProxyState before = state;
     result = advance_proxy(
         surfaces, turned(hand.attitude).spheres(), hand, state,
-        {.dt_s = dt_s, .yields = yields, .relaxation_times = relaxation_times, .holes = &holes}, &way);
+        {.dt_s = dt_s, .compliance = yields, .relaxation_times = relaxation_times, .holes = &holes}, &way);
     // a released proxy is reset to the tip
     const bool let_go =
         before.contacts > 0 && state.contacts == 0 && result.release.force_N != Vector<Patient>();

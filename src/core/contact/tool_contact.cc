@@ -118,18 +118,18 @@ struct LayerForce {
 };
 
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
-std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> told) {
+std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> reported) {
   std::array<const ProxyContact*, kMaxContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contacts);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
   sort_few(std::span(order).first(count),
            [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
   std::size_t n = 0;
-  for (; n < std::min(count, told.size()); ++n) {
+  for (; n < std::min(count, reported.size()); ++n) {
     const ProxyContact& contact = *order[n];
     const Point<Patient> place = place_of(contact, on.layer, on.spheres);
-    told[n] = {label_under(model, contact, place, on.owners), contact.sphere, place,
-               std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
+    reported[n] = {label_under(model, contact, place, on.owners), contact.sphere, place,
+                   std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
   }
   return n;
 }
@@ -151,18 +151,18 @@ PathStructure all_of_it(const PointContact& contact) {
   return {contact.site.label, contact.site.depth_mm, 1};
 }
 
-std::array<PathStructure, kMaxStructuresReported> felt_by_proxy(const Model& model, const ProxyResult& result,
+std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& model, const ProxyResult& result,
                                                                 const PointContact& strongest) {
   static_assert(kMaxStructuresReported == kMaxPathSegments);
-  std::array<PathStructure, kMaxStructuresReported> felt;
-  for (int n = 0; n < result.felt_parts; ++n) {
-    const PathSegment& part = result.felt[static_cast<std::size_t>(n)];
-    felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
+  std::array<PathStructure, kMaxStructuresReported> path;
+  for (int n = 0; n < result.path_segments; ++n) {
+    const PathSegment& part = result.path[static_cast<std::size_t>(n)];
+    path[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
                                          part.depth_mm, part.share};
   }
   // inside a punctured structure only viscosity acts
-  if (result.felt_parts == 0) felt[0] = all_of_it(strongest);
-  return felt;
+  if (result.path_segments == 0) path[0] = all_of_it(strongest);
+  return path;
 }
 
 // Ratio of the spring-damper force between tip and proxy to the spring force at the contacts' current
@@ -178,12 +178,13 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
     state.stiffness_N_per_mm = 0;
     return 1;
   }
-  double& felt = state.stiffness_N_per_mm;
+  double& rendered = state.stiffness_N_per_mm;
   // deformable tissue stiffens with depth, without a filter
-  felt = felt > 0 && !spring.yields ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s)
-                                    : stiffness;
+  rendered = rendered > 0 && !spring.deformable
+                 ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kTouchFeel.seam_s)
+                 : stiffness;
   const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
-  const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
+  const double force_N = rendered * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
 }
 
@@ -214,7 +215,7 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
-  std::size_t told = 0;
+  std::size_t reported = 0;
   for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
     const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
     const PointForce met = touch(tick, full_force_N, max_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
@@ -226,9 +227,10 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
       tool.strongest = met.contact;
     if (!met.contact.is_touch()) continue;
     static_assert(kMaxContactsReported >= kMaxToolParts);
-    tool.contacts[told++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy, met.normal_N};
+    tool.contacts[reported++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy,
+                                 met.normal_N};
   }
-  sort_few(std::span(tool.contacts).first(told),
+  sort_few(std::span(tool.contacts).first(reported),
            [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
   tool.felt[0] = all_of_it(tool.strongest);
   return tool;
@@ -252,11 +254,11 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   options.max_stiffness_N_per_mm = hand.max_stiffness_N_per_mm();
   options.dt_s = tick.dt_s;
   options.max_slip_N_per_s = kProxyFeel.max_slip_N_per_s / hand.device.force_gain;
-  options.yields = tick.yields;
+  options.compliance = tick.compliance;
   options.device = hand.number;
   options.relaxation_times = times.any() ? &times : nullptr;
   options.holes = tick.holes;
-  if (peak_N > 0) options.most_force_N = peak_N / hand.device.force_gain;
+  if (peak_N > 0) options.max_force_N = peak_N / hand.device.force_gain;
   return options;
 }
 
@@ -265,7 +267,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   const Model& model = tick.model;
   const DeviceParameters& gains = hand.device;
   const Vector<Patient> multiplier_mm =
-      proxy.coupled ? (proxy.position - hand.tip) * proxy.part : Vector<Patient>();
+      proxy.coupled ? (proxy.position - hand.tip) * proxy.stretch_fraction : Vector<Patient>();
   const double max_N_s_per_mm = hand.max_damping_N_s_per_mm();
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, max_N_s_per_mm);
@@ -274,16 +276,17 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
                less = 1 - part;
   ToolContact tool;
-  std::size_t told = 0;
+  std::size_t reported = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
     const ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
     // tool parts in the proxy's attitude
     const ProxySpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
-    const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
-    const LayerForce force{layer, proxy.cache(n).owners, n == 0 ? felt_N_per_mm * part : felt_N_per_mm,
+    const double layer_N_per_mm =
+        result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.stretch_fraction;
+    const LayerForce force{layer, proxy.cache(n).owners, n == 0 ? layer_N_per_mm * part : layer_N_per_mm,
                            turned.spheres()};
-    told += append_contacts(model, force, std::span(tool.contacts).subspan(told));
+    reported += append_contacts(model, force, std::span(tool.contacts).subspan(reported));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
                                 result.force_N - outermost.force_N * less);
@@ -294,16 +297,16 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
     tool.strongest.force_N +=
         viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
                       site.depth_mm / kTouchFeel.whole_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
-  tool.felt = felt_by_proxy(model, result, tool.strongest);
+  tool.felt = path_of_proxy(model, result, tool.strongest);
   tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
                           (gains.force_gain / gains.scale);
-  const double stored_mJ = outermost.yields
+  const double stored_mJ = outermost.deformable
                                ? outermost.stored_mJ
                                : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
   const double stiffness_N_per_mm =
-      outermost.yields ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
+      outermost.deformable ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -
                                                                outermost.tangent_N_per_mm);
   if (!proxy.coupled) tool.flags |= kFlagInside;

@@ -153,7 +153,7 @@ class Turn {
   std::array<double, kMaxToolSpheres> radius_mm_{};  // radii of the spheres' arcs
   double farthest_mm_ = 0;                           // maximum of radius_mm_
   double reach_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
-  std::array<double, kMaxNear> clearance_mm_{};
+  std::array<double, kMaxPairs> clearance_mm_{};
   int left_steps_ = kToolTurnFeel.max_steps;
   int left_queries_;     // queries left in this tick after the current leg
   int max_queries_ = 0;  // query count at which the current leg stops

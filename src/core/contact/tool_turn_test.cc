@@ -164,7 +164,7 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   const Eigen::Vector3d normal = axis.cross(Eigen::Vector3d::UnitY());
   ASSERT_EQ(run.state.contacts, 1);
   const double part = -axis.dot(run.state.position.eigen()) / 60;
-  EXPECT_NEAR(run.state.contact[0].part, part, 0.3 / 60);
+  EXPECT_NEAR(run.state.contact[0].axis_fraction, part, 0.3 / 60);
   const Eigen::Vector3d touching = run.state.position.eigen() + 60 * part * axis;
   EXPECT_NEAR(touching.norm(), 3, 0.03);
   EXPECT_NEAR((touching.normalized() - normal).norm(), 0, 0.03);

@@ -294,7 +294,7 @@ TEST(ProxyOnWhatYields, RendersForceEnergyAndStiffnessOfTheLaw) {
   run.lead({0, 0, 5}, {0, 0, 1}, 0.05);
   for (int n = 0; n < 100; ++n) run.at({0, 0, 1});
   const YieldForce law = yield_force({0, {}, kModulus}, 2, 3);
-  EXPECT_TRUE(run.result.yields);
+  EXPECT_TRUE(run.result.deformable);
   EXPECT_NEAR(run.result.force_N.z(), law.force_N, 0.01 * law.force_N);
   EXPECT_NEAR(run.result.stored_mJ, law.stored_mJ, 0.02 * law.stored_mJ);
   EXPECT_NEAR(run.result.tangent_N_per_mm, law.tangent_N_per_mm, 0.01 * law.tangent_N_per_mm);

@@ -114,7 +114,7 @@ class SurfacesNeeded {
   };
 
   // deformable tissues form a single layer with the softest one's stiffness, which only determines its order
-  bool yields(LabelId label) const { return model_.yields(*model_.tissue_of(label)); }
+  bool yields(LabelId label) const { return model_.is_deformable(*model_.tissue_of(label)); }
   double stiffness_of(LabelId label) const {
     return yields(label) ? softest_ : model_.tissue_of(label)->stiffness_N_per_mm;
   }

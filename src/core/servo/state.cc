@@ -50,12 +50,13 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   hash_place(hash, proxy.last_displacement);
   hash_quaternion(hash, proxy.attitude);
   hash_surfaces(hash, proxy.punctured);
-  hash.add(proxy.part, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.lost_s, proxy.contacts);
+  hash.add(proxy.stretch_fraction, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.lost_s,
+           proxy.contacts);
   for (int n = 0; n < proxy.contacts; ++n) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
     const std::uint64_t of =
         static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere);
-    hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.part,
+    hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.axis_fraction,
              contact.multiplier_mm);
   }
 }

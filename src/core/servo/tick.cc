@@ -326,7 +326,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   const bool other_layers = other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != yields;
 
-  if (other_surfaces && !state.holes.empty()) state.holes.keep(surfaces_before);
+  if (other_surfaces && !state.holes.empty()) state.holes.transfer(surfaces_before);
 
   // each device
   count_strokes(model, parameters, devices, state);

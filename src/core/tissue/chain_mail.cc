@@ -34,7 +34,7 @@ bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, D
   if (device >= static_cast<std::size_t>(std::clamp(felt.devices, 0, kMaxDevices))) return false;
   const DeviceTick& told = felt.device[device];
   const Tissue* const tissue = model.tissue_of(told.contact_label[0]);
-  if (told.contact_label[0] == 0 || tissue == nullptr || !model.moves(*tissue)) return false;
+  if (told.contact_label[0] == 0 || tissue == nullptr || !model.moves_visibly(*tissue)) return false;
   dent.at =
       Point<Patient>(told.contact_patient_mm[0], told.contact_patient_mm[1], told.contact_patient_mm[2]);
   dent.outward =

@@ -62,7 +62,7 @@ int yielding_tissue(const Model& model, const Bricks<LabelId>& labels, const Poi
     voxel[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(at[axis] + 0.5));
   const LabelId label = labels.anywhere(voxel[0], voxel[1], voxel[2]);
   const Tissue* tissue = model.tissue_of(label);
-  if (tissue == nullptr || !tissue->felt || !model.yields(*tissue)) return -1;
+  if (tissue == nullptr || !tissue->felt || !model.is_deformable(*tissue)) return -1;
   return model.tissue_of_label[label];
 }
 
@@ -74,7 +74,7 @@ RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& lab
   for (const Tissue& tissue : model.tissues) {
     by_tissue_.push_back(tissue.relaxation);
     RelaxedParts parts;
-    if (model.yields(tissue)) parts.add(tissue.relaxation, model.relaxation_times, 1);
+    if (model.is_deformable(tissue)) parts.add(tissue.relaxation, model.relaxation_times, 1);
     std::size_t kind = 0;
     while (kind < kinds_.size() && kinds_[kind].of_time != parts.of_time) ++kind;
     if (kind == kinds_.size()) kinds_.push_back(parts);

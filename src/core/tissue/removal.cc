@@ -130,13 +130,13 @@ class Ahead {
     Sum sum;
     for (int n = 0; n < layer.contacts; ++n) {
       const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
-      const Point<Patient> middle = at_ + head_.along_mm * contact.part;
+      const Point<Patient> middle = at_ + head_.along_mm * contact.axis_fraction;
       // the contact normal is smoothed and may point past the edge
       const ContactSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
       const Vector<Patient> outward =
           sample_central_differences(felt.surface->position(), middle).gradient.normalized();
       // between voxels the edge may read closer than it is
-      const double radius_mm = head_.radius_at_mm(contact.part);
+      const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
       add(middle - outward * felt.clearance_error_mm, -outward, radius_mm,
           std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions, 0, sum);
     }
@@ -333,10 +333,11 @@ class Sinking {
 // moves a layer's proxy and updates force and stored energy
 void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer, ProxyForce& force,
              ProxyResult& result) {
-  const Vector<Patient> more_N = (pose.at - layer.position) * (layer.part * force.stiffness_N_per_mm);
+  const Vector<Patient> more_N =
+      (pose.at - layer.position) * (layer.stretch_fraction * force.stiffness_N_per_mm);
   layer.position = pose.at;
   layer.attitude = pose.attitude;
-  const Vector<Patient> stretched_mm = (layer.position - tip) * layer.part;
+  const Vector<Patient> stretched_mm = (layer.position - tip) * layer.stretch_fraction;
   const double stored_mJ = 0.5 * force.stiffness_N_per_mm * stretched_mm.squared_norm();
   result.force_N += more_N;
   result.stored_mJ += stored_mJ - force.stored_mJ;
@@ -364,7 +365,7 @@ HeadPose outside_protected(const HeldBurr& burr, const HeadPose& from, const Hea
       const double in_mm = min_mm - nearest.distance_mm;
       if (in_mm <= kCuttingFeel.touching_mm) continue;
       clear = false;
-      place += kept.outward(place + is.along_mm * nearest.part) * in_mm;
+      place += kept.outward(place + is.along_mm * nearest.axis_fraction) * in_mm;
     }
     if (clear) return {place, to.attitude};
   }
@@ -432,7 +433,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions led = options;
   led.max_slip_N_per_s = std::numeric_limits<double>::infinity();
-  if (cuts) led.away = kCuttingFeel.away;
+  if (cuts) led.max_away = kCuttingFeel.away;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));

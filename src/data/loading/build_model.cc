@@ -227,7 +227,7 @@ void warn_of_thin_structures(const MadeModel& made, const Warn& warn) {
 std::vector<Caveat> merged_layers(const Model& model) {
   std::vector<double> stiffnesses;
   for (const Tissue& tissue : model.tissues)
-    if (tissue.felt && !model.yields(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
+    if (tissue.felt && !model.is_deformable(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
   std::vector<Caveat> caveats;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses))) {
     if (layer.max_N_per_mm <= kSameStiffness * layer.min_N_per_mm) continue;

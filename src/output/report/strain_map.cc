@@ -40,7 +40,7 @@ StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const T
   map.picture = {plane.width_px, plane.height_px, std::vector<std::uint8_t>(4 * plane.pixel_count())};
   for (std::size_t n = 0; n < labels.size(); ++n) {
     const Tissue* tissue = labels[n] != 0 ? model.tissue_of(labels[n]) : nullptr;
-    if (tissue == nullptr || !model.moves(*tissue)) continue;
+    if (tissue == nullptr || !model.moves_visibly(*tissue)) continue;
     const auto width = static_cast<std::size_t>(plane.width_px);
     const Point<Patient> seen = plane.at(static_cast<double>(n % width), static_cast<double>(n / width));
     const double strain = yielded.strain(rest_position(seen, moved));

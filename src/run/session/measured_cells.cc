@@ -37,7 +37,7 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
     return tissue == nullptr || !tissue->felt;
   };
   const auto yields = [&](LabelId label) {
-    return !is_empty(label) && model.yields(*model.tissue_of(label));
+    return !is_empty(label) && model.is_deformable(*model.tissue_of(label));
   };
   std::vector<Point<Patient>> places;
   const int j_step = std::max(1, grid.dims[1] / kLines), k_step = std::max(1, grid.dims[2] / kLines);

@@ -329,7 +329,7 @@ double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_
   const Tissue* tissue = felt.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
   const bool by_proxy = method == ForceMethod::kProxy && felt.has(method);
-  if (by_proxy && felt.yields(*tissue)) return yielding_stiffness_N_per_mm(device);
+  if (by_proxy && felt.is_deformable(*tissue)) return yielding_stiffness_N_per_mm(device);
   if (by_proxy) return gains.by_proxy(tissue->stiffness_N_per_mm);
   // the fields encode the stiffnesses that they were generated for
   const double stiffest = felt.greatest_stiffness_N_per_mm();
@@ -572,7 +572,8 @@ Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Par
   change.contact = request.changes.applied_to(before.contact);
   if (change == before) return change;
   const Tissue& tissue = model_.felt->tissues[static_cast<std::size_t>(request.tissue)];
-  if (model_.felt->yields(tissue) && change.contact.stiffness_N_per_mm != before.contact.stiffness_N_per_mm)
+  if (model_.felt->is_deformable(tissue) &&
+      change.contact.stiffness_N_per_mm != before.contact.stiffness_N_per_mm)
     return refused("this tissue yields, and its stiffness follows from its Young's modulus",
                    "stiffness_N_per_mm", "change youngs_modulus in the scene file, and open it again");
   if (auto next = changed_model(*model_.felt, *model_.made, change); !next) return next.error();

@@ -301,9 +301,9 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
         off_percent = std::max(off_percent, 100 * std::abs(result.force_N.norm() / (soft_N + bone_N) - 1));
         // surface 0 is label 1
         double told = 0;
-        for (int part = 0; part < result.felt_parts; ++part)
-          if (result.felt[static_cast<std::size_t>(part)].structure == 0)
-            told = result.felt[static_cast<std::size_t>(part)].share;
+        for (int part = 0; part < result.path_segments; ++part)
+          if (result.path[static_cast<std::size_t>(part)].structure == 0)
+            told = result.path[static_cast<std::size_t>(part)].share;
         share_off_percent = std::max(share_off_percent, 100 * std::abs(told - soft_N / (soft_N + bone_N)));
         ++n;
       }
