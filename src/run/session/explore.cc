@@ -14,10 +14,10 @@
 #include "palpate/palpation/run_setup.h"
 #include "palpate/supervisor/supervisor.h"
 #include "session/explore_watch.h"
+#include "session/live_session.h"
 #include "session/measured_cells.h"
 #include "session/tip_source.h"
 #include "session/training.h"
-#include "session/viewed_session.h"
 
 namespace palpate {
 namespace {
@@ -38,7 +38,7 @@ struct Session {
   Recorder& recorder;
   TipSource& tip;
   const ExploreWatch& watch;
-  ViewedSession& viewed;
+  LiveSession& live;
   Training* training;      // null: there are no tasks
   Supervisor* supervisor;  // null: the session is not supervised
   const std::string& careful_bounds;
@@ -59,7 +59,7 @@ class SupervisorKeeper {
   explicit SupervisorKeeper(const Session& session) : session_(session) {}
   void look() {
     if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
-    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.viewed.stop_unsupervised();
+    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.live.stop_unsupervised();
     if (Clock::now() < next_try_) return;
     if (!failure_) deaths_ += 1;
     const auto again = session_.supervisor->watch_again();
@@ -106,19 +106,19 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.stalls = health.stalls;
   status.progress = session.tip.progress();
   status.recording_failure = session.recorder.failure();
-  status.method_awaited = session.viewed.method_awaited();
-  status.method_failure = session.viewed.method_failure();
-  status.coarser_tissue = session.viewed.coarser_tissue();
+  status.method_awaited = session.live.method_awaited();
+  status.method_failure = session.live.method_failure();
+  status.coarser_tissue = session.live.coarser_tissue();
   status.careful_bounds = session.careful_bounds;
   status.followers = session.tip.followers();
   status.device_trouble = session.tip.driver().trouble();
-  status.stop = session.viewed.current_stop();
-  status.rearmed_in_page = session.viewed.rearmed_in_page();
+  status.stop = session.live.current_stop();
+  status.rearmed_in_page = session.live.rearmed_in_page();
   // the code is shown only to a user who sees the device
-  if (session.asks_here) status.arming_code = session.viewed.arming_code();
-  status.question = session.viewed.question();
+  if (session.asks_here) status.arming_code = session.live.arming_code();
+  status.question = session.live.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
-  status.navigation = session.viewed.navigation();
+  status.navigation = session.live.navigation();
   if (session.training != nullptr) {
     const ViewedTraining training = session.training->state();
     if (training.phase == ViewedTraining::Phase::kRunning) status.task = training.task;
@@ -137,24 +137,24 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
   };
   switch (request) {
     case ExploreRequest::kEmergencyStop:
-      return session.viewed.stop_here();
+      return session.live.stop_here();
     case ExploreRequest::kRearm:
-      return tell(session.viewed.rearm_here(shown.stop));
+      return tell(session.live.rearm_here(shown.stop));
     case ExploreRequest::kAgree:
     case ExploreRequest::kDecline:
-      return session.viewed.answer_here(shown.question, request == ExploreRequest::kAgree);
+      return session.live.answer_here(shown.question, request == ExploreRequest::kAgree);
     case ExploreRequest::kPause:
-      return session.viewed.pause_here();
+      return session.live.pause_here();
     case ExploreRequest::kNextMethod:
-      return session.viewed.next_method();
+      return session.live.next_method();
     case ExploreRequest::kMotor:
-      return tell(session.viewed.motor_here());
+      return tell(session.live.motor_here());
     case ExploreRequest::kUndoStroke:
-      return tell(session.viewed.stroke_here(StrokeAction::kUndo));
+      return tell(session.live.stroke_here(StrokeAction::kUndo));
     case ExploreRequest::kRedoStroke:
-      return tell(session.viewed.stroke_here(StrokeAction::kRedo));
+      return tell(session.live.stroke_here(StrokeAction::kRedo));
     case ExploreRequest::kTask:
-      return tell(session.viewed.task_here());
+      return tell(session.live.task_here());
     case ExploreRequest::kNone:
       return;
   }
@@ -169,12 +169,12 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
   const Clock::time_point begun = Clock::now();
   Clock::time_point next_status = begun;
   while (!session.tip.done()) {
-    result.stopped_by_user = progress.stopped() || session.viewed.is_over();
+    result.stopped_by_user = progress.stopped() || session.live.is_over();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
     supervisor.look();
     if (options.request) grant(options.request(), session, shown);
-    session.viewed.follow_script();
+    session.live.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
       show(status_of(session, seconds_since(begun), rate, shown, supervisor));
@@ -207,7 +207,7 @@ void finish(const Session& session, ExploreResult& result) {
   result.failed_steps = trouble.size();
   result.touches = session.tip.touches();
   result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
-  const auto coarser = session.viewed.later_coarser_tissue();
+  const auto coarser = session.live.later_coarser_tissue();
   result.trouble.insert(result.trouble.end(), coarser.begin(), coarser.end());
 
   const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
@@ -230,19 +230,19 @@ void finish(const Session& session, ExploreResult& result) {
   if (session.tip.pointer())
     std::erase_if(result.holds, [](const HoldFigure& hold) { return hold.peak_force_N == 0; });
   result.max_force_N = session.watch.max_force_N();
-  result.limit_N = std::min(session.viewed.highest_max_force_N(), session.model.scene_max_force_N);
+  result.limit_N = std::min(session.live.highest_max_force_N(), session.model.scene_max_force_N);
 }
 
-ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
-                         const ExploreOptions& options, bool recording, Training* training,
-                         const std::string& coarser_tissue) {
+LiveSessionParts session_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
+                               const ExploreOptions& options, bool recording, Training* training,
+                               const std::string& coarser_tissue) {
   const auto devices = tip.driver().devices();
-  ViewedParts parts{setup.model,     {devices.begin(), devices.end()},
-                    setup.workspace, setup.parameters,
-                    tip.name(),      setup.script.rate_hz,
-                    tip.pointer(),   recording,
-                    scene.modality,  options.asks_here,
-                    training};
+  LiveSessionParts parts{setup.model,     {devices.begin(), devices.end()},
+                         setup.workspace, setup.parameters,
+                         tip.name(),      setup.script.rate_hz,
+                         tip.pointer(),   recording,
+                         scene.modality,  options.asks_here,
+                         training};
   parts.coarser_tissue = coarser_tissue;
   parts.plan = options.plan;
   parts.navigation = options.navigation;
@@ -331,11 +331,11 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
     training = *std::move(started);
   }
   // the viewer server may fail to start, so it comes before any force is rendered
-  ViewedSession viewed(
-      viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(), carried.told));
+  LiveSession live(
+      session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(), carried.told));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
-    auto shown = options.viewers(viewed);
+    auto shown = options.viewers(live);
     if (!shown) return shown.error();
     viewers = *std::move(shown);
   }
@@ -363,33 +363,33 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
     watch.see(record);
     if (training) training->see(record, told);
   };
-  auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &viewed.told());
+  auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &live.told());
   if (!recorder) return recorder.error();
 
   // however the session ends, viewers are disconnected before the loop and the watch are destroyed
   struct EndOfViewing {
     std::shared_ptr<void>& viewers;
-    ViewedSession& viewed;
+    LiveSession& live;
     TipSource& tip;
     ~EndOfViewing() {
       viewers.reset();
-      viewed.end();
+      live.end();
       tip.end();
     }
-  } const end_of_viewing{viewers, viewed, **tip};
-  viewed.begin(**loop, watch);
-  const ScriptEdits edits{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
-                          [&viewed] { return viewed.script_stroke_version(); },
-                          [&viewed](TissueLaw law) { viewed.change_law_by_script(law); },
-                          [&viewed] { return viewed.script_law_version(); }};
-  if (auto begun = (*tip)->begin(**loop, viewed.told(), edits); !begun) return begun.error();
-  const Session session{model,  **loop,         **recorder,        **tip,   watch,
-                        viewed, training.get(), supervisor->get(), careful, options.asks_here};
+  } const end_of_viewing{viewers, live, **tip};
+  live.begin(**loop, watch);
+  const ScriptEdits edits{[&live](StrokeAction action) { live.change_stroke_by_script(action); },
+                          [&live] { return live.script_stroke_version(); },
+                          [&live](TissueLaw law) { live.change_law_by_script(law); },
+                          [&live] { return live.script_law_version(); }};
+  if (auto begun = (*tip)->begin(**loop, live.told(), edits); !begun) return begun.error();
+  const Session session{model, **loop,         **recorder,        **tip,   watch,
+                        live,  training.get(), supervisor->get(), careful, options.asks_here};
   ExploreResult result;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);
   viewers.reset();
-  viewed.end();
+  live.end();
   finish(session, result);
   return result;
 }

@@ -9,7 +9,7 @@
 #include "contact/test_model.h"
 #include "palpate/base/spsc_ring.h"
 #include "servo/test_loop.h"
-#include "session/viewed_session.h"
+#include "session/live_session.h"
 
 namespace palpate {
 namespace {
@@ -66,22 +66,22 @@ class CampaignSession {
         driver_(simulated),
         loop_(model_, driver_, campaign_parameters(), {WorkspaceSettings{}},
               {.rate_hz = 250, .realtime = false, .ring_s = 8}, campaign_clock),
-        viewed_(ViewedParts{model_,
-                            {driver_.devices().begin(), driver_.devices().end()},
-                            {},
-                            loop_.parameters(),
-                            "device",
-                            250,
-                            nullptr,
-                            false,
-                            Modality::kMr,
-                            true}),
+        live_(LiveSessionParts{model_,
+                               {driver_.devices().begin(), driver_.devices().end()},
+                               {},
+                               loop_.parameters(),
+                               "device",
+                               250,
+                               nullptr,
+                               false,
+                               Modality::kMr,
+                               true}),
         watch_(*model_, {}) {
-    viewed_.begin(loop_, watch_);
+    live_.begin(loop_, watch_);
     viewers_.push_back({{1, true}});
     for (int n = 0; n < 150; ++n) tick();
   }
-  ~CampaignSession() { viewed_.end(); }
+  ~CampaignSession() { live_.end(); }
 
   void act();
   void tick();
@@ -105,7 +105,7 @@ class CampaignSession {
   std::mt19937_64& random_;
   NoDriver driver_;
   Loop loop_;
-  ViewedSession viewed_;
+  LiveSession live_;
   ExploreWatch watch_;
 
   std::vector<Onlooker> viewers_;
@@ -142,9 +142,9 @@ void CampaignSession::tick() {
 void CampaignSession::stop() {
   ++stops;
   if (below(2) == 0)
-    viewed_.stop_here();
+    live_.stop_here();
   else
-    viewed_.emergency_stop(somebody().identity);
+    live_.emergency_stop(somebody().identity);
   stopped_ = true;
 }
 
@@ -152,14 +152,14 @@ void CampaignSession::stop() {
 void CampaignSession::rearm() {
   ++rearms;
   Onlooker& who = somebody();
-  const std::uint32_t holds = viewed_.state().stop.value_or(0);
+  const std::uint32_t holds = live_.state().stop.value_or(0);
   const bool here = below(2) == 0;
   const std::uint32_t names = below(4) == 0   ? static_cast<std::uint32_t>(below(40))
                               : below(2) == 0 ? holds
                               : here          ? shown_
                                               : who.seen_stop;
   const bool was_free = free();
-  const bool done = here ? viewed_.rearm_here(names).ok() : viewed_.rearm({names, who.identity}).ok();
+  const bool done = here ? live_.rearm_here(names).ok() : live_.rearm({names, who.identity}).ok();
   if (!done) return;
   ++rearmed;
   EXPECT_TRUE(was_free);
@@ -179,7 +179,7 @@ void CampaignSession::change() {
   const double angle = 0.1 * below(9) - 0.4;
   request.rotation_wxyz = {std::cos(angle), 0, 0, std::sin(angle)};
   const Parameters before = loop_.parameters();
-  const auto granted = viewed_.set(request);
+  const auto granted = live_.set(request);
   if (!granted || *granted == Grant::kDone) return;
   ++asked;
   EXPECT_TRUE(physical_);
@@ -191,12 +191,12 @@ void CampaignSession::change() {
 
 void CampaignSession::come_or_go() {
   if (viewers_.size() > 1 && below(2) == 0) {
-    viewed_.forget(viewers_.back().identity);
+    live_.forget(viewers_.back().identity);
     viewers_.pop_back();
     return;
   }
   if (viewers_.size() < 5) viewers_.push_back({{++greeted_, below(3) != 0}});
-  viewers_.back().seen_stop = viewed_.state().stop.value_or(0);
+  viewers_.back().seen_stop = live_.state().stop.value_or(0);
 }
 
 void CampaignSession::act() {
@@ -209,7 +209,7 @@ void CampaignSession::act() {
     case 4:
       return rearm();
     case 5:
-      return viewed_.pause_here();
+      return live_.pause_here();
     case 6:
       trouble_ = below(5);
       troubled_ticks_ = 1 + below(3);
@@ -219,14 +219,14 @@ void CampaignSession::act() {
     case 8:
       return change();
     case 9:
-      somebody().seen_stop = viewed_.state().stop.value_or(0);
-      shown_ = viewed_.current_stop().value_or(0);
-      question_ = viewed_.question().value_or(ConsentQuestion{}).number;
+      somebody().seen_stop = live_.state().stop.value_or(0);
+      shown_ = live_.current_stop().value_or(0);
+      question_ = live_.question().value_or(ConsentQuestion{}).number;
       return;
     case 10: {
-      const auto before = viewed_.take_answers().size();
-      viewed_.answer_here(question_, below(2) == 0);
-      for (const LateAnswer& late : viewed_.take_answers()) agreed += late.outcome.ok() && before == 0;
+      const auto before = live_.take_answers().size();
+      live_.answer_here(question_, below(2) == 0);
+      for (const LateAnswer& late : live_.take_answers()) agreed += late.outcome.ok() && before == 0;
       return;
     }
     default:

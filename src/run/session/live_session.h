@@ -37,7 +37,7 @@
 namespace palpate {
 
 /// Everything from which a session is built before it runs.
-struct ViewedParts {
+struct LiveSessionParts {
   /// Model prepared for the proxy, if that can be chosen, and for the methods that the script selects. Other
   /// direct methods are prepared on demand.
   std::shared_ptr<const Model> model;
@@ -87,11 +87,11 @@ struct ViewedParts {
 /// While a physical device can apply force, a viewer's changes need the consent of an operator at this
 /// machine (session/consent.h). While the force is stopped, consent is needed only for changes that could
 /// increase the force afterwards. A stop never needs consent.
-class ViewedSession final : public ViewerHost {
+class LiveSession final : public ViewerHost {
  public:
-  explicit ViewedSession(ViewedParts parts);
-  ~ViewedSession() override { end(); }
-  /// Connects the session to the running loop, which must use the model and parameters of ViewedParts.
+  explicit LiveSession(LiveSessionParts parts);
+  ~LiveSession() override { end(); }
+  /// Connects the session to the running loop, which must use the model and parameters of LiveSessionParts.
   /// @param loop, watch  outlive the session
   void begin(ServoLoop& loop, const ExploreWatch& watch);
   /// Ends the worker threads and disconnects the loop and the watch, which may then be destroyed.
@@ -171,7 +171,7 @@ class ViewedSession final : public ViewerHost {
   std::optional<ForceMethod> method_awaited() const;
   /// Reason why the method requested last is not active.
   std::optional<Error> method_failure() const;
-  /// ViewedParts::coarser_tissue for the current law.
+  /// LiveSessionParts::coarser_tissue for the current law.
   std::string coarser_tissue() const;
   /// The same warnings for laws chosen since the session began, in chronological order.
   std::vector<std::string> later_coarser_tissue() const;
@@ -225,7 +225,7 @@ class ViewedSession final : public ViewerHost {
   bool cuts() const;
   double felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const;
 
-  const ViewedParts parts_;
+  const LiveSessionParts parts_;
   const std::array<bool, kForceMethods.size()> choosable_;
   mutable std::once_flag scene_made_;
   mutable ViewedScene scene_;

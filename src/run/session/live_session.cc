@@ -1,4 +1,4 @@
-#include "session/viewed_session.h"
+#include "session/live_session.h"
 #include "palpate/base/spsc_ring.h"
 
 #include <sys/resource.h>
@@ -170,7 +170,7 @@ std::string words_for(const std::string& tissue, const ContactProperties& before
 
 }  // namespace
 
-ViewedSession::ViewedSession(ViewedParts parts)
+LiveSession::LiveSession(LiveSessionParts parts)
     : parts_(std::move(parts)),
       choosable_(choosable_methods(*parts_.model)),
       model_{parts_.model, parts_.model},
@@ -182,7 +182,7 @@ ViewedSession::ViewedSession(ViewedParts parts)
     measured_cells_of(model.tissue_law) = {model.tissue_coarsened, parts_.coarser_tissue};
 }
 
-void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
+void LiveSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   watch_ = &watch;
   loop_.store(&loop);
   const std::lock_guard lock(stop_mutex_);
@@ -193,7 +193,7 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
 }
 
 // the thread keeps running, idle, when a law without moving tissue is selected later
-void ViewedSession::start_tissue_thread(ServoLoop& loop) {
+void LiveSession::start_tissue_thread(ServoLoop& loop) {
   if (tissue_ != nullptr || ending_.load() || !model_.felt->has(ForceMethod::kProxy)) return;
   tissue_ = std::make_unique<TissueThread>(loop, told_, [this] {
     const std::lock_guard its_model(mutex_);
@@ -203,7 +203,7 @@ void ViewedSession::start_tissue_thread(ServoLoop& loop) {
 }
 
 // takes effect immediately unless surfaces have to be built or the solver's cell size has to be measured
-Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loop) {
+Result<void> LiveSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loop) {
   law_failure_.reset();
   if (law == model_.felt->tissue_law) {
     law_awaited_.reset();
@@ -226,7 +226,7 @@ Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loo
 }
 
 // switches the current model version to the law of `under`
-void ViewedSession::go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop) {
+void LiveSession::go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop) {
   const ModelChange change = change_of_law(*model_.felt, under.tissue_law, coarsened);
   if (is_moving(under.tissue_law)) start_tissue_thread(loop);
   apply_version({with_law(*model_.felt, under, change), model_.made}, change, by, loop);
@@ -234,7 +234,7 @@ void ViewedSession::go_by(const Model& under, double coarsened, AskedBy by, Serv
   script_law_led_to_ = change.version;
 }
 
-void ViewedSession::change_law_by_script(TissueLaw law) {
+void LiveSession::change_law_by_script(TissueLaw law) {
   ServoLoop* loop = loop_.load();
   const std::lock_guard lock(mutex_);
   script_law_led_to_.reset();
@@ -243,7 +243,7 @@ void ViewedSession::change_law_by_script(TissueLaw law) {
 }
 
 // runs on the maker thread
-void ViewedSession::prepare_law(std::unique_lock<std::mutex>& lock, const Progress& progress) {
+void LiveSession::prepare_law(std::unique_lock<std::mutex>& lock, const Progress& progress) {
   const std::shared_ptr<const Model> of = model_.felt;
   const TissueLaw law = *law_awaited_;
   // unlock: a thread waiting for the mutex would inherit this thread's low priority as latency
@@ -269,7 +269,7 @@ void ViewedSession::prepare_law(std::unique_lock<std::mutex>& lock, const Progre
 }
 
 // keeps the current law and reports the error to whoever requested the change
-void ViewedSession::abandon_law(Error why) {
+void LiveSession::abandon_law(Error why) {
   why.where = name_of(*law_awaited_, kTissueLaws);
   law_awaited_.reset();
   law_failure_ = std::move(why);
@@ -278,12 +278,12 @@ void ViewedSession::abandon_law(Error why) {
 
 // ---- state published to viewers
 
-const ViewedScene& ViewedSession::scene() const {
+const ViewedScene& LiveSession::scene() const {
   std::call_once(scene_made_, [this] { scene_ = make_scene(); });
   return scene_;
 }
 
-ViewedScene ViewedSession::make_scene() const {
+ViewedScene LiveSession::make_scene() const {
   const Model& model = *parts_.model;
   ViewedScene scene = viewed_scene(model, parts_.devices.size(), parts_.modality);
   // choices and their ranges
@@ -308,12 +308,12 @@ ViewedScene ViewedSession::make_scene() const {
   return scene;
 }
 
-bool ViewedSession::physical() const {
+bool LiveSession::physical() const {
   return std::any_of(parts_.devices.begin(), parts_.devices.end(),
                      [](const DeviceInfo& info) { return !info.simulated; });
 }
 
-double ViewedSession::most_force_N() const {
+double LiveSession::most_force_N() const {
   double max_N = std::min(max_force_range_N()[1], parts_.model->scene_max_force_N);
   for (const DeviceInfo& info : parts_.devices) max_N = std::min(max_N, info.peak_force_N.value_or(max_N));
   return max_N;
@@ -321,7 +321,7 @@ double ViewedSession::most_force_N() const {
 
 // Stiffness that this tick rendered. The proxy scales each tissue by itself; a direct method scales all
 // tissues by one factor.
-double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const {
+double LiveSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const {
   const DeviceTick& device = tick.device[number];
   const auto method = static_cast<ForceMethod>(tick.method);
   const RenderedStiffness gains(device);
@@ -339,7 +339,7 @@ double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_
   return gains.at_device(own * left * gains.direct_method_factor(all_points));
 }
 
-TickRecord ViewedSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const {
+TickRecord LiveSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const {
   stiffness_N_per_mm = {};
   const ServoLoop* loop = loop_.load();
   if (!loop) return {};
@@ -350,7 +350,7 @@ TickRecord ViewedSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_
   return tick;
 }
 
-ViewedHealth ViewedSession::health() const {
+ViewedHealth LiveSession::health() const {
   ServoLoop* loop = loop_.load();
   if (!loop) return {};
   const std::lock_guard lock(health_mutex_);
@@ -366,7 +366,7 @@ ViewedHealth ViewedSession::health() const {
   return health_;
 }
 
-ViewedState ViewedSession::state() const {
+ViewedState LiveSession::state() const {
   const ServoLoop* loop = loop_.load();
   const Parameters now = loop ? loop->parameters() : parts_.parameters;
   ViewedState state;
@@ -410,64 +410,64 @@ ViewedState ViewedSession::state() const {
   return state;
 }
 
-std::shared_ptr<const Bricks<LabelId>> ViewedSession::labels() const {
+std::shared_ptr<const Bricks<LabelId>> LiveSession::labels() const {
   const std::lock_guard lock(mutex_);
   return model_.felt->labels;
 }
 
-std::shared_ptr<const ViewedYield> ViewedSession::yielded(std::size_t device) const {
+std::shared_ptr<const ViewedYield> LiveSession::yielded(std::size_t device) const {
   const TissueThread* const tissue = yields_.load();
   return tissue != nullptr ? tissue->yielded(device) : nullptr;
 }
 
-std::optional<ForceMethod> ViewedSession::method_awaited() const {
+std::optional<ForceMethod> LiveSession::method_awaited() const {
   const std::lock_guard lock(mutex_);
   return awaited_;
 }
 
-std::optional<Error> ViewedSession::method_failure() const {
+std::optional<Error> LiveSession::method_failure() const {
   const std::lock_guard lock(mutex_);
   return method_failure_;
 }
 
-std::optional<std::uint32_t> ViewedSession::script_law_version() const {
+std::optional<std::uint32_t> LiveSession::script_law_version() const {
   const std::lock_guard lock(mutex_);
   return script_law_led_to_;
 }
 
-std::string ViewedSession::coarser_tissue() const {
+std::string LiveSession::coarser_tissue() const {
   const std::lock_guard lock(mutex_);
   return measured_cells_of(model_.felt->tissue_law).told;
 }
 
-std::vector<std::string> ViewedSession::later_coarser_tissue() const {
+std::vector<std::string> LiveSession::later_coarser_tissue() const {
   const std::lock_guard lock(mutex_);
   return later_coarser_;
 }
 
-double ViewedSession::highest_max_force_N() const {
+double LiveSession::highest_max_force_N() const {
   const std::lock_guard lock(mutex_);
   return highest_max_force_N_;
 }
 
 // ---- requests
 
-bool ViewedSession::cuts() const {
+bool LiveSession::cuts() const {
   return std::ranges::any_of(scene().tools, &ViewedTool::cuts);
 }
 
-bool ViewedSession::is_available(ForceMethod method) const {
+bool LiveSession::is_available(ForceMethod method) const {
   if (!is_choosable(method)) return false;
   return model_.felt->has(method) &&
          (method == ForceMethod::kProxy || fields_match(*model_.felt, *model_.made));
 }
 
 // whether the method is available now or its fields can be generated
-bool ViewedSession::can_be_prepared(ForceMethod method) const {
+bool LiveSession::can_be_prepared(ForceMethod method) const {
   return is_available(method) || fields_match(*model_.felt, *model_.made) || can_make_fields(*model_.felt);
 }
 
-Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
+Result<void> LiveSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
   if (request.motor && !cuts()) return bad("no device has a tool with a motor", "motor", "");
   if (request.method) {
     const auto method = find_force_method(*request.method);
@@ -500,12 +500,12 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
 
 // While force is enabled, the operator of a physical device has to consent to every change; while it is
 // stopped, only to changes that could increase the force after re-arming.
-bool ViewedSession::wants_consent(bool feels_more) const {
+bool LiveSession::wants_consent(bool feels_more) const {
   return physical() && (feels_more || !current_stop());
 }
 
 template <class Request>
-Result<Grant> ViewedSession::ask(const Request& request, std::string what) {
+Result<Grant> LiveSession::ask(const Request& request, std::string what) {
   if (!parts_.asks_here)
     return refused("the request cannot be confirmed while a device may give force", "",
                    "start palpate in a terminal, where the operator can accept it");
@@ -520,7 +520,7 @@ Result<Grant> ViewedSession::ask(const Request& request, std::string what) {
   return Grant::kAsked;
 }
 
-Result<Grant> ViewedSession::set(const SettingsRequest& request) {
+Result<Grant> LiveSession::set(const SettingsRequest& request) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   const std::lock_guard lock(mutex_);
@@ -534,7 +534,7 @@ Result<Grant> ViewedSession::set(const SettingsRequest& request) {
   return Grant::kDone;
 }
 
-Result<void> ViewedSession::apply(const SettingsRequest& request, AskedBy by) {
+Result<void> LiveSession::apply(const SettingsRequest& request, AskedBy by) {
   ServoLoop& loop = *loop_.load();
   if (request.method)
     if (auto chosen = choose(*find_force_method(*request.method), by, loop); !chosen) return chosen;
@@ -553,8 +553,8 @@ Result<void> ViewedSession::apply(const SettingsRequest& request, AskedBy by) {
   return {};
 }
 
-Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double to_N_per_mm,
-                                                   ForceMethod method) const {
+Result<void> LiveSession::check_stiffness_change(double from_N_per_mm, double to_N_per_mm,
+                                                 ForceMethod method) const {
   if (to_N_per_mm == from_N_per_mm) return {};
   if (method != ForceMethod::kProxy || !model_.felt->has(method))
     return refused(
@@ -564,7 +564,7 @@ Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double 
 }
 
 // returns the resulting change; it may be empty
-Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Parameters& now) const {
+Result<ModelChange> LiveSession::check(const TissueRequest& request, const Parameters& now) const {
   if (request.tissue < 0 || static_cast<std::size_t>(request.tissue) >= model_.felt->tissues.size())
     return bad("there is no such tissue", "tissue", "tissues are numbered from 0, in the order of the scene");
   const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
@@ -584,7 +584,7 @@ Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Par
   return change;
 }
 
-Result<Grant> ViewedSession::set(const TissueRequest& request) {
+Result<Grant> LiveSession::set(const TissueRequest& request) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   const std::lock_guard lock(mutex_);
@@ -601,7 +601,7 @@ Result<Grant> ViewedSession::set(const TissueRequest& request) {
   return Grant::kDone;
 }
 
-Result<void> ViewedSession::apply(const TissueRequest& request, AskedBy by) {
+Result<void> LiveSession::apply(const TissueRequest& request, AskedBy by) {
   ServoLoop& loop = *loop_.load();
   const auto change = check(request, loop.parameters());
   if (!change) return change.error();
@@ -612,7 +612,7 @@ Result<void> ViewedSession::apply(const TissueRequest& request, AskedBy by) {
 }
 
 // strokes that can still be undone or redone once the queued requests have been carried out
-std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
+std::ptrdiff_t LiveSession::strokes_left(StrokeAction action) const {
   const Carving* const carving = model_.felt->carving.get();
   if (carving == nullptr) return 0;
   auto left = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
@@ -621,7 +621,7 @@ std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
   return left;
 }
 
-Result<void> ViewedSession::check(const LastStrokeRequest& request, const Parameters& now) const {
+Result<void> LiveSession::check(const LastStrokeRequest& request, const Parameters& now) const {
   if (!cuts()) return bad("no device has a cutting tool", "", "");
   const ServoLoop& loop = *loop_.load();
   if (now.motor || motor_was_on(*parts_.model, loop.snapshot()))
@@ -637,7 +637,7 @@ Result<void> ViewedSession::check(const LastStrokeRequest& request, const Parame
              : refused("there is no stroke to redo", "", "cutting after an undo discards the undone strokes");
 }
 
-Result<Grant> ViewedSession::set(const StrokeRequest& request) {
+Result<Grant> LiveSession::set(const StrokeRequest& request) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   const std::lock_guard lock(mutex_);
@@ -651,12 +651,12 @@ Result<Grant> ViewedSession::set(const StrokeRequest& request) {
   return Grant::kDone;
 }
 
-Result<void> ViewedSession::apply(const LastStrokeRequest& request, AskedBy by) {
+Result<void> LiveSession::apply(const LastStrokeRequest& request, AskedBy by) {
   strokes_wanted_.push_back({request.action, by, request.strokes});
   return {};
 }
 
-void ViewedSession::change_stroke_by_script(StrokeAction action) {
+void LiveSession::change_stroke_by_script(StrokeAction action) {
   ServoLoop* loop = loop_.load();
   const std::lock_guard lock(mutex_);
   script_stroke_led_to_ = 0;
@@ -665,21 +665,20 @@ void ViewedSession::change_stroke_by_script(StrokeAction action) {
   script_stroke_led_to_.reset();
 }
 
-std::optional<std::uint32_t> ViewedSession::script_stroke_version() const {
+std::optional<std::uint32_t> LiveSession::script_stroke_version() const {
   const std::lock_guard lock(mutex_);
   return script_stroke_led_to_;
 }
 
 // strong exception guarantee: either both the loop and model_ change or neither does
-void ViewedSession::apply_version(ModelVersions next, const ModelChange& change, AskedBy by,
-                                  ServoLoop& loop) {
+void LiveSession::apply_version(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
   set_model_logged(loop, told_, by, next.felt, change);
   model_ = std::move(next);
 }
 
 // ---- material removal by a burr
 
-void ViewedSession::run_cutter() {
+void LiveSession::run_cutter() {
   ServoLoop& loop = *loop_.load();
   std::array<SweepRecord, 64> swept;
   std::vector<Cut> cuts;
@@ -701,7 +700,7 @@ void ViewedSession::run_cutter() {
 
 // Only this thread cuts, so `before` already contains every earlier cut. The mutex is not locked while
 // carving.
-void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
+void LiveSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   std::shared_ptr<const Model> before;
   {
     const std::lock_guard lock(mutex_);
@@ -722,7 +721,7 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
 }
 
 // Runs on the cutter thread as well, so that no cut happens concurrently.
-void ViewedSession::change_strokes(ServoLoop& loop) {
+void LiveSession::change_strokes(ServoLoop& loop) {
   const std::lock_guard lock(mutex_);
   while (!strokes_wanted_.empty()) {
     const WantedStroke wanted = strokes_wanted_.front();
@@ -742,34 +741,34 @@ void ViewedSession::change_strokes(ServoLoop& loop) {
   }
 }
 
-std::vector<SweepRecord> ViewedSession::sweeps(std::uint32_t version, std::uint64_t first,
-                                               std::size_t most) const {
+std::vector<SweepRecord> LiveSession::sweeps(std::uint32_t version, std::uint64_t first,
+                                             std::size_t most) const {
   const std::lock_guard lock(mutex_);
   return cuts_.by(version, static_cast<std::size_t>(first), most);
 }
 
-void ViewedSession::emergency_stop(const ViewerIdentity& by) {
+void LiveSession::emergency_stop(const ViewerIdentity& by) {
   stop(asked_by(by));
 }
 
-void ViewedSession::stop_here() {
+void LiveSession::stop_here() {
   stop({Asker::kKey});
 }
 
-void ViewedSession::stop(AskedBy by) {
+void LiveSession::stop(AskedBy by) {
   const std::lock_guard lock(stop_mutex_);
   stopped_by_ = by;
   if (ServoLoop* loop = loop_.load()) return stop_logged(*loop, told_, by);
   stopped_early_.store(true);
 }
 
-std::optional<std::uint32_t> ViewedSession::current_stop() const {
+std::optional<std::uint32_t> LiveSession::current_stop() const {
   const ServoLoop* loop = loop_.load();
   const Arming arming = loop ? loop->arming() : Arming{0, stopped_early_.load()};
   return arming.stopped ? std::optional(arming.number) : std::nullopt;
 }
 
-Result<void> ViewedSession::rearm(const RearmRequest& request) {
+Result<void> LiveSession::rearm(const RearmRequest& request) {
   if (physical() && request.code.empty())
     return refused("a force-feedback device must be rearmed at the device, not remotely", "",
                    "press r at the terminal of palpate with the tip free, or enter the code shown there");
@@ -779,19 +778,19 @@ Result<void> ViewedSession::rearm(const RearmRequest& request) {
   return rearm(request.stop, asked_by(request.by));
 }
 
-std::string ViewedSession::arming_code() {
+std::string LiveSession::arming_code() {
   const auto stop = current_stop();
   return stop && physical() ? arming_code_.shown(*stop) : std::string();
 }
 
-Result<void> ViewedSession::rearm_here(std::uint32_t stop) {
+Result<void> LiveSession::rearm_here(std::uint32_t stop) {
   if (rearmed_in_page())
     return refused("a pointer can be rearmed only by the viewer that moves it", "",
                    "press Rearm in the page");
   return rearm(stop, {Asker::kKey});
 }
 
-Result<void> ViewedSession::rearm(std::uint32_t stop, AskedBy by) {
+Result<void> LiveSession::rearm(std::uint32_t stop, AskedBy by) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   switch (rearm_logged(*loop, told_, by, stop)) {
@@ -810,17 +809,17 @@ Result<void> ViewedSession::rearm(std::uint32_t stop, AskedBy by) {
   return {};
 }
 
-void ViewedSession::stop_unsupervised() {
+void LiveSession::stop_unsupervised() {
   stop({Asker::kSession});
 }
 
-void ViewedSession::pause_here() {
+void LiveSession::pause_here() {
   if (ServoLoop* loop = loop_.load())
     change_logged(*loop, told_, {Asker::kKey},
                   [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
-void ViewedSession::next_method() {
+void LiveSession::next_method() {
   ServoLoop* loop = loop_.load();
   if (!loop) return;
   const std::lock_guard lock(mutex_);
@@ -831,7 +830,7 @@ void ViewedSession::next_method() {
   if (auto chosen = choose(next, {Asker::kKey}, *loop); !chosen) give_up(next, chosen.error());
 }
 
-Result<void> ViewedSession::motor_here() {
+Result<void> LiveSession::motor_here() {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   if (!cuts()) return bad("no device has a tool with a motor", "", "");
@@ -840,7 +839,7 @@ Result<void> ViewedSession::motor_here() {
   return {};
 }
 
-Result<void> ViewedSession::stroke_here(StrokeAction action) {
+Result<void> LiveSession::stroke_here(StrokeAction action) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   const std::lock_guard lock(mutex_);
@@ -849,7 +848,7 @@ Result<void> ViewedSession::stroke_here(StrokeAction action) {
   return apply(wanted, {Asker::kKey});
 }
 
-void ViewedSession::follow_script() {
+void LiveSession::follow_script() {
   ServoLoop* loop = loop_.load();
   if (!loop) return;
   const ForceMethod method = loop->parameters().method;
@@ -866,7 +865,7 @@ void ViewedSession::follow_script() {
 
 // ---- fields
 
-Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& loop) {
+Result<void> LiveSession::choose(ForceMethod method, AskedBy by, ServoLoop& loop) {
   awaited_.reset();
   method_failure_.reset();
   if (is_available(method)) {
@@ -880,7 +879,7 @@ Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& lo
   return {};
 }
 
-Result<void> ViewedSession::start_maker() try {
+Result<void> LiveSession::start_maker() try {
   if (!maker_.joinable()) maker_ = std::thread([this] { run_maker(); });
   return {};
 } catch (const std::system_error& error) {
@@ -889,7 +888,7 @@ Result<void> ViewedSession::start_maker() try {
                "close other programs, or raise the process limit (ulimit -u)"};
 }
 
-void ViewedSession::run_maker() {
+void LiveSession::run_maker() {
   // threads started from here inherit the lowest priority
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
   const Progress progress({}, &ending_);
@@ -934,9 +933,9 @@ void ViewedSession::run_maker() {
 
 // Returns a model whose fields match the current stiffnesses and that is prepared for `method`.
 // @param fields  result of an earlier attempt; reused if it matches, otherwise regenerated
-Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod method, const ModelVersions& of,
-                                                               std::shared_ptr<const Model>& fields,
-                                                               const Progress& progress) const try {
+Result<std::shared_ptr<const Model>> LiveSession::fields_for(ForceMethod method, const ModelVersions& of,
+                                                             std::shared_ptr<const Model>& fields,
+                                                             const Progress& progress) const try {
   if (!fields || !fields_match(*of.felt, *fields)) {
     fields = of.made;
     if (!fields_match(*of.felt, *of.made)) {
@@ -957,7 +956,7 @@ Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod metho
   return not_made(why);
 }
 
-Result<void> ViewedSession::use_fields(std::shared_ptr<const Model> fields) try {
+Result<void> LiveSession::use_fields(std::shared_ptr<const Model> fields) try {
   ServoLoop& loop = *loop_.load();
   if (fields_match(*model_.felt, *model_.made)) {
     // preparing further methods leaves the haptic properties unchanged, so no new version is needed
@@ -975,7 +974,7 @@ Result<void> ViewedSession::use_fields(std::shared_ptr<const Model> fields) try 
 }
 
 // keeps the current method and reports the error to whoever requested the change
-void ViewedSession::give_up(ForceMethod method, Error why) {
+void LiveSession::give_up(ForceMethod method, Error why) {
   awaited_.reset();
   given_up_ = model_.felt->version;
   why.where = name_of(method);
@@ -987,7 +986,7 @@ void ViewedSession::give_up(ForceMethod method, Error why) {
   });
 }
 
-void ViewedSession::end() {
+void LiveSession::end() {
   {
     const std::lock_guard lock(mutex_);
     ending_.store(true);
@@ -1000,7 +999,7 @@ void ViewedSession::end() {
   loop_.store(nullptr);
 }
 
-Result<void> ViewedSession::take_pointer(bool take, const ViewerIdentity& by) {
+Result<void> LiveSession::take_pointer(bool take, const ViewerIdentity& by) {
   if (!parts_.pointer)
     return refused("the tip is moved by the " + parts_.input + " here", "take",
                    "start palpate explore with --device pointer");
@@ -1012,7 +1011,7 @@ Result<void> ViewedSession::take_pointer(bool take, const ViewerIdentity& by) {
   return {};
 }
 
-void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
+void LiveSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
   const ServoLoop* loop = loop_.load();
   if (!pointer_taken_.load() || !loop) return;
   // pose of the object as currently rendered
@@ -1026,22 +1025,22 @@ void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
 
 // ---- tasks
 
-ViewedTraining ViewedSession::training() const {
+ViewedTraining LiveSession::training() const {
   return parts_.training != nullptr ? parts_.training->state() : ViewedTraining{};
 }
 
-std::shared_ptr<const ViewedDebriefing> ViewedSession::debriefing() const {
+std::shared_ptr<const ViewedDebriefing> LiveSession::debriefing() const {
   return parts_.training != nullptr ? parts_.training->debriefing() : nullptr;
 }
 
-Result<void> ViewedSession::train(const TaskRequest& request) {
+Result<void> LiveSession::train(const TaskRequest& request) {
   if (parts_.training == nullptr) return ViewerHost::train(request);
   // the evaluator gets ticks only while the loop runs
   if (!loop_.load()) return not_running();
   return request.begin ? parts_.training->begin(*request.begin, request.learner) : parts_.training->end_run();
 }
 
-Result<void> ViewedSession::teach(const LessonRequest& request) {
+Result<void> LiveSession::teach(const LessonRequest& request) {
   if (request.learner || request.task) {
     if (parts_.training == nullptr)
       return refused("there is no task for a lesson", "", "start palpate explore with --task");
@@ -1051,11 +1050,11 @@ Result<void> ViewedSession::teach(const LessonRequest& request) {
   return {};
 }
 
-Result<std::string> ViewedSession::curves(const std::string& learner) const {
+Result<std::string> LiveSession::curves(const std::string& learner) const {
   return keeps_runs() ? parts_.training->curves(learner) : ViewerHost::curves(learner);
 }
 
-Result<void> ViewedSession::task_here() {
+Result<void> LiveSession::task_here() {
   if (parts_.training == nullptr)
     return refused("there is no task to start", "", "start palpate explore with --task");
   if (!loop_.load()) return not_running();
@@ -1064,7 +1063,7 @@ Result<void> ViewedSession::task_here() {
 
 // ---- a tracked tool
 
-std::optional<ViewedNavigation> ViewedSession::navigation() const {
+std::optional<ViewedNavigation> LiveSession::navigation() const {
   const ServoLoop* loop = loop_.load();
   const auto tracked = std::ranges::find_if(parts_.devices, &DeviceInfo::in_patient);
   if (parts_.navigation == nullptr || tracked == parts_.devices.end() || loop == nullptr) return {};
@@ -1082,15 +1081,15 @@ std::optional<ViewedNavigation> ViewedSession::navigation() const {
 
 // ---- the plan
 
-std::shared_ptr<const ViewedPlan> ViewedSession::plan() const {
-  return parts_.plan != nullptr ? parts_.plan->viewed() : nullptr;
+std::shared_ptr<const ViewedPlan> LiveSession::plan() const {
+  return parts_.plan != nullptr ? parts_.plan->live() : nullptr;
 }
 
-Result<void> ViewedSession::change(const PlanRequest& request) {
+Result<void> LiveSession::change(const PlanRequest& request) {
   return parts_.plan != nullptr ? parts_.plan->change(request) : ViewerHost::change(request);
 }
 
-Result<void> ViewedSession::play(const PlayRequest& /*request*/) {
+Result<void> LiveSession::play(const PlayRequest& /*request*/) {
   return refused("this is a live session, not a recording", "", "palpate replay RECORDING --view shows one");
 }
 

@@ -1,4 +1,4 @@
-#include "session/viewed_session.h"
+#include "session/live_session.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -92,29 +92,29 @@ class Viewed : public ::testing::Test {
     parameters.device[0] = device_parameters(driver_->devices()[0], workspace);
     parameters.device[0].max_stiffness_N_per_mm = max_stiffness;
     const auto devices = driver_->devices();
-    viewed_.emplace(ViewedParts{model_,
-                                {devices.begin(), devices.end()},
-                                workspace,
-                                parameters,
-                                "device",
-                                1000,
-                                nullptr,
-                                false,
-                                Modality::kMr,
-                                asks_here_,
-                                nullptr,
-                                new_fields_,
-                                more_methods_,
-                                other_law_});
+    live_.emplace(LiveSessionParts{model_,
+                                   {devices.begin(), devices.end()},
+                                   workspace,
+                                   parameters,
+                                   "device",
+                                   1000,
+                                   nullptr,
+                                   false,
+                                   Modality::kMr,
+                                   asks_here_,
+                                   nullptr,
+                                   new_fields_,
+                                   more_methods_,
+                                   other_law_});
     auto loop =
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
     loop_ = *std::move(loop);
     watch_.emplace(*model_, std::vector<HoldAsked>{});
-    viewed_->begin(*loop_, *watch_);
+    live_->begin(*loop_, *watch_);
   }
   void TearDown() override {
-    if (viewed_) viewed_->end();
+    if (live_) live_->end();
     if (loop_) loop_->stop();
   }
 
@@ -134,11 +134,11 @@ class Viewed : public ::testing::Test {
   TickRecord latest() const { return loop_->snapshot(); }
   double stiffness() const {
     std::array<double, kMaxDevices> felt{};
-    (void)viewed_->snapshot(felt);
+    (void)live_->snapshot(felt);
     return felt[0];
   }
-  Error error_of(const SettingsRequest& request) { return error_in(viewed_->set(request)); }
-  Error error_of(const TissueRequest& request) { return error_in(viewed_->set(request)); }
+  Error error_of(const SettingsRequest& request) { return error_in(live_->set(request)); }
+  Error error_of(const TissueRequest& request) { return error_in(live_->set(request)); }
   template <class T>
   static Error error_in(const Result<T>& result) {
     return result.ok() ? Error{ErrorKind::kBadInput, "no error", "", ""} : result.error();
@@ -152,7 +152,7 @@ class Viewed : public ::testing::Test {
 
   // all events logged for the recorder so far
   const std::list<RecordingEvent>& told() {
-    viewed_->told().take(told_);
+    live_->told().take(told_);
     return told_;
   }
   std::vector<ModelChange> changes() {
@@ -170,7 +170,7 @@ class Viewed : public ::testing::Test {
   }
   // number of the current stop, once a tick has applied it
   std::uint32_t stopped() {
-    const std::uint32_t stop = viewed_->state().stop.value_or(0);
+    const std::uint32_t stop = live_->state().stop.value_or(0);
     EXPECT_GT(stop, 0u);
     EXPECT_TRUE(soon([&] { return latest().arming_number >= stop; }));
     EXPECT_TRUE(latest().switches & kSwitchEmergencyStop);
@@ -178,8 +178,8 @@ class Viewed : public ::testing::Test {
   }
   // answers the pending question by a key; returns what its viewer receives
   LateAnswer answer(bool agreed) {
-    viewed_->answer_here(viewed_->question().value_or(ConsentQuestion{}).number, agreed);
-    const auto answers = viewed_->take_answers();
+    live_->answer_here(live_->question().value_or(ConsentQuestion{}).number, agreed);
+    const auto answers = live_->take_answers();
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? LateAnswer{{}, 0, not_answered()} : answers.front();
   }
@@ -188,22 +188,22 @@ class Viewed : public ::testing::Test {
   bool asks_here_ = true;
   std::list<RecordingEvent> told_;
   bool every_method_ = true;  // false: the trilinear method and the proxy only
-  decltype(ViewedParts::new_fields) new_fields_ = with_rebuilt_fields;
-  decltype(ViewedParts::more_methods) more_methods_ = with_methods;
-  decltype(ViewedParts::other_law) other_law_ = measured_under_law;
+  decltype(LiveSessionParts::new_fields) new_fields_ = with_rebuilt_fields;
+  decltype(LiveSessionParts::more_methods) more_methods_ = with_methods;
+  decltype(LiveSessionParts::other_law) other_law_ = measured_under_law;
   std::optional<ElasticConstants> shell_;  // constants of the shell's elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
   std::optional<HeldDriver> driver_;
-  std::optional<ViewedSession> viewed_;
+  std::optional<LiveSession> live_;
   std::unique_ptr<ServoLoop> loop_;
   std::optional<ExploreWatch> watch_;
 };
 
 TEST_F(Viewed, WhatIsShownNamesNobody) {
   start();
-  const ViewedScene& scene = viewed_->scene();
+  const ViewedScene& scene = live_->scene();
   EXPECT_EQ(scene.side, "left");
   EXPECT_EQ(scene.modality, "mr") << "as the scene says";
   EXPECT_EQ(scene.labels, model_->labels);
@@ -235,11 +235,11 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
 TEST_F(Viewed, ABurrThatNoDeviceHoldsHasNoMotor) {
   tools_.emplace_back().burr = BurrSettings{};
   start();
-  ASSERT_EQ(viewed_->scene().tools.size(), 1u) << "there is one device";
-  EXPECT_FALSE(viewed_->scene().tools[0].cuts);
+  ASSERT_EQ(live_->scene().tools.size(), 1u) << "there is one device";
+  EXPECT_FALSE(live_->scene().tools[0].cuts);
   SettingsRequest motor;
   motor.motor = true;
-  const auto granted = viewed_->set(motor);
+  const auto granted = live_->set(motor);
   ASSERT_FALSE(granted.ok());
   EXPECT_EQ(granted.error().where, "motor");
 }
@@ -252,8 +252,8 @@ TEST_F(Viewed, OtherVoxelsAreAnotherHashAndAirIsCt) {
     model.scan = scan;
     DeviceInfo info;
     info.simulated = true;
-    return ViewedSession(
-               ViewedParts{std::make_shared<const Model>(std::move(model)), {info}, {}, {}, "script"})
+    return LiveSession(
+               LiveSessionParts{std::make_shared<const Model>(std::move(model)), {info}, {}, {}, "script"})
         .scene();
   };
   const ViewedScene air = scene_of(-1000), same = scene_of(-1000), water = scene_of(5);
@@ -291,7 +291,7 @@ TEST_F(Viewed, SettingsAreTakenAllOrNone) {
     const Error error = error_of(bad);
     EXPECT_EQ(error.where, where) << error.what;
     EXPECT_FALSE(error.remedy.empty());
-    const ViewedState state = viewed_->state();
+    const ViewedState state = live_->state();
     EXPECT_EQ(state.method, "proxy");
     EXPECT_TRUE(state.friction && state.viscosity && !state.passivity && !state.paused);
     EXPECT_EQ(state.max_force_N, 3);
@@ -299,7 +299,7 @@ TEST_F(Viewed, SettingsAreTakenAllOrNone) {
   }
 
   EXPECT_EQ(error_of(request).what, "no error");
-  const ViewedState state = viewed_->state();
+  const ViewedState state = live_->state();
   EXPECT_EQ(state.method, "trilinear");
   EXPECT_TRUE(!state.friction && !state.viscosity && state.passivity && state.paused);
   EXPECT_EQ(state.max_force_N, 1.5);
@@ -332,13 +332,13 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
     TissueRequest bad = request;
     spoil(bad);
     EXPECT_EQ(error_of(bad).where, where) << error_of(bad).what;
-    EXPECT_EQ(viewed_->state().model_version, 1u);
-    EXPECT_EQ(viewed_->state().tissues[1].stiffness_N_per_mm, 0.75);
+    EXPECT_EQ(live_->state().model_version, 1u);
+    EXPECT_EQ(live_->state().tissues[1].stiffness_N_per_mm, 0.75);
     EXPECT_TRUE(changes().empty());
   }
   EXPECT_EQ(error_of(request).what, "no error");
-  EXPECT_EQ(viewed_->state().model_version, 2u);
-  const ContactProperties cartilage = viewed_->state().tissues[1];
+  EXPECT_EQ(live_->state().model_version, 2u);
+  const ContactProperties cartilage = live_->state().tissues[1];
   EXPECT_EQ(cartilage.stiffness_N_per_mm, 0.5);
   EXPECT_EQ(cartilage.static_friction, 0.4);
   EXPECT_EQ(cartilage.friction, 0.3);
@@ -346,7 +346,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   EXPECT_EQ(changes(), (std::vector<ModelChange>{{2, 1, {0.5, 0.4, 0.3, 0}}}));
   // a change to the current value creates no version
   EXPECT_EQ(error_of(request).what, "no error");
-  EXPECT_EQ(viewed_->state().model_version, 2u);
+  EXPECT_EQ(live_->state().model_version, 2u);
   EXPECT_TRUE(soon([&] { return latest().model_version == 2; }));
 }
 
@@ -406,9 +406,9 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   direct.method = "b-spline";
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).where, "method");
-  EXPECT_EQ(viewed_->state().method, "proxy");
-  viewed_->next_method();
-  EXPECT_EQ(viewed_->state().method, "proxy") << "no other suits";
+  EXPECT_EQ(live_->state().method, "proxy");
+  live_->next_method();
+  EXPECT_EQ(live_->state().method, "proxy") << "no other suits";
 
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.75;
   EXPECT_EQ(error_of(softer).what, "no error");
@@ -419,8 +419,8 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   softer.changes[&ContactProperties::stiffness_N_per_mm].reset();
   softer.changes[&ContactProperties::viscosity_N_s_per_mm] = 0.002;
   EXPECT_EQ(error_of(softer).what, "no error");
-  viewed_->next_method();
-  EXPECT_EQ(viewed_->state().method, "gaussian-sphere");
+  live_->next_method();
+  EXPECT_EQ(live_->state().method, "gaussian-sphere");
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
@@ -440,16 +440,16 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   direct.method = "trilinear";
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).what, "no error");
-  EXPECT_EQ(viewed_->state().method_awaited, "trilinear");
+  EXPECT_EQ(live_->state().method_awaited, "trilinear");
   // the proxy stays active while the fields are generated; the last request wins
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   EXPECT_EQ(error_of(softer).what, "no error");
   may_be_made = true;
-  ASSERT_TRUE(soon([&] { return viewed_->state().method == "trilinear"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().method == "trilinear"; }));
   const auto made = changes();
   ASSERT_GE(made.size(), 3u);
   EXPECT_EQ(made.back().tissue, ModelChange::kFieldsRebuilt);
-  EXPECT_EQ(made.back().version, viewed_->state().model_version);
+  EXPECT_EQ(made.back().version, live_->state().model_version);
   ASSERT_NO_FATAL_FAILURE(press(2));
   EXPECT_NEAR(stiffness(), 0.5, 1e-12);
   ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - 1.0) < 0.1; })) << sent_N(latest());
@@ -471,15 +471,15 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
     return with_methods(std::move(model), methods, progress);
   };
   start();
-  EXPECT_EQ(viewed_->scene().methods.size(), kForceMethods.size());
+  EXPECT_EQ(live_->scene().methods.size(), kForceMethods.size());
   ASSERT_NO_FATAL_FAILURE(press(1));
   SettingsRequest spline, proxy;
   spline.method = "b-spline";
   proxy.method = "proxy";
   ASSERT_EQ(error_of(spline).what, "no error");
-  EXPECT_EQ(viewed_->state().method, "proxy");
-  EXPECT_EQ(viewed_->state().method_awaited, "b-spline");
-  EXPECT_EQ(viewed_->method_awaited(), ForceMethod::kSpline);
+  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method_awaited, "b-spline");
+  EXPECT_EQ(live_->method_awaited(), ForceMethod::kSpline);
   // a change in the meantime delays it; the change itself takes effect immediately
   TissueRequest thicker;
   thicker.tissue = kViewedBone;
@@ -487,15 +487,15 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   ASSERT_EQ(error_of(thicker).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
-  EXPECT_EQ(viewed_->state().method_awaited, "");
+  EXPECT_EQ(live_->state().method_awaited, "");
   EXPECT_EQ(changes().size(), 1u) << "of the tissue: being ready for more is no new version";
   EXPECT_EQ(latest().model_version, 2u);
   // from then on the method is available at once
   ASSERT_EQ(error_of(proxy).what, "no error");
-  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, "proxy");
   const int before = made;
   ASSERT_EQ(error_of(spline).what, "no error");
-  EXPECT_EQ(viewed_->state().method, "b-spline");
+  EXPECT_EQ(live_->state().method, "b-spline");
   EXPECT_EQ(made, before);
   // no tick rendered another method in its place
   std::vector<std::uint8_t> felt;
@@ -525,22 +525,22 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   };
   choose("b-spline");
   choose("smooth-sphere");
-  EXPECT_EQ(viewed_->state().method_awaited, "smooth-sphere");
+  EXPECT_EQ(live_->state().method_awaited, "smooth-sphere");
   may_be_made = true;
-  ASSERT_TRUE(soon([&] { return viewed_->state().method == "smooth-sphere"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().method == "smooth-sphere"; }));
   // returning to the previous method cancels the request
   may_be_made = false;
   choose("stored-normals");
   choose("proxy");
   may_be_made = true;
-  EXPECT_EQ(viewed_->state().method_awaited, "");
+  EXPECT_EQ(live_->state().method_awaited, "");
   // after another change of stiffness the fields are regenerated, including those of a method never chosen
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   ASSERT_EQ(error_of(softer).what, "no error");
   choose("gaussian-sphere");
-  ASSERT_TRUE(soon([&] { return viewed_->state().method == "gaussian-sphere"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().method == "gaussian-sphere"; }));
   EXPECT_EQ(changes().back().tissue, ModelChange::kFieldsRebuilt);
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
@@ -557,19 +557,19 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   SettingsRequest spline;
   spline.method = "b-spline";
   ASSERT_EQ(error_of(spline).what, "no error");
-  ASSERT_TRUE(soon([&] { return viewed_->method_failure().has_value(); }));
-  EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
-  EXPECT_EQ(viewed_->state().method, "proxy");
-  EXPECT_EQ(viewed_->state().method_awaited, "");
+  ASSERT_TRUE(soon([&] { return live_->method_failure().has_value(); }));
+  EXPECT_EQ(live_->method_failure()->where, "b-spline");
+  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method_awaited, "");
   // the memory limit is respected
   set_reading_limits({.max_memory_bytes = 1});
   ASSERT_EQ(error_of(spline).what, "no error");
-  ASSERT_TRUE(soon([&] { return viewed_->method_failure().has_value(); }));
+  ASSERT_TRUE(soon([&] { return live_->method_failure().has_value(); }));
   set_reading_limits({});
-  EXPECT_THAT(viewed_->method_failure()->what, HasSubstr("of memory"));
+  EXPECT_THAT(live_->method_failure()->what, HasSubstr("of memory"));
   EXPECT_EQ(tries, 1);
   ASSERT_EQ(error_of(spline).what, "no error");
-  EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
+  EXPECT_TRUE(soon([&] { return live_->state().method == "b-spline"; }));
 }
 
 TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
@@ -589,19 +589,19 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
     return MeasuredCells{std::move(carried), is_slow ? "coarser cells" : ""};
   };
   start();
-  EXPECT_THAT(viewed_->scene().laws, ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));
+  EXPECT_THAT(live_->scene().laws, ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));
   ASSERT_NO_FATAL_FAILURE(press(1));
   const auto go_by = [&](const char* law) {
     SettingsRequest request;
     request.law = law;
-    return viewed_->set(request);
+    return live_->set(request);
   };
   ASSERT_EQ(go_by("elastic").value(), Grant::kDone);
-  EXPECT_EQ(viewed_->state().law, "layers");
-  EXPECT_EQ(viewed_->state().law_awaited, "elastic");
+  EXPECT_EQ(live_->state().law, "layers");
+  EXPECT_EQ(live_->state().law_awaited, "elastic");
   // returning to the previous law cancels the request
   ASSERT_TRUE(go_by("layers").ok());
-  EXPECT_EQ(viewed_->state().law_awaited, "");
+  EXPECT_EQ(live_->state().law_awaited, "");
   ASSERT_TRUE(go_by("elastic").ok());
   // a tissue edited in the meantime is rendered as edited, and the surfaces include the edit
   TissueRequest slippery;
@@ -609,37 +609,37 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   slippery.changes[&ContactProperties::friction] = 0.05;
   ASSERT_EQ(error_of(slippery).what, "no error");
   may_be_made = true;
-  ASSERT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
-  EXPECT_EQ(viewed_->state().law_awaited, "");
-  EXPECT_FALSE(viewed_->state().law_failure);
+  ASSERT_TRUE(soon([&] { return live_->state().law == "elastic"; }));
+  EXPECT_EQ(live_->state().law_awaited, "");
+  EXPECT_FALSE(live_->state().law_failure);
   EXPECT_GE(made, 1);
-  EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].friction, 0.05);
-  EXPECT_EQ(changes().back().version, viewed_->state().model_version);
+  EXPECT_EQ(live_->state().tissues[kViewedCartilage].friction, 0.05);
+  EXPECT_EQ(changes().back().version, live_->state().model_version);
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
   // the solver thread runs, and the tick renders its solution
-  ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && viewed_->yielded(0) != nullptr; }));
+  ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && live_->yielded(0) != nullptr; }));
   EXPECT_GT(sent_N(latest()), 0.01);
   EXPECT_EQ(latest().device[0].flags & kFlagInside, 0u);
 
   // the other elastic law has the same surfaces, but its cell size has not been measured yet
   const int before = made;
   ASSERT_TRUE(go_by("neo-hookean").ok());
-  ASSERT_TRUE(soon([&] { return viewed_->state().law == "neo-hookean"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().law == "neo-hookean"; }));
   EXPECT_EQ(made, before + 1);
   EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1.6);
-  EXPECT_EQ(viewed_->coarser_tissue(), "coarser cells");
-  EXPECT_THAT(viewed_->later_coarser_tissue(), ::testing::ElementsAre("coarser cells"));
+  EXPECT_EQ(live_->coarser_tissue(), "coarser cells");
+  EXPECT_THAT(live_->later_coarser_tissue(), ::testing::ElementsAre("coarser cells"));
   // from then on it takes effect at once
   ASSERT_TRUE(go_by("elastic").ok());
-  EXPECT_EQ(viewed_->state().law, "elastic");
+  EXPECT_EQ(live_->state().law, "elastic");
   EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1);
-  EXPECT_EQ(viewed_->coarser_tissue(), "");
+  EXPECT_EQ(live_->coarser_tissue(), "");
   ASSERT_TRUE(go_by("neo-hookean").ok());
-  EXPECT_EQ(viewed_->state().law, "neo-hookean");
+  EXPECT_EQ(live_->state().law, "neo-hookean");
   EXPECT_EQ(made, before + 1);
   ASSERT_TRUE(go_by("layers").ok());
-  ASSERT_TRUE(soon([&] { return viewed_->state().law == "layers"; }));
-  EXPECT_TRUE(soon([&] { return viewed_->yielded(0) == nullptr; }));
+  ASSERT_TRUE(soon([&] { return live_->state().law == "layers"; }));
+  EXPECT_TRUE(soon([&] { return live_->yielded(0) == nullptr; }));
 }
 
 TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
@@ -653,22 +653,22 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   SettingsRequest elastic;
   elastic.law = "elastic";
   ASSERT_EQ(error_of(elastic).what, "no error");
-  ASSERT_TRUE(soon([&] { return viewed_->state().law_failure.has_value(); }));
-  EXPECT_EQ(viewed_->state().law_failure->where, "elastic");
-  EXPECT_EQ(viewed_->state().law, "layers");
-  EXPECT_EQ(viewed_->state().law_awaited, "");
+  ASSERT_TRUE(soon([&] { return live_->state().law_failure.has_value(); }));
+  EXPECT_EQ(live_->state().law_failure->where, "elastic");
+  EXPECT_EQ(live_->state().law, "layers");
+  EXPECT_EQ(live_->state().law_awaited, "");
   // the memory limit is respected
   set_reading_limits({.max_memory_bytes = 1});
   ASSERT_EQ(error_of(elastic).what, "no error");
-  ASSERT_TRUE(soon([&] { return viewed_->state().law_failure.has_value(); }));
+  ASSERT_TRUE(soon([&] { return live_->state().law_failure.has_value(); }));
   set_reading_limits({});
-  EXPECT_THAT(viewed_->state().law_failure->what, HasSubstr("of memory"));
+  EXPECT_THAT(live_->state().law_failure->what, HasSubstr("of memory"));
   ASSERT_EQ(error_of(elastic).what, "no error");
-  EXPECT_FALSE(viewed_->state().law_failure);
-  EXPECT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
+  EXPECT_FALSE(live_->state().law_failure);
+  EXPECT_TRUE(soon([&] { return live_->state().law == "elastic"; }));
   // a script's request is answered as well
-  viewed_->change_law_by_script(TissueLaw::kElastic);
-  EXPECT_EQ(viewed_->script_law_version(), viewed_->state().model_version);
+  live_->change_law_by_script(TissueLaw::kElastic);
+  EXPECT_EQ(live_->script_law_version(), live_->state().model_version);
 }
 
 TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
@@ -677,16 +677,16 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   softer.tissue = kViewedBone;
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
-  viewed_->next_method();  // the method after the proxy is the trilinear one
+  live_->next_method();  // the method after the proxy is the trilinear one
   SettingsRequest proxy;
   proxy.method = "proxy";
   ASSERT_EQ(error_of(proxy).what, "no error");
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, "proxy");
   // a script's method gets its fields
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
   ASSERT_TRUE(soon([&] {
-    viewed_->follow_script();
+    live_->follow_script();
     const TickRecord tick = latest();
     return tick.method == index_of(ForceMethod::kSmoothSphere) && tick.model_version >= 3 &&
            (tick.device[0].flags & kFlagMethodMissing) == 0;
@@ -725,8 +725,8 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   direct.method = "b-spline";
   for (const char* why : {"bad_alloc", "no thread", "the shell is too thin"}) {
     ASSERT_EQ(error_of(direct).what, "no error");
-    ASSERT_TRUE(soon([&] { return viewed_->state().method_failure.has_value(); })) << why;
-    const ViewedState state = viewed_->state();
+    ASSERT_TRUE(soon([&] { return live_->state().method_failure.has_value(); })) << why;
+    const ViewedState state = live_->state();
     EXPECT_THAT(state.method_failure->what, HasSubstr(why));
     EXPECT_EQ(state.method_failure->where, "b-spline");
     EXPECT_FALSE(state.method_failure->remedy.empty());
@@ -736,9 +736,9 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   }
   // another attempt may succeed
   ASSERT_EQ(error_of(direct).what, "no error");
-  EXPECT_FALSE(viewed_->state().method_failure);
-  EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
-  EXPECT_EQ(viewed_->state().method_awaited, "");
+  EXPECT_FALSE(live_->state().method_failure);
+  EXPECT_TRUE(soon([&] { return live_->state().method == "b-spline"; }));
+  EXPECT_EQ(live_->state().method_awaited, "");
 
   // a method missing in the new fields is prepared separately
   SettingsRequest proxy;
@@ -747,7 +747,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.4;
   ASSERT_EQ(error_of(softer).what, "no error");
   ASSERT_EQ(error_of(direct).what, "no error");
-  EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
+  EXPECT_TRUE(soon([&] { return live_->state().method == "b-spline"; }));
   EXPECT_EQ(tries, 5);
 }
 
@@ -765,18 +765,18 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   ASSERT_EQ(error_of(softer).what, "no error");
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
   ASSERT_TRUE(soon([&] {
-    viewed_->follow_script();
-    return viewed_->method_failure().has_value();
+    live_->follow_script();
+    return live_->method_failure().has_value();
   }));
-  EXPECT_EQ(viewed_->method_failure()->where, "smooth-sphere");
-  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(live_->method_failure()->where, "smooth-sphere");
+  EXPECT_EQ(live_->state().method, "proxy");
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kProxy); }));
   // no repeated attempts
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
-  for (int n = 0; n < 10; ++n) viewed_->follow_script();
-  EXPECT_EQ(viewed_->state().method_awaited, "");
-  EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
-  EXPECT_EQ(viewed_->state().method, "proxy");
+  for (int n = 0; n < 10; ++n) live_->follow_script();
+  EXPECT_EQ(live_->state().method_awaited, "");
+  EXPECT_EQ(live_->method_failure()->where, "b-spline");
+  EXPECT_EQ(live_->state().method, "proxy");
   EXPECT_EQ(tries, 1);
 }
 
@@ -787,19 +787,19 @@ TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
-  viewed_->follow_script();
-  ASSERT_TRUE(viewed_->method_failure());
-  EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
-  EXPECT_THAT(viewed_->method_failure()->what, HasSubstr("other stiffness values"));
-  EXPECT_EQ(viewed_->state().method, "proxy");
+  live_->follow_script();
+  ASSERT_TRUE(live_->method_failure());
+  EXPECT_EQ(live_->method_failure()->where, "b-spline");
+  EXPECT_THAT(live_->method_failure()->what, HasSubstr("other stiffness values"));
+  EXPECT_EQ(live_->state().method, "proxy");
 }
 
 // ---- a physical device
 
 TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
   start(false);
-  EXPECT_FALSE(viewed_->scene().simulated);
-  EXPECT_TRUE(viewed_->state().armed);
+  EXPECT_FALSE(live_->scene().simulated);
+  EXPECT_TRUE(live_->state().armed);
   const Parameters before = loop_->parameters();
   const auto one = [](const auto& set) {
     SettingsRequest request;
@@ -826,11 +826,11 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
        "on"}};
   for (const auto& [wish, words] : wishes) {
     SCOPED_TRACE(words);
-    const auto granted = viewed_->set(wish);
+    const auto granted = live_->set(wish);
     ASSERT_TRUE(granted.ok());
     EXPECT_EQ(*granted, Grant::kAsked);
-    ASSERT_TRUE(viewed_->question());
-    EXPECT_EQ(viewed_->question()->text, words);
+    ASSERT_TRUE(live_->question());
+    EXPECT_EQ(live_->question()->text, words);
     // declined: nothing has changed
     const LateAnswer told = answer(false);
     EXPECT_FALSE(told.outcome.ok());
@@ -845,7 +845,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
   EXPECT_TRUE(told().empty());
 
   // agreed to: it takes effect, and the recording names the consent
-  ASSERT_TRUE(viewed_->set(wishes[0].first).ok());
+  ASSERT_TRUE(live_->set(wishes[0].first).ok());
   EXPECT_TRUE(answer(true).outcome.ok());
   EXPECT_NEAR(loop_->parameters().rotation_target.z(), std::sin(0.2), 1e-12);
   ASSERT_EQ(told().size(), 1u);
@@ -853,9 +853,9 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
   EXPECT_EQ(told().back().changed, kSettingRotation);
 
   // a request for the current value changes nothing and needs no consent
-  const auto same = viewed_->set(wishes[0].first);
+  const auto same = live_->set(wishes[0].first);
   EXPECT_TRUE(same.ok() && *same == Grant::kDone);
-  EXPECT_FALSE(viewed_->question());
+  EXPECT_FALSE(live_->question());
   // and an invalid request is refused immediately
   SettingsRequest wild;
   wild.max_force_N = 99;
@@ -870,24 +870,24 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   request.tissue = kViewedCartilage;
   request.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   request.changes[&ContactProperties::static_friction] = 0.4;
-  const auto granted = viewed_->set(request);
+  const auto granted = live_->set(request);
   ASSERT_TRUE(granted.ok() && *granted == Grant::kAsked);
-  EXPECT_EQ(viewed_->question()->text,
+  EXPECT_EQ(live_->question()->text,
             "viewer 5 wants to change cartilage's stiffness from 0.75 to 0.5 N/mm, and change its static "
             "friction from 0.1 to 0.4");
-  EXPECT_EQ(viewed_->state().model_version, 1u);
+  EXPECT_EQ(live_->state().model_version, 1u);
   EXPECT_TRUE(answer(true).outcome.ok());
-  EXPECT_EQ(viewed_->state().model_version, 2u);
-  EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].stiffness_N_per_mm, 0.5);
+  EXPECT_EQ(live_->state().model_version, 2u);
+  EXPECT_EQ(live_->state().tissues[kViewedCartilage].stiffness_N_per_mm, 0.5);
   ASSERT_EQ(told().size(), 1u);
   EXPECT_EQ(told().back().by, (AskedBy{Asker::kAgreedViewer, 5}));
 
   // a request that has become impossible in the meantime is refused despite consent
   request.changes[&ContactProperties::stiffness_N_per_mm] = 0.6;
-  ASSERT_TRUE(viewed_->set(request).ok());
+  ASSERT_TRUE(live_->set(request).ok());
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kTrilinear; });
   EXPECT_EQ(answer(true).outcome.error().where, "stiffness_N_per_mm");
-  EXPECT_EQ(viewed_->state().model_version, 2u);
+  EXPECT_EQ(live_->state().model_version, 2u);
 }
 
 TEST_F(Viewed, WithoutAnybodyToAskNothingIsChangedFromAfar) {
@@ -899,37 +899,37 @@ TEST_F(Viewed, WithoutAnybodyToAskNothingIsChangedFromAfar) {
   EXPECT_FALSE(error_of(request).remedy.empty());
   EXPECT_EQ(loop_->parameters().rotation_target.z(), 0);
   // a stop needs no consent
-  viewed_->emergency_stop({3, false});
+  live_->emergency_stop({3, false});
   stopped();
 }
 
 // while stopped, only changes that could increase the force later need consent
 TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
   start(false);
-  viewed_->emergency_stop({3, false});
+  live_->emergency_stop({3, false});
   stopped();
-  EXPECT_FALSE(viewed_->state().armed);
+  EXPECT_FALSE(live_->state().armed);
   SettingsRequest request;
   request.rotation_wxyz = {std::cos(0.2), 0, 0, std::sin(0.2)};
   request.max_force_N = 2;
   request.friction = false;
   request.paused = true;
-  EXPECT_EQ(*viewed_->set(request), Grant::kDone);
-  EXPECT_EQ(viewed_->state().max_force_N, 2);
+  EXPECT_EQ(*live_->set(request), Grant::kDone);
+  EXPECT_EQ(live_->state().max_force_N, 2);
   const auto wants = [&](const auto& set) {
     SettingsRequest more;
     set(more);
-    return *viewed_->set(more);
+    return *live_->set(more);
   };
   EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), Grant::kAsked);
   EXPECT_EQ(wants([](auto& r) { r.friction = true; }), Grant::kAsked);
   EXPECT_EQ(wants([](auto& r) { r.paused = false; }), Grant::kAsked);
   TissueRequest stiffer;
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.6;
-  EXPECT_EQ(*viewed_->set(stiffer), Grant::kAsked);
+  EXPECT_EQ(*live_->set(stiffer), Grant::kAsked);
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.4;
-  EXPECT_EQ(*viewed_->set(stiffer), Grant::kDone);
-  EXPECT_EQ(viewed_->state().max_force_N, 2);
+  EXPECT_EQ(*live_->set(stiffer), Grant::kDone);
+  EXPECT_EQ(live_->state().max_force_N, 2);
 }
 
 TEST_F(Viewed, AViewerThatGoesTakesItsWishAlong) {
@@ -937,56 +937,56 @@ TEST_F(Viewed, AViewerThatGoesTakesItsWishAlong) {
   SettingsRequest request;
   request.by = {6, true};
   request.paused = true;
-  ASSERT_EQ(*viewed_->set(request), Grant::kAsked);
-  viewed_->forget(request.by);
-  EXPECT_FALSE(viewed_->question());
-  EXPECT_TRUE(viewed_->take_answers().empty());
+  ASSERT_EQ(*live_->set(request), Grant::kAsked);
+  live_->forget(request.by);
+  EXPECT_FALSE(live_->question());
+  EXPECT_TRUE(live_->take_answers().empty());
 }
 
 TEST_F(Viewed, APhysicalDeviceIsArmedWhereItIs) {
   start(false);
-  viewed_->emergency_stop({3, false});
+  live_->emergency_stop({3, false});
   const std::uint32_t stop = stopped();
-  EXPECT_THAT(error_in(viewed_->rearm({stop, {4, true}})).what, HasSubstr("at the device"));
-  EXPECT_EQ(viewed_->state().stop, stop);
+  EXPECT_THAT(error_in(live_->rearm({stop, {4, true}})).what, HasSubstr("at the device"));
+  EXPECT_EQ(live_->state().stop, stop);
   // a code that was never displayed is invalid
-  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, "000000"})).where, "code");
-  EXPECT_EQ(viewed_->state().stop, stop);
-  EXPECT_EQ(error_in(viewed_->rearm_here(stop)).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm({stop, {4, true}, "000000"})).where, "code");
+  EXPECT_EQ(live_->state().stop, stop);
+  EXPECT_EQ(error_in(live_->rearm_here(stop)).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
-  EXPECT_TRUE(viewed_->state().armed);
-  EXPECT_EQ(error_in(viewed_->take_pointer(true, {1, true})).kind, ErrorKind::kUsage);
+  EXPECT_TRUE(live_->state().armed);
+  EXPECT_EQ(error_in(live_->take_pointer(true, {1, true})).kind, ErrorKind::kUsage);
 }
 
 TEST_F(Viewed, ACodeThatIsShownThereArmsAPhysicalDeviceOnce) {
   start(false);
-  EXPECT_EQ(viewed_->arming_code(), "") << "nothing is stopped";
-  viewed_->emergency_stop({3, false});
+  EXPECT_EQ(live_->arming_code(), "") << "nothing is stopped";
+  live_->emergency_stop({3, false});
   std::uint32_t stop = stopped();
-  const std::string code = viewed_->arming_code();
+  const std::string code = live_->arming_code();
   ASSERT_EQ(code.size(), 6u);
-  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, code})).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm({stop, {4, true}, code})).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
-  EXPECT_EQ(viewed_->arming_code(), "");
-  viewed_->emergency_stop({3, false});
+  EXPECT_EQ(live_->arming_code(), "");
+  live_->emergency_stop({3, false});
   stop = stopped();
-  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, code})).where, "code") << "of the stop before";
-  EXPECT_EQ(viewed_->state().stop, stop);
-  const std::string next = viewed_->arming_code();
-  EXPECT_EQ(error_in(viewed_->rearm({stop - 1, {4, true}, next})).where, "code") << "of another stop";
-  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, viewed_->arming_code()})).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm({stop, {4, true}, code})).where, "code") << "of the stop before";
+  EXPECT_EQ(live_->state().stop, stop);
+  const std::string next = live_->arming_code();
+  EXPECT_EQ(error_in(live_->rearm({stop - 1, {4, true}, next})).where, "code") << "of another stop";
+  EXPECT_EQ(error_in(live_->rearm({stop, {4, true}, live_->arming_code()})).what, "no error");
 }
 
 // ---- a stop, and its end
 
 TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
   start();
-  EXPECT_FALSE(viewed_->state().armed);
-  viewed_->emergency_stop({3, false});
+  EXPECT_FALSE(live_->state().armed);
+  live_->emergency_stop({3, false});
   const std::uint32_t stop = stopped();
-  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}})).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm({stop, {4, true}})).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
-  EXPECT_FALSE(viewed_->state().stop);
+  EXPECT_FALSE(live_->state().stop);
 }
 
 // Regression: a key toggled between stop and rearm, so that it re-armed after a viewer's stop and two quick
@@ -994,22 +994,22 @@ TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
 TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
   for (const bool simulated : {false, true}) {
     start(simulated);
-    viewed_->emergency_stop({3, false});
-    viewed_->stop_here();
-    viewed_->stop_here();
-    viewed_->emergency_stop({4, true});
+    live_->emergency_stop({3, false});
+    live_->stop_here();
+    live_->stop_here();
+    live_->emergency_stop({4, true});
     const std::uint32_t last = stopped();
     EXPECT_EQ(last, 4u);
     // originator of the current stop
-    EXPECT_EQ(viewed_->state().stopped_by, StoppedBy::kViewer);
-    EXPECT_EQ(viewed_->state().stopped_by_viewer, 4u);
+    EXPECT_EQ(live_->state().stopped_by, StoppedBy::kViewer);
+    EXPECT_EQ(live_->state().stopped_by_viewer, 4u);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     EXPECT_TRUE(latest().switches & kSwitchEmergencyStop);
     // a rearm sent before the last stop was noticed
-    EXPECT_THAT(error_in(viewed_->rearm_here(last - 1)).what, HasSubstr("another stop"));
-    EXPECT_EQ(viewed_->state().stop, last);
-    EXPECT_EQ(error_in(viewed_->rearm_here(last)).what, "no error");
-    EXPECT_THAT(error_in(viewed_->rearm_here(last)).what, HasSubstr("not stopped"));
+    EXPECT_THAT(error_in(live_->rearm_here(last - 1)).what, HasSubstr("another stop"));
+    EXPECT_EQ(live_->state().stop, last);
+    EXPECT_EQ(error_in(live_->rearm_here(last)).what, "no error");
+    EXPECT_THAT(error_in(live_->rearm_here(last)).what, HasSubstr("not stopped"));
     TearDown();
     told_.clear();
   }
@@ -1019,16 +1019,16 @@ TEST_F(Viewed, OnlyAFreeHandGetsItsForceBack) {
   start();
   ASSERT_NO_FATAL_FAILURE(press(1));
   ASSERT_TRUE(soon([&] { return sent_N(latest()) > 0.3; }));
-  viewed_->stop_here();
+  live_->stop_here();
   const std::uint32_t stop = stopped();
-  EXPECT_EQ(viewed_->state().stopped_by, StoppedBy::kKey);
+  EXPECT_EQ(live_->state().stopped_by, StoppedBy::kKey);
   EXPECT_EQ(sent_N(latest()), 0);
-  for (const auto& refused : {viewed_->rearm_here(stop), viewed_->rearm({stop, {4, true}})}) {
+  for (const auto& refused : {live_->rearm_here(stop), live_->rearm({stop, {4, true}})}) {
     EXPECT_THAT(error_in(refused).what, HasSubstr("touches something"));
     EXPECT_THAT(error_in(refused).remedy, HasSubstr("free"));
   }
   ASSERT_NO_FATAL_FAILURE(leave());
-  EXPECT_EQ(error_in(viewed_->rearm_here(stop)).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm_here(stop)).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
 }
 
@@ -1047,13 +1047,13 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   softer.tissue = kViewedCartilage;
   softer.changes[&ContactProperties::static_friction] = 0.35;
   EXPECT_EQ(error_of(softer).what, "no error");
-  viewed_->emergency_stop({9, false});
-  EXPECT_EQ(error_in(viewed_->rearm({stopped(), {7, true}})).what, "no error");
-  viewed_->stop_here();
-  EXPECT_EQ(error_in(viewed_->rearm_here(99)).where, "stop") << "which is told to nobody";
-  EXPECT_EQ(error_in(viewed_->rearm_here(stopped())).what, "no error");
-  viewed_->pause_here();
-  viewed_->next_method();
+  live_->emergency_stop({9, false});
+  EXPECT_EQ(error_in(live_->rearm({stopped(), {7, true}})).what, "no error");
+  live_->stop_here();
+  EXPECT_EQ(error_in(live_->rearm_here(99)).where, "stop") << "which is told to nobody";
+  EXPECT_EQ(error_in(live_->rearm_here(stopped())).what, "no error");
+  live_->pause_here();
+  live_->next_method();
 
   using Kind = RecordingEvent::Kind;
   const std::vector<RecordingEvent> events(told().begin(), told().end());
@@ -1090,15 +1090,15 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
 TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
   DeviceInfo info;
   info.simulated = true;
-  ViewedSession viewed(
-      ViewedParts{std::make_shared<const Model>(testing::ball_model({2, 2, 2})), {info}, {}, {}, "script"});
+  LiveSession live(LiveSessionParts{
+      std::make_shared<const Model>(testing::ball_model({2, 2, 2})), {info}, {}, {}, "script"});
   std::array<double, kMaxDevices> felt{};
-  EXPECT_EQ(viewed.snapshot(felt).tick, 0u);
-  EXPECT_EQ(viewed.health().rate_hz, 0);
-  EXPECT_EQ(viewed.state().model_version, 1u);
-  EXPECT_EQ(error_in(viewed.set(SettingsRequest{})).kind, ErrorKind::kUnavailable);
-  EXPECT_EQ(error_in(viewed.set(TissueRequest{})).kind, ErrorKind::kUnavailable);
-  EXPECT_EQ(error_in(viewed.rearm(RearmRequest{})).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(live.snapshot(felt).tick, 0u);
+  EXPECT_EQ(live.health().rate_hz, 0);
+  EXPECT_EQ(live.state().model_version, 1u);
+  EXPECT_EQ(error_in(live.set(SettingsRequest{})).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(error_in(live.set(TissueRequest{})).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(error_in(live.rearm(RearmRequest{})).kind, ErrorKind::kUnavailable);
 }
 
 // ---- a whole session, recorded
