@@ -363,7 +363,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
     watch.see(record);
     if (training) training->see(record, told);
   };
-  auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &live.told());
+  auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &live.log());
   if (!recorder) return recorder.error();
 
   // however the session ends, viewers are disconnected before the loop and the watch are destroyed
@@ -382,7 +382,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
                           [&live] { return live.script_stroke_version(); },
                           [&live](TissueLaw law) { live.change_law_by_script(law); },
                           [&live] { return live.script_law_version(); }};
-  if (auto begun = (*tip)->begin(**loop, live.told(), edits); !begun) return begun.error();
+  if (auto begun = (*tip)->begin(**loop, live.log(), edits); !begun) return begun.error();
   const Session session{model, **loop,         **recorder,        **tip,   watch,
                         live,  training.get(), supervisor->get(), careful, options.asks_here};
   ExploreResult result;

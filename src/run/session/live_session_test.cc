@@ -152,7 +152,7 @@ class Viewed : public ::testing::Test {
 
   // all events logged for the recorder so far
   const std::list<RecordingEvent>& told() {
-    live_->told().take(told_);
+    live_->log().take(told_);
     return told_;
   }
   std::vector<ModelChange> changes() {

@@ -1,0 +1,157 @@
+#include "session/cutter.h"
+
+#include <array>
+#include <chrono>
+#include <exception>
+#include <string>
+#include <utility>
+
+#include "palpate/base/spsc_ring.h"
+#include "session/refusal.h"
+
+namespace palpate {
+namespace {
+
+// longest time that swept volume waits before it is removed from the surfaces
+constexpr auto kCutPoll = std::chrono::milliseconds(10);
+
+}  // namespace
+
+Cutter::Cutter(LiveModel& model, SessionLoop& loop)
+    : model_(model),
+      loop_(loop),
+      first_(model.versions(model.lock()).felt),
+      removed_(*first_),
+      nearest_(*first_) {}
+
+void Cutter::begin() {
+  if (first_->cuts()) thread_ = std::thread([this] { run(); });
+}
+
+void Cutter::end() {
+  ending_.store(true);
+  if (thread_.joinable()) thread_.join();
+}
+
+void Cutter::run() {
+  ServoLoop& loop = *loop_.get();
+  std::array<SweepRecord, 64> swept;
+  std::vector<Cut> cuts;
+  while (!ending_.load()) try {
+      std::this_thread::sleep_for(kCutPoll);
+      // sampled before the sweeps are popped, so that the sweeps of a stroke that had ended by then are
+      // complete
+      const bool stroke_is_over = !motor_was_on(*first_, loop.snapshot());
+      for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
+        for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
+      if (!cuts.empty()) cut(cuts);
+      cuts.clear();
+      if (stroke_is_over) change_strokes();
+    } catch (const std::exception&) {
+      // Out of memory: the burr waits for its sweeps to be removed and cuts nothing meanwhile. No stroke is
+      // undone.
+    }
+}
+
+void Cutter::cut(std::span<const Cut> cuts) {
+  const std::shared_ptr<const Model> before = model_.versions(model_.lock()).felt;
+  auto carving = carved_by(*before, cuts);
+  const LiveModel::Lock held = model_.lock();
+  const Model& felt = model_.felt(held);
+  // the law may have changed meanwhile and brought new surfaces, from which these cuts are still missing
+  if (has_other_surfaces(*before, felt.tissue_law)) carving = carved_by(felt, cuts);
+  // operations that may throw come first; repeating them is harmless
+  cuts_.reserve(cuts.size());
+  for (const Cut& cut : cuts) nearest_.see(cut.sweep);
+  removed_.add(cuts);
+  auto next = carving->taken_from(felt);
+  const std::uint32_t version = next->version;
+  model_.apply_cuts(held, cuts, std::move(next));
+  for (const Cut& cut : cuts) cuts_.add(version, plain(cut));
+}
+
+void Cutter::change_strokes() {
+  const LiveModel::Lock held = model_.lock();
+  while (!wanted_.empty()) {
+    const Wanted wanted = wanted_.front();
+    wanted_.pop_front();
+    const bool by_script = wanted.by.asker == Asker::kScript;
+    if (by_script) script_led_to_ = 0;
+    // a stroke has begun since the request, so the request does not refer to the last one
+    if (wanted.change.strokes != loop_.get()->strokes()) continue;
+    const ModelChange change = change_of_stroke(model_.felt(held), wanted.change.action);
+    cuts_.reserve(0);
+    auto next = next_version(model_.versions(held), change);
+    if (!next) continue;
+    model_.apply(held, *std::move(next), change, wanted.by);
+    if (by_script) script_led_to_ = change.version;
+    cuts_.add(change.version, wanted.change.action);
+    follow(change, removed_);
+  }
+}
+
+// strokes that can still be undone or redone once the queued requests have been carried out
+std::ptrdiff_t Cutter::strokes_left(const LiveModel::Lock& held, StrokeAction action) const {
+  const Carving* const carving = model_.felt(held).carving.get();
+  if (carving == nullptr) return 0;
+  auto left = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
+                                                                        : carving->strokes_to_redo());
+  for (const Wanted& wanted : wanted_) left += wanted.change.action == action ? -1 : 1;
+  return left;
+}
+
+Result<void> Cutter::check(const LiveModel::Lock& held, const StrokeChange& change,
+                           const Parameters& now) const {
+  const ServoLoop& loop = *loop_.get();
+  if (now.motor || motor_was_on(*first_, loop.snapshot()))
+    return refusal("the motor is running, and the stroke is not finished", "motor",
+                   "switch off the motor, or release its pedal, first");
+  if (loop.strokes() != change.strokes)
+    return refusal("another stroke was started after the request", "", "repeat the request for that stroke");
+  if (strokes_left(held, change.action) > 0) return {};
+  return change.action == StrokeAction::kUndo
+             ? refusal("there is no stroke to undo", "",
+                       "a stroke is everything cut between start and stop of the motor; the last " +
+                           std::to_string(kMaxUndoneStrokes) + " are kept")
+             : refusal("there is no stroke to redo", "", "cutting after an undo discards the undone strokes");
+}
+
+void Cutter::request(const LiveModel::Lock& /*held*/, const StrokeChange& change, AskedBy by) {
+  wanted_.push_back({change, by});
+}
+
+void Cutter::request_by_script(StrokeAction action) {
+  const ServoLoop* const loop = loop_.get();
+  const LiveModel::Lock held = model_.lock();
+  script_led_to_ = 0;
+  if (!loop || !first_->cuts()) return;
+  request(held, {action, loop->strokes()}, {Asker::kScript});
+  script_led_to_.reset();
+}
+
+std::optional<std::uint32_t> Cutter::script_version() const {
+  const LiveModel::Lock held = model_.lock();
+  return script_led_to_;
+}
+
+std::vector<SweepRecord> Cutter::sweeps(std::uint32_t version, std::uint64_t first, std::size_t most) const {
+  const LiveModel::Lock held = model_.lock();
+  return cuts_.by(version, static_cast<std::size_t>(first), most);
+}
+
+void Cutter::describe(const LiveModel::Lock& held, const std::map<LabelId, double>& nearest_mm,
+                      ViewedState& state) const {
+  const Model& felt = model_.felt(held);
+  state.sweeps = cuts_.count(felt.version);
+  state.undone_to = cuts_.undone_to(felt.version);
+  if (const Carving* const carving = felt.carving.get()) {
+    state.strokes_to_undo = carving->strokes_to_undo();
+    state.strokes_to_redo = carving->strokes_to_redo();
+  }
+  state.removed_mm3 = removed_.by_label_mm3();
+  NearestMeter nearest = nearest_;
+  nearest.see(nearest_mm);
+  state.nearest_mm = nearest.nearest_mm();
+}
+
+}  // namespace palpate

@@ -1,0 +1,154 @@
+#include "session/law_choice.h"
+
+#include <exception>
+#include <new>
+#include <utility>
+
+#include "palpate/base/reason.h"
+#include "palpate/scene/scene.h"
+
+namespace palpate {
+
+LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare, Wake wake,
+                     const std::string& coarser_tissue)
+    : model_(model), loop_(loop), devices_(devices), prepare_(std::move(prepare)), wake_(std::move(wake)) {
+  const Model& felt = model_.felt(model_.lock());
+  if (is_elastic(felt.tissue_law)) cell_size_of(felt.tissue_law) = {felt.tissue_coarsened, coarser_tissue};
+}
+
+void LawChoice::begin() {
+  const LiveModel::Lock held = model_.lock();
+  if (is_moving(model_.felt(held).tissue_law)) start_solver(held);
+}
+
+void LawChoice::end() {
+  std::unique_ptr<TissueThread> solver;
+  {
+    const LiveModel::Lock held = model_.lock();
+    has_ended_ = true;
+    yields_.store(nullptr);
+    solver = std::move(solver_);
+  }
+}
+
+// the thread keeps running, idle, when a law without moving tissue is selected later
+void LawChoice::start_solver(const LiveModel::Lock& held) {
+  if (solver_ != nullptr || has_ended_ || !model_.felt(held).has(ForceMethod::kProxy)) return;
+  solver_ = std::make_unique<TissueThread>(*loop_.get(), loop_.log(),
+                                           [this] { return model_.versions(model_.lock()).felt; });
+  yields_.store(solver_.get());
+}
+
+// takes effect immediately unless surfaces have to be built or the solver's cell size has to be measured
+Result<void> LawChoice::choose(const LiveModel::Lock& held, TissueLaw law, AskedBy by) {
+  const Model& felt = model_.felt(held);
+  failure_.reset();
+  if (law == felt.tissue_law) {
+    awaited_.reset();
+    script_led_to_ = felt.version;
+    return {};
+  }
+  if (auto fine = check_law(felt, law); !fine) return fine.error();
+  const bool is_measured = !is_elastic(law) || cell_size_of(law).coarsened > 0;
+  if (!has_other_surfaces(felt, law) && is_measured) {
+    auto under = under_law(felt, law);
+    if (!under) return under.error();
+    switch_to(held, **under, is_elastic(law) ? cell_size_of(law).coarsened : 0, by);
+    return {};
+  }
+  if (auto woken = wake_(held); !woken) return woken;
+  awaited_ = law;
+  awaited_by_ = by;
+  return {};
+}
+
+// switches the current model version to the law of `under`
+void LawChoice::switch_to(const LiveModel::Lock& held, const Model& under, double coarsened, AskedBy by) {
+  const ModelVersions& now = model_.versions(held);
+  const ModelChange change = change_of_law(*now.felt, under.tissue_law, coarsened);
+  if (is_moving(under.tissue_law)) start_solver(held);
+  model_.apply(held, {with_law(*now.felt, under, change), now.made}, change, by);
+  awaited_.reset();
+  script_led_to_ = change.version;
+}
+
+void LawChoice::choose_by_script(TissueLaw law) {
+  const bool runs = loop_.get() != nullptr;
+  const LiveModel::Lock held = model_.lock();
+  script_led_to_.reset();
+  // a law that the script may not use was rejected when the script was read; a viewer may have cut since
+  if (!runs || !choose(held, law, {Asker::kScript})) script_led_to_ = 0;
+}
+
+std::optional<std::uint32_t> LawChoice::script_version() const {
+  const LiveModel::Lock held = model_.lock();
+  return script_led_to_;
+}
+
+void LawChoice::prepare(LiveModel::Lock& held, const Progress& progress) {
+  const std::shared_ptr<const Model> of = model_.versions(held).felt;
+  const TissueLaw law = *awaited_;
+  // unlock: a thread waiting for the lock would inherit this thread's low priority as latency
+  held.unlock();
+  const auto made = [&]() -> Result<MeasuredCells> {
+    try {
+      return prepare_(*of, law, devices_, progress);
+    } catch (const std::exception& why) {
+      return Error{ErrorKind::kUnavailable,
+                   std::string("the surfaces of soft tissue could not be prepared: ") + reason_of(why), "",
+                   "continue with this law, or close other programs to free memory"};
+    }
+  }();
+  held.lock();
+  // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
+  if (progress.stopped() || awaited_ != law || model_.versions(held).felt != of) return;
+  if (!made) return give_up(held, made.error());
+  const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
+  switch_to(held, *made->model, coarsened, awaited_by_);
+  if (!is_elastic(law)) return;
+  if (cell_size_of(law).coarsened == 0 && !made->told.empty()) later_warnings_.push_back(made->told);
+  cell_size_of(law) = {coarsened, made->told};
+}
+
+// keeps the current law and reports the error to whoever requested the change
+void LawChoice::give_up(const LiveModel::Lock& /*held*/, Error why) {
+  why.where = name_of(*awaited_, kTissueLaws);
+  awaited_.reset();
+  failure_ = std::move(why);
+  script_led_to_ = 0;
+}
+
+void LawChoice::give_up_without_memory(const LiveModel::Lock& /*held*/) noexcept {
+  if (!awaited_) return;
+  script_led_to_ = 0;
+  try {
+    failure_.emplace(Error{ErrorKind::kUnavailable, "out of memory", "", ""}).where =
+        name_of(*awaited_, kTissueLaws);
+  } catch (const std::bad_alloc&) {
+    // the request ends without a reason
+  }
+  awaited_.reset();
+}
+
+void LawChoice::describe(const LiveModel::Lock& held, ViewedState& state) const {
+  state.law = name_of(model_.felt(held).tissue_law, kTissueLaws);
+  if (awaited_) state.law_awaited = name_of(*awaited_, kTissueLaws);
+  state.law_failure = failure_;
+}
+
+std::string LawChoice::coarser_tissue() const {
+  const LiveModel::Lock held = model_.lock();
+  return cell_size_of(model_.felt(held).tissue_law).warning;
+}
+
+std::vector<std::string> LawChoice::later_coarser_tissue() const {
+  const LiveModel::Lock held = model_.lock();
+  return later_warnings_;
+}
+
+std::shared_ptr<const ViewedYield> LawChoice::yielded(std::size_t device) const {
+  const TissueThread* const solver = yields_.load();
+  return solver != nullptr ? solver->yielded(device) : nullptr;
+}
+
+}  // namespace palpate

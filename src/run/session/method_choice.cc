@@ -1,0 +1,196 @@
+#include "session/method_choice.h"
+
+#include <exception>
+#include <mutex>
+#include <new>
+#include <string>
+#include <utility>
+
+#include "palpate/base/reading.h"
+#include "palpate/base/reason.h"
+#include "palpate/palpation/logged_loop.h"
+#include "session/refusal.h"
+
+namespace palpate {
+namespace {
+
+Error not_made(const std::exception& why) {
+  return {ErrorKind::kUnavailable,
+          std::string("the fields of the direct methods could not be prepared: ") + reason_of(why), "",
+          "continue with the proxy, or close other programs to free memory"};
+}
+
+std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
+  std::array<bool, kForceMethods.size()> choosable{};
+  // fields of the direct methods are not updated when a burr removes material
+  for (const ForceMethodInfo& info : kDirectMethods)
+    choosable[index_of(info.method)] = !model.cuts() && check_force_field(model, info.method).ok();
+  choosable[index_of(ForceMethod::kProxy)] = model.has(ForceMethod::kProxy);
+  return choosable;
+}
+
+}  // namespace
+
+Error made_for_others() {
+  return refusal("the fields of the direct methods were prepared for other stiffness values", "method",
+                 "restore the initial stiffness of the tissues, or use inward ramps in the scene");
+}
+
+MethodChoice::MethodChoice(LiveModel& model, SessionLoop& loop, NewFields new_fields,
+                           MoreMethods more_methods, Wake wake)
+    : model_(model),
+      loop_(loop),
+      new_fields_(std::move(new_fields)),
+      more_methods_(std::move(more_methods)),
+      wake_(std::move(wake)),
+      choosable_(choosable_methods(model.felt(model.lock()))),
+      first_(model.versions(model.lock()).felt) {}
+
+bool MethodChoice::is_available(const LiveModel::Lock& held, ForceMethod method) const {
+  if (!is_choosable(method)) return false;
+  const auto& [felt, made] = model_.versions(held);
+  return felt->has(method) && (method == ForceMethod::kProxy || fields_match(*felt, *made));
+}
+
+bool MethodChoice::can_be_prepared(const LiveModel::Lock& held, ForceMethod method) const {
+  const auto& [felt, made] = model_.versions(held);
+  return is_available(held, method) || fields_match(*felt, *made) || can_make_fields(*felt);
+}
+
+Result<void> MethodChoice::choose(const LiveModel::Lock& held, ForceMethod method, AskedBy by) {
+  awaited_.reset();
+  failure_.reset();
+  if (is_available(held, method)) {
+    change_logged(*loop_.get(), loop_.log(), by, [&](Parameters& parameters) { parameters.method = method; });
+    return {};
+  }
+  if (auto woken = wake_(held); !woken) return woken;
+  awaited_ = method;
+  awaited_by_ = by;
+  return {};
+}
+
+void MethodChoice::choose_next() {
+  ServoLoop* loop = loop_.get();
+  if (!loop) return;
+  const LiveModel::Lock held = model_.lock();
+  const ForceMethod now = awaited_.value_or(loop->parameters().method);
+  const auto possible = [&](ForceMethod method) {
+    return is_choosable(method) && can_be_prepared(held, method);
+  };
+  ForceMethod next = next_of(now);
+  while (next != now && !possible(next)) next = next_of(next);
+  if (auto chosen = choose(held, next, {Asker::kKey}); !chosen) give_up(held, next, chosen.error());
+}
+
+void MethodChoice::follow_script() {
+  ServoLoop* loop = loop_.get();
+  if (!loop) return;
+  const ForceMethod method = loop->parameters().method;
+  // the lock may be contended; the next call follows soon
+  const LiveModel::Lock held = model_.try_lock();
+  if (!held || awaited_ || is_available(held, method) || !first_->has(method)) return;
+  if (!can_be_prepared(held, method))
+    give_up(held, method, made_for_others());
+  else if (failure_ && given_up_ == model_.felt(held).version)
+    give_up(held, method, *failure_);
+  else if (auto chosen = choose(held, method, {Asker::kScript}); !chosen)
+    give_up(held, method, chosen.error());
+}
+
+void MethodChoice::prepare(LiveModel::Lock& held, const Progress& progress) {
+  const ModelVersions of = model_.versions(held);
+  const ForceMethod method = *awaited_;
+  // unlock: a thread waiting for the lock would inherit this thread's low priority as latency
+  held.unlock();
+  const auto ready = fields_for(method, of, progress);
+  held.lock();
+  // the model changed meanwhile: another version, and possibly other fields, are needed
+  const bool is_outdated = model_.versions(held).felt != of.felt;
+  if (!is_outdated || !awaited_) fields_ = nullptr;
+  if (is_outdated) return;
+  auto used = ready ? use_fields(held, *ready) : Result<void>(ready.error());
+  // another method may have been requested meanwhile
+  if (!used && awaited_ == method) give_up(held, method, used.error());
+}
+
+// Returns a model whose fields match the current stiffnesses and that is prepared for `method`. The result of
+// an earlier attempt, fields_, is reused if it matches.
+Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method, const ModelVersions& of,
+                                                              const Progress& progress) try {
+  if (!fields_ || !fields_match(*of.felt, *fields_)) {
+    fields_ = of.made;
+    if (!fields_match(*of.felt, *of.made)) {
+      auto made = new_fields_(*of.felt, *of.made, progress);
+      if (!made) return made.error();
+      fields_ = *std::move(made);
+    }
+  }
+  // running out of memory would end the session, so the demand is checked first
+  if (!fields_->has(method))
+    if (auto allowed = allow_memory(memory_of_force_field(*fields_, method), std::string(name_of(method)));
+        !allowed)
+      return allowed.error();
+  auto more = more_methods_(fields_, {&method, 1}, progress);
+  if (more) fields_ = *more;
+  return more;
+} catch (const std::exception& why) {
+  return not_made(why);
+}
+
+Result<void> MethodChoice::use_fields(const LiveModel::Lock& held, std::shared_ptr<const Model> fields) try {
+  const auto& [felt, made] = model_.versions(held);
+  if (fields_match(*felt, *made)) {
+    // preparing further methods leaves the haptic properties unchanged, so no new version is needed
+    auto next = std::make_shared<Model>(*felt);
+    next->methods = fields->methods;
+    model_.set_prepared(held, {std::move(next), std::move(fields)});
+  } else {
+    const auto next = with_fields(*felt, *fields);
+    model_.apply(held, {next, next}, {next->version, ModelChange::kFieldsRebuilt}, awaited_by_);
+  }
+  return awaited_ && is_available(held, *awaited_) ? choose(held, *awaited_, awaited_by_) : Result<void>();
+} catch (const std::exception& why) {
+  return not_made(why);
+}
+
+// keeps the current method and reports the error to whoever requested the change
+void MethodChoice::give_up(const LiveModel::Lock& held, ForceMethod method, Error why) {
+  const Model& felt = model_.felt(held);
+  awaited_.reset();
+  given_up_ = felt.version;
+  why.where = name_of(method);
+  failure_ = std::move(why);
+  // a script may have selected the method before its fields were generated: fall back to the proxy
+  change_logged(*loop_.get(), loop_.log(), {}, [&](Parameters& parameters) {
+    if (parameters.method == method && felt.has(ForceMethod::kProxy)) parameters.method = ForceMethod::kProxy;
+  });
+}
+
+void MethodChoice::give_up_without_memory(const LiveModel::Lock& held) noexcept {
+  given_up_ = model_.felt(held).version;
+  if (!awaited_) return;
+  try {
+    failure_.emplace(Error{ErrorKind::kUnavailable, "out of memory", "", ""}).where = name_of(*awaited_);
+  } catch (const std::bad_alloc&) {
+    // the request ends without a reason
+  }
+  awaited_.reset();
+}
+
+std::optional<ForceMethod> MethodChoice::awaited() const {
+  const LiveModel::Lock held = model_.lock();
+  return awaited_;
+}
+
+std::optional<Error> MethodChoice::failure() const {
+  const LiveModel::Lock held = model_.lock();
+  return failure_;
+}
+
+void MethodChoice::describe(const LiveModel::Lock& /*held*/, ViewedState& state) const {
+  if (awaited_) state.method_awaited = name_of(*awaited_);
+  state.method_failure = failure_;
+}
+
+}  // namespace palpate

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "palpate/recording/recording.h"
+#include "palpate/server/viewer_server.h"
+
+namespace palpate {
+
+/// Originator of a viewer's request.
+inline AskedBy asked_by(const ViewerIdentity& viewer) {
+  return {viewer.control ? Asker::kControlViewer : Asker::kLookingViewer, viewer.number};
+}
+/// Originator of a viewer's request to which an operator at this machine has consented.
+inline AskedBy agreed_to(const ViewerIdentity& viewer) {
+  return {Asker::kAgreedViewer, viewer.number};
+}
+
+}  // namespace palpate

@@ -1,0 +1,87 @@
+#include "session/stop_switch.h"
+
+#include "palpate/palpation/logged_loop.h"
+#include "session/originator.h"
+#include "session/refusal.h"
+
+namespace palpate {
+namespace {
+
+StoppedBy stopped_by(Asker asker) {
+  switch (asker) {
+    case Asker::kSession:
+    case Asker::kScript:
+      return StoppedBy::kSession;
+    case Asker::kKey:
+      return StoppedBy::kKey;
+    case Asker::kControlViewer:
+    case Asker::kLookingViewer:
+    case Asker::kAgreedViewer:
+      return StoppedBy::kViewer;
+  }
+  return StoppedBy::kSession;
+}
+
+}  // namespace
+
+void StopSwitch::begin() {
+  const std::lock_guard lock(mutex_);
+  if (stopped_early_.load()) stop_logged(*loop_.get(), loop_.log(), originator_);
+}
+
+void StopSwitch::stop(AskedBy by) {
+  const std::lock_guard lock(mutex_);
+  originator_ = by;
+  if (ServoLoop* loop = loop_.get()) return stop_logged(*loop, loop_.log(), by);
+  stopped_early_.store(true);
+}
+
+std::optional<std::uint32_t> StopSwitch::current() const {
+  const ServoLoop* loop = loop_.get();
+  const Arming arming = loop ? loop->arming() : Arming{0, stopped_early_.load()};
+  return arming.stopped ? std::optional(arming.number) : std::nullopt;
+}
+
+void StopSwitch::describe(ViewedState& state) const {
+  const std::lock_guard lock(mutex_);
+  state.stop = current();
+  state.stopped_by = stopped_by(originator_.asker);
+  state.stopped_by_viewer = originator_.viewer;
+  state.armed = physical_ && loop_.get() != nullptr && !state.stop;
+}
+
+Result<void> StopSwitch::rearm(const RearmRequest& request) {
+  if (physical_ && request.code.empty())
+    return refusal("a force-feedback device must be rearmed at the device, not remotely", "",
+                   "press r at the terminal of palpate with the tip free, or enter the code shown there");
+  if (physical_ && !arming_code_.take(request.stop, request.code))
+    return refusal("the code differs from the one shown at the terminal of palpate", "code",
+                   "each code is valid once, for a minute and for the last stop: enter the current one");
+  return rearm(request.stop, asked_by(request.by));
+}
+
+Result<void> StopSwitch::rearm(std::uint32_t stop, AskedBy by) {
+  ServoLoop* loop = loop_.get();
+  if (!loop) return not_running();
+  switch (rearm_logged(*loop, loop_.log(), by, stop)) {
+    case RearmResult::kNotStopped:
+      return refusal("the force is not stopped", "stop", "");
+    case RearmResult::kStoppedAgain:
+      return refusal("there was another stop after the one to rearm from", "stop",
+                     "check the reason, and rearm again");
+    case RearmResult::kNotApplied:
+      return refusal("the stop has not taken effect yet", "stop", "try again in a moment");
+    case RearmResult::kTouching:
+      return refusal("the tip touches something", "", "move it to free space, then rearm");
+    case RearmResult::kDone:
+      break;
+  }
+  return {};
+}
+
+std::string StopSwitch::arming_code() {
+  const auto stop = current();
+  return stop && physical_ ? arming_code_.shown(*stop) : std::string();
+}
+
+}  // namespace palpate
