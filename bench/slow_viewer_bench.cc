@@ -177,7 +177,7 @@ Session run_session(const LoadedScene& loaded, const Options& options, bool trou
   explore_options.repeat = true;
   // viewers connect shortly before the loop starts, and the session ends when they have left
   explore_options.seconds = options.seconds;
-  explore_options.viewers = [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
+  explore_options.viewers = [&](LiveHost& host) -> Result<std::shared_ptr<void>> {
     ViewerServerOptions server_options;
     server_options.port = 0;
     auto server = ViewerServer::start(host, server_options);

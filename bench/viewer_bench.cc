@@ -32,16 +32,7 @@ class StillHost : public ViewerHost {
   TickRecord snapshot(std::array<double, kMaxDevices>&) const override { return tick_; }
   ViewedHealth health() const override { return {}; }
   ViewedState state() const override { return {}; }
-  Result<Grant> set(const SettingsRequest&) override { return Grant::kDone; }
-  Result<Grant> set(const TissueRequest&) override { return Grant::kDone; }
-  Result<Grant> set(const StrokeRequest&) override { return Grant::kDone; }
-  std::vector<LateAnswer> take_answers() override { return {}; }
-  void forget(const ViewerIdentity&) override {}
   void emergency_stop(const ViewerIdentity&) override {}
-  Result<void> rearm(const RearmRequest&) override { return {}; }
-  Result<void> take_pointer(bool, const ViewerIdentity&) override { return {}; }
-  void move_pointer(const std::array<double, 3>&) override {}
-  Result<void> play(const PlayRequest&) override { return {}; }
 
  private:
   ViewedScene scene_;

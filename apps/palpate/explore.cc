@@ -99,12 +99,11 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
 
 // function that starts the viewer server; empty without viewers
 // @param address  set to the URL of the page
-std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const ExploreArguments& options,
-                                                                     Console& console,
-                                                                     ViewerFaultQueue& faults,
-                                                                     std::string& address) {
+std::function<Result<std::shared_ptr<void>>(LiveHost&)> viewers_of(const ExploreArguments& options,
+                                                                   Console& console, ViewerFaultQueue& faults,
+                                                                   std::string& address) {
   if (options.no_viewer) return {};
-  return [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
+  return [&](LiveHost& host) -> Result<std::shared_ptr<void>> {
     auto server = serve(host, options.serving, console, faults);
     if (!server) return server.error();
     address = (*server)->url();

@@ -292,12 +292,20 @@ struct LateAnswer {
   Result<void> outcome;
 };
 
-/// Session as seen by its viewers. Every member is called on the server's thread (scene() also by start())
-/// unless stated otherwise; none may wait for the servo, and none may take longer than copying one tick's
-/// data (milliseconds).
+class LiveHost;
+class PlaybackHost;
+
+/// Session or recording as seen by its viewers: what there is to be looked at. A host that is neither a
+/// LiveHost nor a PlaybackHost can only be looked at and stopped. Every member is called on the server's
+/// thread (scene() also by start()) unless stated otherwise; none may wait for the servo, and none may take
+/// longer than copying one tick's data (milliseconds).
 class ViewerHost {
  public:
   virtual ~ViewerHost() = default;
+  /// This host as a running session or as a recording; null if it is not one.
+  virtual LiveHost* live() { return nullptr; }
+  virtual PlaybackHost* playback() { return nullptr; }
+
   /// Constant, on which start() relies. Scan and labels share one grid.
   virtual const ViewedScene& scene() const = 0;
   /// Latest tick.
@@ -319,6 +327,27 @@ class ViewerHost {
   /// labels() deformed by soft tissue, for volume pictures. As slow as labels(); returns the same object
   /// while nothing changes.
   virtual std::shared_ptr<const Bricks<LabelId>> seen_labels() const { return labels(); }
+  /// Progress of a run of one of the scene's tasks.
+  virtual ViewedTraining training() const { return {}; }
+  /// Debriefing of the last run, once it is over and stored; null: none.
+  virtual std::shared_ptr<const ViewedDebriefing> debriefing() const { return nullptr; }
+
+  /// Stops the force, or a recording that plays; never releases a stop.
+  virtual void emergency_stop(const ViewerIdentity& by) = 0;
+
+  /// Plan being rehearsed, a new object after each change; null: none.
+  virtual std::shared_ptr<const ViewedPlan> plan() const { return nullptr; }
+  /// Carries out the whole request, or returns an error. Saving waits for the disk.
+  virtual Result<void> change(const PlanRequest& /*request*/) {
+    return Error{ErrorKind::kUsage, "this session has no plan", "", "start palpate explore with --plan"};
+  }
+};
+
+/// Running session, which viewers may change.
+class LiveHost : public ViewerHost {
+ public:
+  LiveHost* live() final { return this; }
+
   /// State of a tracked tool; empty: none.
   virtual std::optional<ViewedNavigation> navigation() const { return {}; }
   /// Carries out the whole request, or returns an error that names the offending value and changes nothing.
@@ -329,8 +358,6 @@ class ViewerHost {
   virtual std::vector<LateAnswer> take_answers() = 0;
   /// Discards the pending requests of a viewer that disconnected.
   virtual void forget(const ViewerIdentity& viewer) = 0;
-  /// Stops the force; never releases a stop.
-  virtual void emergency_stop(const ViewerIdentity& by) = 0;
   /// Error kUsage if a device is physical and the code is missing or wrong, if another stop followed the one
   /// referred to, if the tip is in contact, and if nothing is stopped.
   virtual Result<void> rearm(const RearmRequest& request) = 0;
@@ -339,12 +366,6 @@ class ViewerHost {
   virtual Result<void> take_pointer(bool take, const ViewerIdentity& by) = 0;
   /// Target position of the pointer's tip; patient frame, mm; finite.
   virtual void move_pointer(const std::array<double, 3>& tip_patient_mm) = 0;
-  /// Error kUsage in a live session.
-  virtual Result<void> play(const PlayRequest& request) = 0;
-  /// Progress of a run of one of the scene's tasks.
-  virtual ViewedTraining training() const { return {}; }
-  /// Debriefing of the last run, once it is over and stored; null: none.
-  virtual std::shared_ptr<const ViewedDebriefing> debriefing() const { return nullptr; }
   /// Begins or ends a run.
   virtual Result<void> train(const TaskRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "this session has no tasks", "", ""};
@@ -361,12 +382,14 @@ class ViewerHost {
     return Error{ErrorKind::kUsage, "this session records no runs", "",
                  "start palpate explore with --learner"};
   }
-  /// Plan being rehearsed, a new object after each change; null: none.
-  virtual std::shared_ptr<const ViewedPlan> plan() const { return nullptr; }
-  /// Carries out the whole request, or returns an error. Saving waits for the disk.
-  virtual Result<void> change(const PlanRequest& /*request*/) {
-    return Error{ErrorKind::kUsage, "this session has no plan", "", "start palpate explore with --plan"};
-  }
+};
+
+/// Recording played back.
+class PlaybackHost : public ViewerHost {
+ public:
+  PlaybackHost* playback() final { return this; }
+
+  virtual Result<void> play(const PlayRequest& request) = 0;
 };
 
 /// Roles for which new tokens are generated.

@@ -89,7 +89,7 @@ struct ExploreOptions {
   /// Starts the viewer server: called once, before the loop runs and anything is recorded. The returned
   /// object is destroyed when the session ends, before the host. Its error is returned by explore(). Empty:
   /// no viewers.
-  std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers;
+  std::function<Result<std::shared_ptr<void>>(LiveHost&)> viewers;
 };
 
 /// Status of a running session. Timing figures cover the last second that reached the recorder.

@@ -40,10 +40,10 @@ struct PlayedTaskOptions {
 /// Errors: those of look_up() and TaskEvaluator::see(); kBadInput if the run contains no tick, if the
 /// recording is of another scene, has no ticks, or its clock is not monotonic; those of
 /// RecordingSource::read; kUnavailable if no thread can be created.
-Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
-                                                  std::shared_ptr<const Model> model, Modality modality,
-                                                  const Progress& progress = {},
-                                                  std::optional<PlayedTaskOptions> task = {},
-                                                  std::shared_ptr<SharedPlan> plan = {});
+Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
+                                                    std::shared_ptr<const Model> model, Modality modality,
+                                                    const Progress& progress = {},
+                                                    std::optional<PlayedTaskOptions> task = {},
+                                                    std::shared_ptr<SharedPlan> plan = {});
 
 }  // namespace palpate

@@ -80,7 +80,7 @@ struct TrainingOptions {
   /// for one run at a time; may take long. Empty: runs are not stored. The history of a run that is not
   /// stored covers the session's own runs.
   std::function<RunHistory(const TaskFile& task, const TaskRun& run)> over;
-  /// Implements ViewerHost::curves from the stored runs; empty: not available.
+  /// Implements LiveHost::curves from the stored runs; empty: not available.
   std::function<Result<std::string>(const std::string& learner)> curves;
 };
 

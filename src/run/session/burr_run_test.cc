@@ -29,7 +29,7 @@ Script milling() {
       .value();
 }
 
-void go_to(ViewerHost& playback, const TickRecord& wanted) {
+void go_to(PlaybackHost& playback, const TickRecord& wanted) {
   PlayRequest request;
   request.at_s = wanted.time_s;
   ASSERT_TRUE(playback.play(request).ok());
@@ -240,7 +240,7 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
     if (event.kind == EventKind::kSweep) all.push_back(event.sweep);
   const auto opened = open_playback(RecordingSource(recording_), loaded_.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
-  ViewerHost& playback = **opened;
+  PlaybackHost& playback = **opened;
   // forwards and backwards
   for (const double part : {0.0, 0.6, 1.0, 0.4}) {
     const TickRecord& wanted =
@@ -407,7 +407,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   // playback before the undo and after it
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
-  ViewerHost& playback = **opened;
+  PlaybackHost& playback = **opened;
   const auto undone = std::ranges::find_if(recording->events, [](const RecordingEvent& event) {
     return event.change.tissue == ModelChange::kUndo;
   });

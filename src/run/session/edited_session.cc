@@ -28,13 +28,13 @@ int main(int count, char** arguments) {
       "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n",
       "edited session");
   PALPATE_CHECK(script.ok());
-  ViewerHost* host = nullptr;
+  LiveHost* host = nullptr;
   std::uint32_t edits = 0;
   Clock::time_point next = Clock::now();
   ExploreOptions options;
   options.loop.realtime = false;
   options.loop.ring_s = 30;
-  options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+  options.viewers = [&](LiveHost& session) -> Result<std::shared_ptr<void>> {
     host = &session;
     return std::shared_ptr<void>();
   };

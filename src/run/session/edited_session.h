@@ -11,7 +11,7 @@ namespace palpate::testing {
 inline double edited_stiffness_N_per_mm(std::uint32_t number) {
   return 0.8 + 0.01 * (number % 40);
 }
-inline bool ask_for_stiffness(ViewerHost& host, std::uint32_t number) {
+inline bool ask_for_stiffness(LiveHost& host, std::uint32_t number) {
   TissueRequest tissue;
   tissue.by = {number, true};
   tissue.changes[&ContactProperties::stiffness_N_per_mm] = edited_stiffness_N_per_mm(number);
@@ -19,7 +19,7 @@ inline bool ask_for_stiffness(ViewerHost& host, std::uint32_t number) {
 }
 
 /// Requests edit `number`, from 1, as the viewer of that number.
-inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
+inline bool ask_for_edit(LiveHost& host, std::uint32_t number) {
   const ViewerIdentity by{number, true};
   SettingsRequest settings;
   settings.by = by;
@@ -46,7 +46,7 @@ inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
 }
 
 /// Same for a milling session: a stroke, then an undo or a redo, if there is a stroke to undo or redo.
-inline bool ask_for_stroke_edit(ViewerHost& host, std::uint32_t number) {
+inline bool ask_for_stroke_edit(LiveHost& host, std::uint32_t number) {
   const ViewerIdentity by{number, true};
   SettingsRequest settings;
   settings.by = by;

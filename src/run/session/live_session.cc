@@ -364,7 +364,7 @@ std::shared_ptr<const ViewedDebriefing> LiveSession::debriefing() const {
 }
 
 Result<void> LiveSession::train(const TaskRequest& request) {
-  if (parts_.training == nullptr) return ViewerHost::train(request);
+  if (parts_.training == nullptr) return LiveHost::train(request);
   // the evaluator gets ticks only while the loop runs
   if (!loop_.get()) return not_running();
   return request.begin ? parts_.training->begin(*request.begin, request.learner) : parts_.training->end_run();
@@ -381,7 +381,7 @@ Result<void> LiveSession::teach(const LessonRequest& request) {
 }
 
 Result<std::string> LiveSession::curves(const std::string& learner) const {
-  return keeps_runs() ? parts_.training->curves(learner) : ViewerHost::curves(learner);
+  return keeps_runs() ? parts_.training->curves(learner) : LiveHost::curves(learner);
 }
 
 Result<void> LiveSession::task_here() {
@@ -416,11 +416,7 @@ std::shared_ptr<const ViewedPlan> LiveSession::plan() const {
 }
 
 Result<void> LiveSession::change(const PlanRequest& request) {
-  return parts_.plan != nullptr ? parts_.plan->change(request) : ViewerHost::change(request);
-}
-
-Result<void> LiveSession::play(const PlayRequest& /*request*/) {
-  return refusal("this is a live session, not a recording", "", "palpate replay RECORDING --view shows one");
+  return parts_.plan != nullptr ? parts_.plan->change(request) : LiveHost::change(request);
 }
 
 }  // namespace palpate

@@ -80,7 +80,7 @@ struct LiveSessionParts {
 /// While a physical device can apply force, a viewer's changes need the consent of an operator at this
 /// machine (session/consent.h). While the force is stopped, consent is needed only for changes that could
 /// increase the force afterwards. A stop never needs consent.
-class LiveSession final : public ViewerHost {
+class LiveSession final : public LiveHost {
  public:
   explicit LiveSession(LiveSessionParts parts);
   ~LiveSession() override { end(); }
@@ -115,7 +115,6 @@ class LiveSession final : public ViewerHost {
   Result<void> rearm(const RearmRequest& request) override { return stop_.rearm(request); }
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
-  Result<void> play(const PlayRequest& request) override;
   ViewedTraining training() const override;
   std::shared_ptr<const ViewedDebriefing> debriefing() const override;
   Result<void> train(const TaskRequest& request) override;

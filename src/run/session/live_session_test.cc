@@ -1107,11 +1107,11 @@ class ViewedExplore : public ::testing::Test {
  protected:
   // calls `act` fifty times a second with the session; returns its recording
   Recording run(ExploreOptions options, const std::string& script_text,
-                const std::function<void(ViewerHost&, int)>& act) {
-    ViewerHost* host = nullptr;
+                const std::function<void(LiveHost&, int)>& act) {
+    LiveHost* host = nullptr;
     int calls = 0;
     options.loop.realtime = false;
-    options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+    options.viewers = [&](LiveHost& session) -> Result<std::shared_ptr<void>> {
       host = &session;
       return std::shared_ptr<void>(&session, [&](void*) { host = nullptr; });
     };
@@ -1185,7 +1185,7 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
   options.seconds = 60;
   std::vector<SweepRecord> shown;
   bool on = false, softened = false;
-  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int) {
+  const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
     SettingsRequest motor;
@@ -1239,7 +1239,7 @@ TEST_F(ViewedExplore, AnUndoIsOfNoStrokeThatIsBegunAfterIt) {
   std::chrono::steady_clock::time_point over;
   bool stands = false;
   const auto of_second = [](const SweepRecord& sweep) { return sweep.stroke == 2; };
-  run(options, kPressAndHold, [&](ViewerHost& host, int) {
+  run(options, kPressAndHold, [&](LiveHost& host, int) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
     const ViewedState state = host.state();
@@ -1280,7 +1280,7 @@ TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
   std::uint64_t cut = 0;
   double gone_mm3 = 0;
   const ViewerIdentity viewer{3, true};
-  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int) {
+  const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
     const ViewedState state = host.state();
@@ -1335,7 +1335,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   options.seconds = 60;
   int changed_at = -1, turned_at = -1;
   double softened_N = 0, told = 0;
-  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int call) {
+  const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int call) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
     if (changed_at < 0 && sent_N(tick) > 0.5) {
@@ -1421,7 +1421,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   // on a busy machine a direct method occasionally loses contact; the script is repeated
   options.repeat = true;
   int softened_at = -1, felt_at = -1;
-  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int call) {
+  const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int call) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
     if (softened_at < 0 && sent_N(tick) > 0.5) {
@@ -1458,9 +1458,9 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   int since = 0;
   // the patient's anterior is up: the ball from above, 1 mm deep
   const std::array<double, 3> above{0, -20, 0}, inside{0, -14, 0};
-  ViewerHost* host = nullptr;
+  LiveHost* host = nullptr;
   options.loop.realtime = false;
-  options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+  options.viewers = [&](LiveHost& session) -> Result<std::shared_ptr<void>> {
     host = &session;
     return std::shared_ptr<void>();
   };
@@ -1525,7 +1525,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
 
 TEST_F(ViewedExplore, WhoCannotShowItEndsItBeforeItBegins) {
   ExploreOptions options;
-  options.viewers = [](ViewerHost&) -> Result<std::shared_ptr<void>> {
+  options.viewers = [](LiveHost&) -> Result<std::shared_ptr<void>> {
     return Error{ErrorKind::kUnavailable, "the port is taken", "--port", "choose another"};
   };
   const auto script = parse_script(kPressAndHold, "test script");

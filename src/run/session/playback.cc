@@ -33,11 +33,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-Error is_a_recording() {
-  return {ErrorKind::kUsage, "this is a recording and cannot be changed", "",
-          "to feel the scene, run palpate explore"};
-}
-
 /// Playback position in a recording. Not thread-safe.
 class Place {
  public:
@@ -171,7 +166,7 @@ class CutLabels {
   std::shared_ptr<const Bricks<LabelId>> labels_;
 };
 
-class Playback final : public ViewerHost {
+class Playback final : public PlaybackHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
            const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
@@ -297,7 +292,7 @@ class Playback final : public ViewerHost {
     return plan_ != nullptr ? plan_->viewed() : nullptr;
   }
   Result<void> change(const PlanRequest& request) override {
-    return plan_ != nullptr ? plan_->change(request) : ViewerHost::change(request);
+    return plan_ != nullptr ? plan_->change(request) : PlaybackHost::change(request);
   }
   ViewedTraining training() const override {
     if (task_ == nullptr) return {};
@@ -309,17 +304,6 @@ class Playback final : public ViewerHost {
     const std::lock_guard lock(mutex_);
     return task_->debriefing_at(shown_.time_s);
   }
-  Result<void> train(const TaskRequest& /*request*/) override { return is_a_recording(); }
-  Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
-  Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
-  Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
-  Result<void> rearm(const RearmRequest& /*request*/) override { return is_a_recording(); }
-  Result<void> take_pointer(bool take, const ViewerIdentity& /*by*/) override {
-    return take ? Result<void>(is_a_recording()) : Result<void>();
-  }
-  void move_pointer(const std::array<double, 3>& /*tip_patient_mm*/) override {}
-  std::vector<LateAnswer> take_answers() override { return {}; }
-  void forget(const ViewerIdentity& /*viewer*/) override {}
 
  private:
   // tissue settings of that version
@@ -351,11 +335,11 @@ class Playback final : public ViewerHost {
 
 }  // namespace
 
-Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
-                                                  std::shared_ptr<const Model> model, Modality modality,
-                                                  const Progress& progress,
-                                                  std::optional<PlayedTaskOptions> task,
-                                                  std::shared_ptr<SharedPlan> plan) {
+Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
+                                                    std::shared_ptr<const Model> model, Modality modality,
+                                                    const Progress& progress,
+                                                    std::optional<PlayedTaskOptions> task,
+                                                    std::shared_ptr<SharedPlan> plan) {
   const RecordingHead& head = recording.head();
   if (auto same = check_recorded_model(head.header, *model); !same) return same.error();
   if (head.ticks == 0)
@@ -440,7 +424,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
     if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))
       scene.laws.emplace_back(law.name);
   try {
-    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
+    return std::unique_ptr<PlaybackHost>(std::make_unique<Playback>(
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
         std::move(edits), std::move(nearest), std::move(*yields), std::move(played), std::move(plan)));
   } catch (const std::system_error&) {

@@ -36,7 +36,7 @@ class StopSwitch {
   void describe(ViewedState& state) const;
 
   /// Re-arms at a viewer's request, which for a physical device needs the current arming code.
-  /// Errors: those of ViewerHost's rearm.
+  /// Errors: those of LiveHost::rearm.
   Result<void> rearm(const RearmRequest& request);
   /// Re-arms for an operator at this machine. Errors: the same, apart from the code.
   /// @param stop  number of the stop that was displayed to the operator

@@ -101,7 +101,7 @@ void expect_same(const TaskScore& live, const TaskScore& scored) {
 /// Real-time session with the ball: what it published, and the score of its recording.
 class LiveTask : public ::testing::Test {
  protected:
-  ExploreResult run(const TrainingOptions& training, const std::function<void(ViewerHost&)>& viewer = {}) {
+  ExploreResult run(const TrainingOptions& training, const std::function<void(LiveHost&)>& viewer = {}) {
     auto script = parse_script(kTouchAndStroke, "test script");
     PALPATE_CHECK(script.ok());
     ExploreOptions options;
@@ -110,7 +110,7 @@ class LiveTask : public ::testing::Test {
     std::atomic<bool> over{false};
     std::thread watching;
     if (viewer)
-      options.viewers = [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
+      options.viewers = [&](LiveHost& host) -> Result<std::shared_ptr<void>> {
         watching = std::thread([&] { viewer(host); });
         return std::shared_ptr<void>(nullptr, [&](void*) {
           if (watching.joinable()) watching.join();
@@ -172,7 +172,7 @@ TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
   const auto refusal = [&](const Result<void>& asked) {
     refusals.push_back(asked ? "" : asked.error().message());
   };
-  const ExploreResult result = run(training, [&](ViewerHost& host) {
+  const ExploreResult result = run(training, [&](LiveHost& host) {
     EXPECT_EQ(host.scene().tasks.size(), 2u);
     EXPECT_EQ(host.training().phase, Phase::kNone);
     const auto wait_for = [&](auto&& is) { return testing::soon([&] { return is(host.training()); }); };
@@ -224,7 +224,7 @@ TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
   };
   const auto playback = opened({});
   ASSERT_TRUE(playback.ok()) << playback.error().message();
-  ViewerHost& host = **playback;
+  PlaybackHost& host = **playback;
   ASSERT_EQ(host.scene().tasks.size(), 1u);
   EXPECT_EQ(host.scene().tasks[0].title, "Press the ball");
   const double begin_s = host.scene().recording->begin_s, end_s = begin_s + live.score.time_s;

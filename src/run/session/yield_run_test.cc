@@ -80,7 +80,7 @@ class YieldRun : public ::testing::Test {
   }
   // Seeks to rows of the recording and waits for their deformation. Returns the largest node error divided by
   // the largest displacement there.
-  double max_off(ViewerHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
+  double max_off(PlaybackHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
                  std::span<const std::size_t> rows) const {
     double worst = 0;
     std::array<double, kMaxDevices> N_per_mm{};
@@ -115,12 +115,12 @@ class YieldRun : public ::testing::Test {
   }
   // explores the scene and reads the recording; returns the largest displacement that viewers received
   double seen_moving_mm(const LoadedScene& loaded) {
-    ViewerHost* host = nullptr;
+    LiveHost* host = nullptr;
     double moved_mm = 0;
     ExploreOptions options;
     options.loop.realtime = false;
     options.loop.ring_s = 30;
-    options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+    options.viewers = [&](LiveHost& session) -> Result<std::shared_ptr<void>> {
       host = &session;
       return std::shared_ptr<void>();
     };
@@ -461,12 +461,12 @@ TEST_F(YieldRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
 
 TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
-  ViewerHost* host = nullptr;
+  LiveHost* host = nullptr;
   bool asked = false, seen = false, seen_before = false;
   ExploreOptions options;
   options.loop.realtime = false;
   options.loop.ring_s = 30;
-  options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+  options.viewers = [&](LiveHost& session) -> Result<std::shared_ptr<void>> {
     host = &session;
     return std::shared_ptr<void>();
   };
@@ -598,7 +598,7 @@ TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
   simulate_it();
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
-  ViewerHost& playback = **opened;
+  PlaybackHost& playback = **opened;
   std::array<double, kMaxDevices> N_per_mm{};
   // slow, so that a busy machine keeps up: a quarter of a second of the run takes five
   for (const double speed : {0.05, -0.05}) {

@@ -40,7 +40,6 @@ class Refusing : public testing::FakeHost {
   Result<Grant> set(const StrokeRequest&) override { return with_canary(); }
   Result<void> rearm(const RearmRequest&) override { return with_canary(); }
   Result<void> take_pointer(bool, const ViewerIdentity&) override { return with_canary(); }
-  Result<void> play(const PlayRequest&) override { return with_canary(); }
   Result<void> train(const TaskRequest&) override { return with_canary(); }
   Result<void> teach(const LessonRequest&) override { return with_canary(); }
   Result<void> change(const PlanRequest&) override { return with_canary(); }
@@ -51,6 +50,24 @@ class Refusing : public testing::FakeHost {
     return std::make_shared<const ViewedDebriefing>(told);
   }
 };
+
+/// Recording that cannot be read any further.
+class Unreadable : public testing::FakeRecording {
+ public:
+  Result<void> play(const PlayRequest&) override { return with_canary(); }
+};
+
+std::string refusal_of_a_recording() {
+  Unreadable host;
+  ViewerServerOptions options;
+  options.port = 0;
+  const auto server = ViewerServer::start(host, options);
+  PALPATE_CHECK(server.ok());
+  TestViewer viewer((*server)->port());
+  viewer.greet();
+  viewer.send({{"type", "play"}, {"id", 1}, {"at_s", 1.0}});
+  return viewer.text("refused").dump();
+}
 
 }  // namespace told_error_test
 
@@ -121,7 +138,6 @@ TEST(ToldError, NoFileOfARefusalLeavesTheMachine) {
       {{"type", "stop"}},
       {{"type", "rearm"}, {"stop", 1}},
       {{"type", "pointer"}, {"take", true}},
-      {{"type", "play"}, {"at_s", 1.0}},
       {{"type", "task"}, {"begin", "hold"}},
       {{"type", "task"}, {"end", true}},
       {{"type", "lesson"}, {"task", "hold"}},
@@ -150,6 +166,7 @@ TEST(ToldError, NoFileOfARefusalLeavesTheMachine) {
     const auto answer = request(port, "GET", path);
     wire += answer.head + answer.body;
   }
+  wire += told_error_test::refusal_of_a_recording();
   EXPECT_NE(wire.find("the disk is full"), std::string::npos) << "viewers are told the rest";
   EXPECT_NE(wire.find("not_kept"), std::string::npos);
   EXPECT_NE(wire.find("method_failed"), std::string::npos);

@@ -43,11 +43,24 @@ Right right_for(const Request& request) {
   return Right::kHand;
 }
 
+Result<Grant> granted(const Result<void>& done) {
+  return done ? Result<Grant>(Grant::kDone) : done.error();
+}
+
+// refusal of a request that only a running session can carry out
+Error takes_no_requests(ViewerHost& host) {
+  if (host.playback() != nullptr)
+    return {ErrorKind::kUsage, "this is a recording: what was felt cannot be changed", "",
+            "palpate explore feels the scene anew"};
+  return {ErrorKind::kUsage, "viewers only look on here", "", ""};
+}
+
 }  // namespace
 
 Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
          DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
     : host_(host),
+      live_(host.live()),
       site_(site),
       volumes_(volumes),
       pictures_(pictures),
@@ -92,10 +105,10 @@ void Hub::add(std::shared_ptr<Viewer> viewer) {
 
 void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (viewers_.erase(viewer) == 0) return;
-  if (viewer->welcomed()) host_.forget(viewer->identity());
+  if (viewer->welcomed() && live_ != nullptr) live_->forget(viewer->identity());
   if (pointer_ == viewer.get()) {
     pointer_ = nullptr;
-    (void)host_.take_pointer(false, viewer->identity());
+    (void)live_->take_pointer(false, viewer->identity());
   }
   if (viewer->welcomed()) count();
   if (ended_ && viewers_.empty()) loop_.stop();
@@ -174,7 +187,7 @@ void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
 
 void Hub::want_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
   volumes_.run([this, learner, then = std::move(then)] {
-    Result<std::string> page = host_.curves(learner);
+    Result<std::string> page = live_->curves(learner);
     loop_.post([then, page = std::move(page)] { then(page); });
   });
 }
@@ -219,24 +232,22 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
     return lacks_right(viewer.who().role, right);
   if (right == Right::kHand)
     if (const auto own = check_hand(viewer); !own) return own.error();
+  if (const auto* play = std::get_if<PlayRequest>(&request.what)) return granted(grant_play(*play));
+  if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return granted(host_.change(*plan));
+  if (const auto* lesson = std::get_if<LessonRequest>(&request.what)) return granted(grant_lesson(*lesson));
+  if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
+    return granted(grant_pointer(viewer, *pointer));
+  if (live_ == nullptr) return takes_no_requests(host_);
   const auto set = [&](auto asked) {
     asked.by = viewer.identity();
     asked.id = request.id;
-    return host_.set(asked);
+    return live_->set(asked);
   };
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
   if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
   if (const auto* stroke = std::get_if<StrokeRequest>(&request.what)) return set(*stroke);
-  const auto granted = [&]() -> Result<void> {
-    if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
-      return grant_pointer(viewer, *pointer);
-    if (const auto* task = std::get_if<TaskRequest>(&request.what)) return grant_task(viewer, *task);
-    if (const auto* lesson = std::get_if<LessonRequest>(&request.what)) return grant_lesson(*lesson);
-    if (const auto* play = std::get_if<PlayRequest>(&request.what)) return host_.play(*play);
-    if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return host_.change(*plan);
-    return grant_rearm(viewer, std::get<RearmRequest>(request.what));
-  }();
-  return granted ? Result<Grant>(Grant::kDone) : granted.error();
+  if (const auto* task = std::get_if<TaskRequest>(&request.what)) return granted(grant_task(viewer, *task));
+  return granted(grant_rearm(viewer, std::get<RearmRequest>(request.what)));
 }
 
 // a learner may only do what is recorded as his or her own run
@@ -260,17 +271,20 @@ Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can start and end a task", "",
                  "ask that viewer, or wait until the tip is released"};
   request.learner = who.learner;
-  return host_.train(request);
+  return live_->train(request);
 }
 
 Result<void> Hub::grant_lesson(const LessonRequest& request) {
-  if (request.learner || request.task || request.end)
-    if (auto taught = host_.teach(request); !taught) return taught;
+  if (request.learner || request.task || request.end) {
+    if (live_ == nullptr)
+      return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
+    if (auto taught = live_->teach(request); !taught) return taught;
+  }
   names_ = request.names.value_or(names_);
   publish_state();
   // a viewer that is no longer permitted loses the pointer
   if (pointer_ && !check_hand(*pointer_)) {
-    (void)host_.take_pointer(false, pointer_->identity());
+    (void)live_->take_pointer(false, pointer_->identity());
     pointer_ = nullptr;
   }
   return {};
@@ -283,7 +297,7 @@ Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
                  pointer_ ? "ask that viewer, or wait until the tip is released"
                           : "take the pointer first (Touch), then rearm"};
   request.by = viewer.identity();
-  return host_.rearm(request);
+  return live_->rearm(request);
 }
 
 Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
@@ -291,14 +305,21 @@ Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
     return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until the tip is released"};
   // releasing the pointer without having it changes nothing
   if (!request.take && !pointer_) return {};
-  if (auto taken = host_.take_pointer(request.take, viewer.identity()); !taken) return taken;
+  if (live_ == nullptr) return takes_no_requests(host_);
+  if (auto taken = live_->take_pointer(request.take, viewer.identity()); !taken) return taken;
   pointer_ = request.take ? &viewer : nullptr;
   return {};
 }
 
+Result<void> Hub::grant_play(const PlayRequest& request) {
+  if (PlaybackHost* const playback = host_.playback()) return playback->play(request);
+  return Error{ErrorKind::kUsage, "a session runs: there is no recording to be looked at", "",
+               "palpate replay RECORDING --view shows one"};
+}
+
 void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
   // a viewer that has just lost the pointer may not know yet
-  if (pointer_ == &viewer) host_.move_pointer(tip.tip_patient_mm);
+  if (pointer_ == &viewer) live_->move_pointer(tip.tip_patient_mm);
 }
 
 std::uint32_t Hub::holder() const {
@@ -312,7 +333,7 @@ std::string Hub::state_for(const Viewer& viewer) const {
 }
 
 std::string Hub::welcome_for(const Who& who) const {
-  return welcome_json(who, !host_.scene().tasks.empty(), host_.keeps_runs());
+  return welcome_json(who, !host_.scene().tasks.empty(), site_.keeps_runs());
 }
 
 const Veil* Hub::veil_of(const Viewer& viewer) const {
@@ -457,7 +478,8 @@ void Hub::publish_training(Clock::time_point now) {
 
 void Hub::publish_navigation(Clock::time_point now) {
   next_navigation_ = now + kNavigationPeriod;
-  const auto navigation = host_.navigation();
+  if (live_ == nullptr) return;
+  const auto navigation = live_->navigation();
   if (!navigation) return;
   std::string text = navigation_json(*navigation);
   if (told_navigation_ && text == *told_navigation_) return;
@@ -528,7 +550,8 @@ void Hub::sweep() {
 }
 
 void Hub::answer_late() {
-  for (const LateAnswer& late : host_.take_answers())
+  if (live_ == nullptr) return;
+  for (const LateAnswer& late : live_->take_answers())
     for (const auto& viewer : viewers_)
       if (viewer->identity().number == late.by.number && viewer->welcomed())
         viewer->say(late.outcome ? done_json(late.id) : refused_json(late.id, late.outcome.error()));

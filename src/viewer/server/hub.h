@@ -80,6 +80,7 @@ class Hub {
   void want_picture(PictureKey key, std::weak_ptr<const void> asker,
                     std::function<void(PictureStore::Payload)> then);
   void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
+  /// Only if Site::keeps_runs.
   /// @param learner  pseudonym; empty: all learners
   void want_curves(const std::string& learner, std::function<void(Result<std::string>)> then);
 
@@ -126,6 +127,7 @@ class Hub {
   void update_veil();
   void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
+  Result<void> grant_play(const PlayRequest& request);
   void count();
   void wait_for_poses();
   void show_pose();
@@ -136,6 +138,7 @@ class Hub {
   void sweep();
 
   ViewerHost& host_;
+  LiveHost* const live_;  ///< The host as a running session; null if it is none
   Site& site_;
   PayloadStore& volumes_;
   PictureStore& pictures_;

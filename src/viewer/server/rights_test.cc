@@ -120,7 +120,6 @@ TEST(Rights, EveryCellIsKeptByTheServer) {
       for (const auto& [right, messages] : kMessages) {
         School school(has_tasks ? std::vector{test_task()} : std::vector<ViewedTask>());
         school.test.host.rehearse({});
-        school.test.host.change([](ViewedState& state) { state.playback.emplace(); });
         const auto viewer = school.comes(role);
         EXPECT_EQ(school.welcome["role"], name_of(role));
         for (const Json& message : messages) {

@@ -23,7 +23,7 @@ struct VolumeFacts {
 /// Sixteen lower-case hexadecimal digits.
 std::string hash_text(std::uint64_t hash);
 
-/// @param keeps_runs  ViewerHost::keeps_runs
+/// @param keeps_runs  Site::keeps_runs
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
                        const Who& who, bool keeps_runs);
 
@@ -41,7 +41,7 @@ std::string state_json(const ViewedState& state, const StateReader& reader);
 /// Rounded to 0.01 mm.
 std::string navigation_json(const ViewedNavigation& navigation);
 /// @param has_tasks   whether the scene has tasks
-/// @param keeps_runs  ViewerHost::keeps_runs
+/// @param keeps_runs  Site::keeps_runs
 std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs);
 /// @param first  index of the first of them, from 0
 std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);

@@ -161,8 +161,13 @@ HttpAnswer Site::scene(const Who& who) const {
   if (veil != nullptr) facts.wide_labels = veil->has_wide_labels();
   answer.body = std::make_shared<std::string>(
       scene_json(veil != nullptr ? veil->scene() : host_.scene(),
-                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, host_.keeps_runs()));
+                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, keeps_runs()));
   return answer;
+}
+
+bool Site::keeps_runs() const {
+  const LiveHost* const live = host_.live();
+  return live != nullptr && live->keeps_runs();
 }
 
 std::string Site::hash_for(const Who& who) const {
@@ -176,7 +181,7 @@ SiteAnswer Site::curves(const Who& who) const {
     return refusal(403,
                    "only learners (their own) and teachers may see learning curves: connect with a token for "
                    "learner or teacher");
-  if (!host_.keeps_runs()) return refusal(404, "no runs are recorded in this session");
+  if (!keeps_runs()) return refusal(404, "no runs are recorded in this session");
   CurvesWanted wanted;
   wanted.learner = all ? std::string() : who.learner;
   wanted.head.fields = field("Content-Type", "text/html; charset=utf-8") + field("Cache-Control", "no-store");

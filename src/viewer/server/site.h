@@ -57,6 +57,8 @@ class Site {
 
   SiteAnswer answer(const HttpRequest& request);
   Access& access() { return access_; }
+  /// LiveHost::keeps_runs; false for a recording.
+  bool keeps_runs() const;
   /// Switches the veil on or off; initially on. On while a quiz is possible and its solution has not been
   /// shown.
   void set_veil_active(bool is_laid) { is_veiled_ = is_laid; }

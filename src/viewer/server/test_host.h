@@ -66,7 +66,7 @@ inline ViewedDebriefing test_debriefing() {
   return told;
 }
 
-class FakeHost : public ViewerHost {
+class FakeHost : public LiveHost {
  public:
   explicit FakeHost(std::array<int, 3> dims = {5, 4, 3}) {
     GridGeometry grid;
@@ -240,15 +240,6 @@ class FakeHost : public ViewerHost {
     tip_ = tip_patient_mm;
   }
 
-  Result<void> play(const PlayRequest& request) override {
-    const std::lock_guard lock(mutex_);
-    if (!state_.playback) return Error{ErrorKind::kUsage, "a session runs", "", ""};
-    if (request.at_s) played_at_s_ = *request.at_s;
-    if (request.playing) state_.playback->playing = *request.playing;
-    if (request.speed) state_.playback->speed = *request.speed;
-    return {};
-  }
-
   ViewedTraining training() const override {
     const std::lock_guard lock(mutex_);
     return training_;
@@ -313,10 +304,6 @@ class FakeHost : public ViewerHost {
     plan_ = std::make_shared<const ViewedPlan>(std::move(plan));
   }
 
-  double played_at_s() const {
-    const std::lock_guard lock(mutex_);
-    return played_at_s_;
-  }
   std::array<double, 3> tip() const {
     const std::lock_guard lock(mutex_);
     return tip_;
@@ -365,11 +352,50 @@ class FakeHost : public ViewerHost {
   ViewedTraining training_;
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::array<double, 3> tip_{};
-  double played_at_s_ = 0;
   ViewerIdentity asked_by_;
   std::uint32_t stops_ = 0;
   bool asks_ = false, ended_ = false, keeps_runs_ = false;
   std::vector<LateAnswer> asked_, answers_;
+};
+
+/// In-memory recording that stays where it is led.
+class FakeRecording : public PlaybackHost {
+ public:
+  FakeRecording() {
+    GridGeometry grid;
+    grid.dims = {2, 2, 2};
+    scene_.labels = label_bricks(Volume<LabelId>(grid));
+    scene_.input = "recording";
+    state_.playback.emplace();
+  }
+  const ViewedScene& scene() const override { return scene_; }
+  TickRecord snapshot(std::array<double, kMaxDevices>& /*stiffness_N_per_mm*/) const override { return {}; }
+  ViewedHealth health() const override { return {}; }
+  ViewedState state() const override {
+    const std::lock_guard lock(mutex_);
+    return state_;
+  }
+  void emergency_stop(const ViewerIdentity& /*by*/) override {
+    const std::lock_guard lock(mutex_);
+    state_.playback->playing = false;
+  }
+  Result<void> play(const PlayRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (request.at_s) played_at_s_ = *request.at_s;
+    if (request.playing) state_.playback->playing = *request.playing;
+    if (request.speed) state_.playback->speed = *request.speed;
+    return {};
+  }
+  double played_at_s() const {
+    const std::lock_guard lock(mutex_);
+    return played_at_s_;
+  }
+
+ private:
+  ViewedScene scene_;
+  mutable std::mutex mutex_;
+  ViewedState state_;
+  double played_at_s_ = 0;
 };
 
 /// Log lines of a server.

@@ -18,6 +18,7 @@ namespace {
 
 using palpate::test::TemporaryFolder;
 using palpate::test::write_private;
+using palpate::testing::FakeRecording;
 using palpate::testing::Json;
 using palpate::testing::kPing;
 using palpate::testing::masked_frame;
@@ -32,14 +33,17 @@ using palpate::testing::TestViewer;
 constexpr const char* kControlToken = "control-token-0123456789";
 constexpr const char* kViewToken = "view-token-0123456789";
 
+// options of a server that asks for one of the tokens above
+ViewerServerOptions guarded_options(const TemporaryFolder& folder) {
+  ViewerServerOptions options;
+  options.token_file = write_private(folder / "tokens",
+                                     std::string("control ") + kControlToken + "\nview " + kViewToken + "\n");
+  return options;
+}
+
 struct GuardedServer {
   TemporaryFolder folder;
-  TestServer test{[this] {
-    ViewerServerOptions options;
-    options.token_file = write_private(
-        folder / "tokens", std::string("control ") + kControlToken + "\nview " + kViewToken + "\n");
-    return options;
-  }()};
+  TestServer test{guarded_options(folder)};
 };
 
 TEST(Viewer, WelcomeStateAndPoses) {
@@ -420,27 +424,58 @@ TEST_F(TaskByPointer, WhoeverMovesTheTipBeginsAndEnds) {
 }
 
 TEST(Viewer, WhoHasControlPlaysARecording) {
-  GuardedServer guarded;
-  TestServer& test = guarded.test;
-  TestViewer control(test.port()), view(test.port());
+  TemporaryFolder folder;
+  FakeRecording recording;
+  ViewerServerOptions options = guarded_options(folder);
+  options.port = 0;
+  const auto server = ViewerServer::start(recording, options);
+  ASSERT_TRUE(server.ok());
+  TestViewer control((*server)->port()), view((*server)->port());
   control.greet({{"token", kControlToken}});
   view.greet({{"token", kViewToken}});
-  control.send({{"type", "play"}, {"id", 1}, {"playing", true}});
-  EXPECT_EQ(control.text("refused")["id"], 1) << "a session runs";
-  test.host.change([](ViewedState& state) { state.playback.emplace(); });
   control.send({{"type", "play"}, {"id", 2}, {"at_s", 12.25}, {"playing", true}, {"speed", -4}});
   EXPECT_EQ(control.text("done")["id"], 2);
-  EXPECT_EQ(test.host.played_at_s(), 12.25);
-  EXPECT_EQ(test.host.state().playback->speed, -4);
+  EXPECT_EQ(recording.played_at_s(), 12.25);
+  EXPECT_EQ(recording.state().playback->speed, -4);
   // both viewers receive the state
   for (TestViewer* viewer : {&control, &view})
-    while (true)
-      if (const auto state = viewer->text("state");
-          !state["playback"].is_null() && state["playback"]["playing"] == true)
-        break;
+    while (viewer->text("state")["playback"]["playing"] != true) continue;
   view.send({{"type", "play"}, {"id", 3}, {"playing", false}});
   EXPECT_EQ(view.text("refused")["where"], "role");
-  EXPECT_TRUE(test.host.state().playback->playing);
+  EXPECT_TRUE(recording.state().playback->playing);
+  view.send({{"type", "stop"}, {"id", 4}});
+  EXPECT_EQ(view.text("done")["id"], 4);
+  EXPECT_FALSE(recording.state().playback->playing);
+}
+
+TEST(Viewer, ARecordingCannotBeChanged) {
+  FakeRecording recording;
+  ViewerServerOptions options;
+  options.port = 0;
+  const auto server = ViewerServer::start(recording, options);
+  ASSERT_TRUE(server.ok());
+  TestViewer viewer((*server)->port());
+  viewer.greet();
+  for (Json message :
+       std::initializer_list<Json>{{{"type", "set"}, {"paused", true}},
+                                   {{"type", "tissue"}, {"tissue", 0}, {"stiffness_N_per_mm", 1.0}},
+                                   {{"type", "undo"}},
+                                   {{"type", "rearm"}, {"stop", 1}},
+                                   {{"type", "pointer"}, {"take", true}},
+                                   {{"type", "task"}, {"begin", "hold"}}}) {
+    message["id"] = 7;
+    viewer.send(message);
+    EXPECT_EQ(viewer.text("refused")["what"], "this is a recording: what was felt cannot be changed")
+        << message;
+  }
+}
+
+TEST(Viewer, ASessionCannotBePlayed) {
+  TestServer test;
+  TestViewer viewer(test.port());
+  viewer.greet();
+  viewer.send({{"type", "play"}, {"id", 1}, {"playing", true}});
+  EXPECT_EQ(viewer.text("refused")["what"], "a session runs: there is no recording to be looked at");
 }
 
 TEST(Viewer, OneAtATimeMovesTheTip) {
