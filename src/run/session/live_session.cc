@@ -181,8 +181,8 @@ Result<void> LiveSession::check(const Lock& held, const SettingsRequest& request
   if (request.max_force_N) {
     const double asked_N = *request.max_force_N, min_N = max_force_range_N()[0];
     if (!(asked_N >= min_N && asked_N <= most_force_N()))
-      return invalid_value("a limit of " + number_text(asked_N) + " N is outside " + number_text(min_N) +
-                               " ... " + number_text(most_force_N()) + " N",
+      return invalid_value("a limit of " + rounded_text(asked_N) + " N is outside " + rounded_text(min_N) +
+                               " ... " + rounded_text(most_force_N()) + " N",
                            "max_force_N", "the device and the scene allow no higher limit");
   }
   if (request.rotation_wxyz) {

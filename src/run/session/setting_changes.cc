@@ -34,7 +34,7 @@ std::string plain_name(std::string name) {
 
 }  // namespace
 
-std::string number_text(double value) {
+std::string rounded_text(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.4g", value);
   return text;
@@ -82,12 +82,12 @@ std::string consent_text(const SettingsRequest& wanted, const Parameters& now) {
   if (wanted.rotation_wxyz) {
     constexpr double kDegrees = 180 / std::numbers::pi;
     const double by = now.rotation_target.angularDistance(quaternion(*wanted.rotation_wxyz).normalized());
-    words.add("turn the object by " + number_text(std::round(by * kDegrees * 10) / 10) + " degrees");
+    words.add("turn the object by " + rounded_text(std::round(by * kDegrees * 10) / 10) + " degrees");
   }
   if (wanted.paused) words.add(*wanted.paused ? "pause the force" : "resume the force");
   if (wanted.max_force_N)
-    words.add("set the force limit to " + number_text(*wanted.max_force_N) + " N, now " +
-              number_text(now.max_force_N));
+    words.add("set the force limit to " + rounded_text(*wanted.max_force_N) + " N, now " +
+              rounded_text(now.max_force_N));
   if (wanted.method) words.add("use the method " + *wanted.method);
   if (wanted.law) words.add("use the soft-tissue law " + *wanted.law);
   switched(wanted.friction, "friction");
@@ -104,8 +104,8 @@ std::string consent_text(const std::string& tissue, const ContactProperties& bef
     const double from = before.*property.value, to = after.*property.value;
     if (from == to) continue;
     const std::string whose = words.text().empty() ? plain_name(tissue) + "'s " : std::string("its ");
-    words.add("change " + whose + std::string(property.words) + " from " + number_text(from) + " to " +
-              number_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
+    words.add("change " + whose + std::string(property.words) + " from " + rounded_text(from) + " to " +
+              rounded_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
   }
   return words.text();
 }

@@ -9,8 +9,8 @@
 /// Effect of a viewer's request on a session, and the text of the consent question about it.
 namespace palpate {
 
-/// A number as these texts write it: at most four significant digits.
-std::string number_text(double value);
+/// At most four significant digits.
+std::string rounded_text(double value);
 
 /// Reduces a request to the settings that differ from the current ones.
 /// @param is_law_awaited, is_method_awaited  whether another law or method is being prepared, so that the
