@@ -18,6 +18,7 @@
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/felt_stiffness.h"
+#include "palpate/device/settings.h"
 #include "palpate/server/viewer_server.h"
 #include "palpate/tracker/tracker_driver.h"
 #include "palpation.h"
@@ -583,8 +584,8 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("--max-force", options.max_force_N,
                    "Force limit in N, in addition to the device's own; default: the lesser of its continuous "
                    "rating and 3 N")
-      ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));
-  verb->add_option("--rate", options.rate_hz, "Servo rate in Hz; default: the script's")
+      ->check(number_between(kMaxForceRange.min, kMaxForceRange.max));
+  verb->add_option("--rate", options.rate_hz, "Ticks a second; default: the script's")
       ->check(number_between(kMinRate_hz, kMaxRate_hz));
   verb->add_option(
           "--spin", options.spin_us,

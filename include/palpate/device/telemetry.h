@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/base/contact_properties.h"
+#include "palpate/device/settings.h"
 
 /// Inputs and outputs of one tick as plain numbers, for the recorder and the viewers. Units are in the names.
 /// Frames: names with `world`, orientations, forces and torques are in World, all others in Patient.
@@ -55,16 +56,6 @@ enum TickFlag : std::uint32_t {
 /// Faults: they set the force to zero at once; it returns by the ramp.
 inline constexpr std::uint32_t kFaultFlags =
     kFlagNotFinite | kFlagJump | kFlagDeviceFault | kFlagHalted | kFlagEmergencyStop;
-
-/// Bits of TickRecord::switches.
-enum TickSwitch : std::uint8_t {
-  kSwitchFriction = 1u << 0,
-  kSwitchViscosity = 1u << 1,
-  kSwitchPaused = 1u << 2,
-  kSwitchEmergencyStop = 1u << 3,
-  kSwitchPassivity = 1u << 4,
-  kSwitchMotor = 1u << 5,
-};
 
 /// Volume that a burr swept along a short straight path, in the patient (Sweep, palpate/tissue/sweep.h).
 struct SweepRecord {

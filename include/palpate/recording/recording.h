@@ -78,28 +78,14 @@ struct AskedBy {
   friend bool operator==(const AskedBy&, const AskedBy&) = default;
 };
 
-/// Settings changed by a request. Bits of RecordingEvent::changed.
-enum SettingBit : std::uint8_t {
-  kSettingMethod = 1u << 0,
-  kSettingFriction = 1u << 1,
-  kSettingViscosity = 1u << 2,
-  kSettingPassivity = 1u << 3,
-  kSettingPaused = 1u << 4,
-  kSettingMaxForce = 1u << 5,
-  kSettingRotation = 1u << 6,
-  /// Pointer taken or released by a viewer, alternately, since one viewer has it at a time
-  kSettingPointer = 1u << 7,
-};
-
 /// External command to a run, with the tick in which it took effect.
 struct RecordingEvent {
   enum class Kind : std::uint8_t {
     kModel,     ///< A new model version: `change`
-    kSettings,  ///< `changed` ... `rotation_wxyz`
+    kSettings,  ///< `changed` ... `rotation_target_wxyz`
     kStop,      ///< Emergency stop: forces off immediately
     kRearm,     ///< Forces ramped up again
     kSweep,     ///< A burr's sweep, one of those removed in the model version `number`: `sweep`
-    kMotor,     ///< As kSettings, with the tool's motor switched on or off
     kYield,  ///< A solution of deforming tissue: frame `number` (ComplianceFrame), `input_tick`, `frame_hash`
   };
   /// First recorded tick that acknowledges it: the tick in which it took effect, unless ticks are missing.
@@ -112,10 +98,10 @@ struct RecordingEvent {
   ModelChange change;  ///< ModelChange with version `number`
   // Settings in effect from then on, as in TickRecord. If several requests preceded one tick, each row
   // contains the result of all of them.
-  std::uint8_t changed = 0;  ///< SettingBit bits; 0: the request asked for the current values
+  std::uint16_t changed = 0;  ///< SettingBit bits; 0: the request asked for the current values
   std::uint8_t method = 0, switches = 0;
   double max_force_N = 0;
-  std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
+  std::array<double, 4> rotation_target_wxyz{1, 0, 0, 0};
   SweepRecord sweep;
   std::uint64_t input_tick = 0;  ///< kYield: tick from which it was solved
   std::uint64_t frame_hash = 0;  ///< kYield: ComplianceFrame::hash of the result

@@ -232,11 +232,6 @@ struct PresetMatch {
 /// term in the name, then the longest.
 PresetMatch match_preset(const std::string& structure_name);
 
-/// Valid range of a numeric key of a tissue.
-std::array<double, 2> tissue_key_range(std::string_view key);
-/// Valid range of the force limit of a scene or a user, N.
-std::array<double, 2> max_force_range_N();
-
 /// Label ids of each tissue of the scene, ascending; empty for tissues by threshold. A name refers to every
 /// segment of that name. Errors, with the line of the label: absent label, unless the tissue is optional;
 /// label claimed twice.

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
+#include "palpate/device/settings.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/server/viewed_plan.h"
 #include "palpate/server/viewed_training.h"
@@ -66,7 +67,7 @@ struct ViewedRecording {
   struct Event {
     double time_s = 0;
     std::string kind;                  ///< "stop", "rearm", "settings", "model"
-    std::vector<std::string> changed;  ///< "settings": changed keys of a SettingsRequest, or "pointer"
+    std::vector<std::string> changed;  ///< "settings": names of changed settings, or "pointer"
     int tissue = -1;           ///< "model": index of the changed tissue; -1 if the fields were regenerated
     std::string by;            ///< Originator: "viewer", "key", "script" or "session"
     std::uint32_t viewer = 0;  ///< Number of the viewer, if a viewer requested it
@@ -130,10 +131,7 @@ struct ViewedScene {
   std::string input = "script";  ///< Source of the tip's motion: "script", "pointer", "device", "recording"
   /// Ratings of the first device; kNotKnown: unknown.
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, max_stiffness_N_per_mm = kNotKnown;
-  /// Range of the user's force limit; N.
-  double min_max_force_N = 0, max_max_force_N = 0;
-  /// Permitted ranges of the tissue settings.
-  std::array<double, 2> stiffness_N_per_mm{}, friction{};
+  ValueRange max_force_range{};  ///< Range of the user's force limit; N
   double rate_hz = 1000;
   std::optional<ViewedRecording> recording;  ///< Recording shown in place of a session
   std::vector<ViewedTask> tasks;             ///< Tasks that may be begun
@@ -174,8 +172,7 @@ enum class StoppedBy : std::uint8_t {
   kViewer,
 };
 /// Session state that may change at any time.
-struct ViewedState {
-  std::string method;
+struct ViewedState : Settings {
   std::string method_awaited;  ///< Method that becomes active once its fields are generated; empty: none
   /// Reason why the method requested last could not be prepared; Error::where is its name.
   std::optional<Error> method_failure;
@@ -183,17 +180,12 @@ struct ViewedState {
   std::string law_awaited;  ///< Law that becomes active once its surfaces are built; empty: none
   /// Reason why the law requested last could not be prepared; Error::where is its name.
   std::optional<Error> law_failure;
-  bool friction = true, viscosity = true, passivity = true, paused = false;
-  bool motor = false;                    ///< Motor switch of the cutting tools
   bool motor_is_on = false;              ///< Whether a motor runs, by its switch or a pedal
   std::uint64_t sweeps = 0;              ///< Number of burr sweeps removed from the labels
   std::vector<std::uint64_t> undone_to;  ///< Number of sweeps left after each undo so far
   std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
   std::map<LabelId, double> removed_mm3;  ///< Volume removed by the sweeps, per structure
   std::map<LabelId, double> nearest_mm;   ///< Smallest distance to each protected structure (NearestMeter)
-  double max_force_N = 0;
-  /// Commanded rotation of the object.
-  std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;
   std::vector<ContactProperties> tissues;  ///< Current properties of each tissue
   /// Number of the stop in effect (Arming::number), to which a rearm refers; empty: the force is not stopped.
@@ -237,11 +229,7 @@ struct ViewerIdentity {
 };
 
 /// Well-formed request; the host decides whether to grant it.
-struct SettingsRequest {
-  std::optional<std::string> method, law;
-  std::optional<bool> friction, viscosity, passivity, paused, motor;
-  std::optional<double> max_force_N;
-  std::optional<std::array<double, 4>> rotation_wxyz;
+struct SettingsRequest : SettingsChanges {
   ViewerIdentity by;
   std::int64_t id = 0;  ///< Identifier chosen by the viewer, for a late answer
 };

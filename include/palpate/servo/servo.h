@@ -12,6 +12,7 @@
 #include "palpate/contact/tool_contact.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
+#include "palpate/device/settings.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
 #include "palpate/servo/feel.h"
@@ -20,24 +21,11 @@
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
 namespace palpate {
 
-/// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is blended in
-/// over kOutputFeel.blend_s instead of applied as a step.
-struct Parameters {
-  /// Force method; falls back to trilinear if the model is not prepared for it (kFlagMethodMissing).
-  ForceMethod method = ForceMethod::kTrilinear;
-  bool friction = true;
-  bool viscosity = true;
-  /// Damp contacts that have returned more energy than they received; the observer runs in any case
-  bool passivity = true;
-  bool paused = false;          ///< Fade the forces out and keep them off
+/// Inputs of a tick that may change while the loop runs. A change of method, gain or blended switch is
+/// blended in over kOutputFeel.blend_s instead of applied as a step.
+struct Parameters : Settings {
   bool emergency_stop = false;  ///< Set the forces to zero at once
-  /// Motor switch of cutting tools, combined (or) with the pedal; the motor stops while no force is sent
-  bool motor = false;
-  /// The user's force limit, applied together with the scene's; negative or non-finite counts as 0
-  double max_force_N = 3.0;
   std::array<DeviceParameters, kMaxDevices> device;
-  /// Commanded rotation of the object about World's origin; updated about 10 times a second.
-  Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
   /// Latest solution of deformable tissue. The contact itself blends over to a new one.
   ComplianceFrame yields;
 };

@@ -19,10 +19,8 @@ std::array<double, 4> plain(const Eigen::Quaterniond& q) {
 }
 
 std::uint8_t switches_of(const Parameters& parameters) {
-  return static_cast<std::uint8_t>(
-      (parameters.friction ? kSwitchFriction : 0) | (parameters.viscosity ? kSwitchViscosity : 0) |
-      (parameters.passivity ? kSwitchPassivity : 0) | (parameters.paused ? kSwitchPaused : 0) |
-      (parameters.emergency_stop ? kSwitchEmergencyStop : 0) | (parameters.motor ? kSwitchMotor : 0));
+  return static_cast<std::uint8_t>(switch_bits(parameters) |
+                                   (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
 }
 
 void record_inputs(const Model& model, const Parameters& parameters, const SessionState& state, double dt_s,
@@ -33,10 +31,8 @@ void record_inputs(const Model& model, const Parameters& parameters, const Sessi
   record.lateness_s = record.compute_s = 0;
   record.model_version = model.version;
   record.yield_frame = parameters.yields.number;
-  record.method = static_cast<std::uint8_t>(parameters.method);
+  record_settings(parameters, record);
   record.switches = switches_of(parameters);
-  record.max_force_N = parameters.max_force_N;
-  record.rotation_target_wxyz = plain(parameters.rotation_target);
   record.devices = static_cast<int>(devices);
 }
 

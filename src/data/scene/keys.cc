@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "palpate/contact/tissue_values.h"
+#include "palpate/device/settings.h"
 #include "palpate/scene/scene.h"
 #include "palpate/surfaces/ramps.h"
 
@@ -610,11 +611,11 @@ SceneKeys declared_keys() {
            {{.name = "max_force",
              .type = kNumber,
              .unit = "N",
-             .min = 0.1,
-             .max = 40,
-             .meaning =
-                 "Maximum force. It can only lower the limit set by device and user: without `--max-force` "
-                 "the lesser of the device's continuous rating (1.4 N for `premium-1.5`) and 3 N."}}},
+             .min = kMaxForceRange.min,
+             .max = kMaxForceRange.max,
+             .meaning = "The force is never larger. It can only lower the limit that device and user set: "
+                        "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
+                        "`premium-1.5`) and 3 N."}}},
       .distances =
           {"[distances]",
            "Structures whose distance to the tool is reported in every tick: from the outline of the tool to "

@@ -12,12 +12,6 @@
 namespace palpate {
 namespace {
 
-std::array<double, 2> range_of(const TableSpec& table, std::string_view key) {
-  const KeySpec* spec = table.find(key);
-  PALPATE_CHECK(spec != nullptr && spec->type == KeyType::kNumber);
-  return {spec->min, spec->max};
-}
-
 void read_data(const TableReader& data, Scene& scene) {
   if (const auto scan = data.text("scan")) scene.scan = *scan;
   if (const auto volume = data.whole("scan_volume")) scene.scan_volume = static_cast<int>(*volume);
@@ -647,14 +641,6 @@ std::filesystem::path Scene::resolve(const std::filesystem::path& file) const {
 
 std::string Scene::where(int line) const {
   return source + ":" + std::to_string(line);
-}
-
-std::array<double, 2> tissue_key_range(std::string_view key) {
-  return range_of(scene_key_tables().tissue, key);
-}
-
-std::array<double, 2> max_force_range_N() {
-  return range_of(scene_key_tables().limits, "max_force");
 }
 
 Result<Scene> parse_scene(std::string_view text, const std::string& source) {

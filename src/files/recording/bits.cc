@@ -1,16 +1,19 @@
 #include "recording/bits.h"
 
+#include <algorithm>
 #include <cstdint>
+#include <string_view>
 
 #include "palpate/base/force_method.h"
 #include "palpate/device/device.h"
+#include "palpate/device/settings.h"
 #include "palpate/recording/recording.h"
 
 // The switches have no default, so that the compiler reports a new enumerator without a name.
 namespace palpate::internal {
 namespace {
 
-const char* name_of(TickFlag flag) {
+std::string_view name_of(TickFlag flag) {
   switch (flag) {
     case kFlagClamped:
       return "clamped";
@@ -61,28 +64,16 @@ const char* name_of(TickFlag flag) {
     case kFlagRelease:
       return "release";
   }
-  return nullptr;
+  return {};
 }
 
-const char* name_of(TickSwitch one) {
-  switch (one) {
-    case kSwitchFriction:
-      return "friction";
-    case kSwitchViscosity:
-      return "viscosity";
-    case kSwitchPaused:
-      return "paused";
-    case kSwitchEmergencyStop:
-      return "emergency stop";
-    case kSwitchPassivity:
-      return "passivity";
-    case kSwitchMotor:
-      return "motor";
-  }
-  return nullptr;
+std::string_view name_of(TickSwitch bit) {
+  if (bit == kSwitchEmergencyStop) return "emergency stop";
+  const auto found = std::ranges::find(kSwitches, bit, &SwitchInfo::recorded);
+  return found == kSwitches.end() ? std::string_view() : found->name;
 }
 
-const char* name_of(DeviceStatus status) {
+std::string_view name_of(DeviceStatus status) {
   switch (status) {
     case kDeviceFault:
       return "fault";
@@ -91,32 +82,28 @@ const char* name_of(DeviceStatus status) {
     case kDeviceHalted:
       return "halted";
   }
-  return nullptr;
+  return {};
 }
 
-const char* name_of(SettingBit bit) {
-  switch (bit) {
-    case kSettingMethod:
-      return "method";
-    case kSettingFriction:
-      return "friction";
-    case kSettingViscosity:
-      return "viscosity";
-    case kSettingPassivity:
-      return "passivity";
-    case kSettingPaused:
-      return "paused";
-    case kSettingMaxForce:
-      return "force limit";
-    case kSettingRotation:
-      return "rotation";
-    case kSettingPointer:
-      return "tip taken or released";
-  }
-  return nullptr;
+// in recordings a switch has the name that it has in messages
+std::string_view words_of(const SwitchInfo& info) {
+  return info.name;
+}
+template <class Value, class Change>
+std::string_view words_of(const SettingInfo<Value, Change>& info) {
+  return info.words;
 }
 
-const char* name_of(RecordingEvent::Kind kind) {
+std::string_view name_of(SettingBit bit) {
+  if (bit == kSettingPointer) return "tip taken or left";
+  std::string_view name;
+  visit_settings([&](const auto& setting) {
+    if (setting.changed == bit) name = words_of(setting);
+  });
+  return name;
+}
+
+std::string_view name_of(RecordingEvent::Kind kind) {
   switch (kind) {
     case RecordingEvent::Kind::kModel:
       return "model";
@@ -128,15 +115,13 @@ const char* name_of(RecordingEvent::Kind kind) {
       return "rearm";
     case RecordingEvent::Kind::kSweep:
       return "sweep";
-    case RecordingEvent::Kind::kMotor:
-      return "motor";
     case RecordingEvent::Kind::kYield:
       return "tissue solved";
   }
-  return nullptr;
+  return {};
 }
 
-const char* name_of(Asker asker) {
+std::string_view name_of(Asker asker) {
   switch (asker) {
     case Asker::kSession:
       return "the session itself";
@@ -151,7 +136,7 @@ const char* name_of(Asker asker) {
     case Asker::kAgreedViewer:
       return "viewer with control, accepted by a key";
   }
-  return nullptr;
+  return {};
 }
 
 template <class Bits>
@@ -159,8 +144,8 @@ std::string text_of_all() {
   std::string text;
   for (std::size_t bit = 0; bit < 8 * sizeof(Bits); ++bit) {
     const std::uint32_t value = std::uint32_t{1} << bit;
-    if (const char* name = name_of(static_cast<Bits>(value)))
-      text += (text.empty() ? "" : ", ") + std::to_string(value) + " " + name;
+    if (const std::string_view name = name_of(static_cast<Bits>(value)); !name.empty())
+      text += (text.empty() ? "" : ", ") + std::to_string(value) + " " + std::string(name);
   }
   return text;
 }
@@ -168,9 +153,11 @@ std::string text_of_all() {
 template <class Numbered>
 std::string text_of_numbers() {
   std::string text;
-  for (std::uint8_t number = 0; const char* name = name_of(static_cast<Numbered>(number)); ++number)
-    text += (text.empty() ? "" : ", ") + std::to_string(number) + " " + name;
-  return text;
+  for (std::uint8_t number = 0;; ++number) {
+    const std::string_view name = name_of(static_cast<Numbered>(number));
+    if (name.empty()) return text;
+    text += (text.empty() ? "" : ", ") + std::to_string(number) + " " + std::string(name);
+  }
 }
 
 }  // namespace

@@ -119,7 +119,6 @@ bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
     case RecordingEvent::Kind::kSweep:
       return tick.model_version >= event.number;
     case RecordingEvent::Kind::kSettings:
-    case RecordingEvent::Kind::kMotor:
       return tick.settings_number >= event.number;
     case RecordingEvent::Kind::kYield:
       return tick.yield_frame >= event.number;

@@ -4,10 +4,16 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include <array>
 #include <atomic>
+#include <cctype>
+#include <map>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "base/test_child.h"
+#include "base/test_docs.h"
 #include "base/test_seed.h"
 #include "recording/columns.h"
 #include "recording/stream.h"
@@ -290,7 +296,7 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   // the change's version equals the event's number; the rest is padding around numbers of four and eight
   // bytes
   for (std::size_t i = 0; i < event.size(); ++i) padding += !event[i];
-  EXPECT_LT(padding, sizeof(ModelChange::version) + 7 + 3 + 4 + 5 + 4)
+  EXPECT_LT(padding, sizeof(ModelChange::version) + 7 + 3 + 4 + 4 + 4)
       << "a field of RecordingEvent without a column";
 }
 
@@ -306,18 +312,58 @@ TEST(Recording, DescribesEveryBit) {
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: reasons why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
-            "kind of request: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 motor, 6 tissue solved");
-  EXPECT_EQ(
-      description(internal::event_columns(), "asked_by"),
-      "source of the request: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer with "
-      "view, 5 viewer with control, accepted by a key");
+            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 tissue solved");
+  EXPECT_EQ(description(internal::event_columns(), "asked_by"),
+            "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
+            "may look, 5 viewer with control, agreed to by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
-              ::testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 force "
-                                  "limit, 64 rotation, 128 tip taken or released"));
+              ::testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
+                                  "force, 64 rotation, 128 tip taken or left, 256 motor"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, ::testing::EndsWith(", 4194304 no-go region, 8388608 release"));
   EXPECT_EQ(std::ranges::count(flags, ','), 23 + 1);  // one more comma in the preceding sentence
+}
+
+/// Table of docs/reference/flags.md: its heading, and rows of cells by bit.
+std::string bit_table(const std::string& of, const std::vector<std::string>& heading,
+                      const std::map<unsigned, std::vector<std::string>>& rows) {
+  const auto cells = [](const std::vector<std::string>& texts) {
+    std::string row;
+    for (const std::string& text : texts) row += " " + text + " |";
+    return row + "\n";
+  };
+  std::string text = "| Of | Value |" + cells(heading) + "|---|---|";
+  for (std::size_t n = 0; n < heading.size(); ++n) text += "---|";
+  text += "\n";
+  for (const auto& [bit, row] : rows) text += "| `" + of + "` | " + std::to_string(bit) + " |" + cells(row);
+  return text;
+}
+std::string sentence(std::string text) {
+  text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text + ".";
+}
+std::vector<std::string> changed_row(const SwitchInfo& info) {
+  return {std::string(info.name), "Whether " + std::string(info.about) + "."};
+}
+template <class Value, class Change>
+std::vector<std::string> changed_row(const SettingInfo<Value, Change>& info) {
+  return {std::string(info.words), sentence(std::string(info.about))};
+}
+
+TEST(Docs, FlagsListSwitchesAndSettingsOfTheirTables) {
+  std::map<unsigned, std::vector<std::string>> switches{
+      {kSwitchEmergencyStop, {"emergency stop", "Forces are off.", "`stop`"}}},
+      changed{{kSettingPointer,
+               {"tip taken or left", "A viewer took the tip, or left or lost it. Nothing of the settings."}}};
+  for (const SwitchInfo& info : kSwitches)
+    switches[info.recorded] = {std::string(info.name), sentence(std::string(info.about)),
+                               info.is_haptic ? "`feel`" : "`hand`"};
+  visit_settings([&](const auto& setting) { changed[setting.changed] = changed_row(setting); });
+  test::check_docs_section(PALPATE_SOURCE_DIR, "reference/flags.md", "switches",
+                           bit_table("switches", {"Name", "Meaning", "Permission"}, switches));
+  test::check_docs_section(PALPATE_SOURCE_DIR, "reference/flags.md", "changed",
+                           bit_table("changed", {"Name", "Meaning"}, changed));
 }
 
 TEST(RecordingSummary, CountsEachFlagOfATickOnce) {

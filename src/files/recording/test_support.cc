@@ -248,7 +248,7 @@ std::vector<RecordingEvent> example_events() {
   events[1].method = 5;
   events[1].switches = kSwitchFriction | kSwitchPaused;
   events[1].max_force_N = 1.25;
-  events[1].rotation_wxyz = {0, 1, 0, 0};
+  events[1].rotation_target_wxyz = {0, 1, 0, 0};
   return events;
 }
 
@@ -266,11 +266,11 @@ std::vector<RecordingEvent> random_events(std::span<const TickRecord> ticks, std
     event.change.tissue = static_cast<std::uint32_t>(random.word());
     for (const ContactProperty& property : kContactProperties)
       event.change.contact.*property.value = random.number();
-    event.changed = static_cast<std::uint8_t>(random.word());
+    event.changed = static_cast<std::uint16_t>(random.word());
     event.method = static_cast<std::uint8_t>(random.word());
     event.switches = static_cast<std::uint8_t>(random.word());
     event.max_force_N = random.number();
-    random.fill(event.rotation_wxyz);
+    random.fill(event.rotation_target_wxyz);
     event.input_tick = random.word();
     event.frame_hash = random.word();
   }
@@ -357,7 +357,7 @@ std::string first_difference(const RecordingEvent& a, const RecordingEvent& b) {
   if (a.method != b.method) return "method";
   if (a.switches != b.switches) return "switches";
   if (bits(a.max_force_N) != bits(b.max_force_N)) return "max_force_N";
-  if (!same(a.rotation_wxyz, b.rotation_wxyz)) return "rotation_wxyz";
+  if (!same(a.rotation_target_wxyz, b.rotation_target_wxyz)) return "rotation_target_wxyz";
   if (a.input_tick != b.input_tick) return "input_tick";
   if (a.frame_hash != b.frame_hash) return "frame_hash";
   return "";

@@ -6,21 +6,6 @@
 namespace palpate {
 namespace {
 
-std::uint8_t changes_between(const Parameters& before, const Parameters& after) {
-  std::uint8_t changed = 0;
-  const auto compare = [&](bool same, SettingBit bit) {
-    if (!same) changed |= bit;
-  };
-  compare(after.method == before.method, kSettingMethod);
-  compare(after.friction == before.friction, kSettingFriction);
-  compare(after.viscosity == before.viscosity, kSettingViscosity);
-  compare(after.passivity == before.passivity, kSettingPassivity);
-  compare(after.paused == before.paused, kSettingPaused);
-  compare(after.max_force_N == before.max_force_N, kSettingMaxForce);
-  compare(after.rotation_target.coeffs() == before.rotation_target.coeffs(), kSettingRotation);
-  return changed;
-}
-
 RecordingEvent arming(RecordingEvent::Kind kind, AskedBy by, std::uint32_t number) {
   RecordingEvent event;
   event.kind = kind;
@@ -33,13 +18,9 @@ RecordingEvent arming(RecordingEvent::Kind kind, AskedBy by, std::uint32_t numbe
 
 RecordingEvent settings_event(const Parameters& before, const Parameters& after) {
   RecordingEvent event;
-  event.kind = after.motor != before.motor ? RecordingEvent::Kind::kMotor : RecordingEvent::Kind::kSettings;
-  event.changed = changes_between(before, after);
-  event.method = static_cast<std::uint8_t>(after.method);
-  event.switches = switches_of(after);
-  event.max_force_N = after.max_force_N;
-  const Eigen::Quaterniond& q = after.rotation_target;
-  event.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
+  event.kind = RecordingEvent::Kind::kSettings;
+  event.changed = changed_settings(before, after);
+  record_settings(after, event);
   return event;
 }
 

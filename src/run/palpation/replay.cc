@@ -76,15 +76,8 @@ DeviceState state_of(const DeviceTick& in) {
 
 Parameters parameters_of(const TickRecord& recorded) {
   Parameters parameters;
-  parameters.method = static_cast<ForceMethod>(recorded.method);
-  parameters.friction = recorded.switches & kSwitchFriction;
-  parameters.viscosity = recorded.switches & kSwitchViscosity;
-  parameters.passivity = recorded.switches & kSwitchPassivity;
-  parameters.paused = recorded.switches & kSwitchPaused;
-  parameters.emergency_stop = recorded.switches & kSwitchEmergencyStop;
-  parameters.motor = recorded.switches & kSwitchMotor;
-  parameters.max_force_N = recorded.max_force_N;
-  parameters.rotation_target = quaternion(recorded.rotation_target_wxyz);
+  static_cast<Settings&>(parameters) = recorded_settings(recorded);
+  parameters.emergency_stop = (recorded.switches & kSwitchEmergencyStop) != 0;
   for (int d = 0; d < recorded.devices; ++d) {
     const DeviceTick& in = recorded.device[d];
     parameters.device[d] = {

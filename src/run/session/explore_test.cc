@@ -159,7 +159,7 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
       EXPECT_EQ(event.by.asker, Asker::kKey);
       strokes.push_back(event.change.tissue);
     }
-    if (event.by.asker == Asker::kKey && event.kind == RecordingEvent::Kind::kMotor)
+    if (event.by.asker == Asker::kKey && (event.changed & kSettingMotor) != 0)
       motor.push_back((event.switches & kSwitchMotor) != 0);
   }
   EXPECT_GT(sweeps, 0u);

@@ -71,10 +71,7 @@ ViewedScene LiveSession::make_scene() const {
   scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
   const double most = parts_.parameters.device[0].max_stiffness_N_per_mm;
   scene.max_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
-  scene.min_max_force_N = max_force_range_N()[0];
-  scene.max_max_force_N = most_force_N();
-  scene.stiffness_N_per_mm = tissue_key_range("stiffness");
-  scene.friction = tissue_key_range("friction");
+  scene.max_force_range = {kMaxForceRange.min, most_force_N()};
   scene.rate_hz = parts_.rate_hz;
   if (parts_.training != nullptr) scene.tasks = parts_.training->tasks();
   return scene;
@@ -86,7 +83,7 @@ bool LiveSession::physical() const {
 }
 
 double LiveSession::most_force_N() const {
-  double max_N = std::min(max_force_range_N()[1], parts_.model->scene_max_force_N);
+  double max_N = std::min(kMaxForceRange.max, parts_.model->scene_max_force_N);
   for (const DeviceInfo& info : parts_.devices) max_N = std::min(max_N, info.peak_force_N.value_or(max_N));
   return max_N;
 }
@@ -122,16 +119,8 @@ ViewedState LiveSession::state() const {
   const ServoLoop* loop = loop_.get();
   const Parameters now = loop ? loop->parameters() : parts_.parameters;
   ViewedState state;
-  state.method = name_of(now.method);
-  state.friction = now.friction;
-  state.viscosity = now.viscosity;
-  state.passivity = now.passivity;
-  state.paused = now.paused;
-  state.motor = now.motor;
+  static_cast<Settings&>(state) = now;
   state.motor_is_on = loop ? motor_was_on(*parts_.model, loop->snapshot()) : false;
-  state.max_force_N = now.max_force_N;
-  const Eigen::Quaterniond& q = now.rotation_target;
-  state.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
   stop_.describe(state);
   if (parts_.training != nullptr) state.lesson = parts_.training->lesson();
   state.recording = parts_.recording;
@@ -179,7 +168,7 @@ Result<void> LiveSession::check(const Lock& held, const SettingsRequest& request
       return refusal(fine.error().what, "law", fine.error().remedy);
   }
   if (request.max_force_N) {
-    const double asked_N = *request.max_force_N, min_N = max_force_range_N()[0];
+    const double asked_N = *request.max_force_N, min_N = kMaxForceRange.min;
     if (!(asked_N >= min_N && asked_N <= most_force_N()))
       return invalid_value("a limit of " + rounded_text(asked_N) + " N is outside " + rounded_text(min_N) +
                                " ... " + rounded_text(most_force_N()) + " N",
@@ -248,7 +237,7 @@ Result<void> LiveSession::apply(const Lock& held, const SettingsRequest& request
     if (auto chosen = law_.choose(held, value_of(*request.law, kTissueLaws), by); !chosen) return chosen;
   if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
   change_logged(*loop_.get(), loop_.log(), by,
-                [&](Parameters& parameters) { apply_settings(request, parameters); });
+                [&](Parameters& parameters) { apply_changes(request, parameters); });
   return {};
 }
 

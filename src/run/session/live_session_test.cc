@@ -217,9 +217,8 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_FALSE(scene.tissues[2].felt);
   EXPECT_EQ(scene.methods.size(), kForceMethods.size());
   EXPECT_EQ(scene.peak_force_N, 8);
-  EXPECT_EQ(scene.min_max_force_N, 0.1);
-  EXPECT_EQ(scene.max_max_force_N, 5) << "the scene's";
-  EXPECT_EQ(scene.stiffness_N_per_mm, (std::array{0.001, 20.0}));
+  EXPECT_EQ(scene.max_force_range.min, 0.1);
+  EXPECT_EQ(scene.max_force_range.max, 5) << "the scene's";
   // patient (1, 2, 3): the display's right is the patient's left, forward is superior, up is anterior
   const auto& X = scene.world_from_patient;
   EXPECT_EQ(X[0], (std::array{1.0, 0.0, 0.0, X[0][3]}));
@@ -292,19 +291,19 @@ TEST_F(Viewed, SettingsAreTakenAllOrNone) {
     EXPECT_EQ(error.where, where) << error.what;
     EXPECT_FALSE(error.remedy.empty());
     const ViewedState state = live_->state();
-    EXPECT_EQ(state.method, "proxy");
+    EXPECT_EQ(state.method, ForceMethod::kProxy);
     EXPECT_TRUE(state.friction && state.viscosity && !state.passivity && !state.paused);
     EXPECT_EQ(state.max_force_N, 3);
-    EXPECT_EQ(state.rotation_wxyz, (std::array{1.0, 0.0, 0.0, 0.0}));
+    EXPECT_EQ(state.rotation_target.w(), 1);
   }
 
   EXPECT_EQ(error_of(request).what, "no error");
   const ViewedState state = live_->state();
-  EXPECT_EQ(state.method, "trilinear");
+  EXPECT_EQ(state.method, ForceMethod::kTrilinear);
   EXPECT_TRUE(!state.friction && !state.viscosity && state.passivity && state.paused);
   EXPECT_EQ(state.max_force_N, 1.5);
-  EXPECT_NEAR(state.rotation_wxyz[0], half, 1e-15);
-  EXPECT_NEAR(state.rotation_wxyz[3], half, 1e-15);
+  EXPECT_NEAR(state.rotation_target.w(), half, 1e-15);
+  EXPECT_NEAR(state.rotation_target.z(), half, 1e-15);
   // and the loop applies it
   ASSERT_TRUE(soon([&] { return latest().max_force_N == 1.5; }));
   EXPECT_EQ(latest().method, index_of(ForceMethod::kTrilinear));
@@ -406,9 +405,9 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   direct.method = "b-spline";
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).where, "method");
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   live_->next_method();
-  EXPECT_EQ(live_->state().method, "proxy") << "no other suits";
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy) << "no other suits";
 
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.75;
   EXPECT_EQ(error_of(softer).what, "no error");
@@ -420,7 +419,7 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   softer.changes[&ContactProperties::viscosity_N_s_per_mm] = 0.002;
   EXPECT_EQ(error_of(softer).what, "no error");
   live_->next_method();
-  EXPECT_EQ(live_->state().method, "gaussian-sphere");
+  EXPECT_EQ(live_->state().method, ForceMethod::kGaussianSphere);
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
@@ -445,7 +444,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   EXPECT_EQ(error_of(softer).what, "no error");
   may_be_made = true;
-  ASSERT_TRUE(soon([&] { return live_->state().method == "trilinear"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().method == ForceMethod::kTrilinear; }));
   const auto made = changes();
   ASSERT_GE(made.size(), 3u);
   EXPECT_EQ(made.back().tissue, ModelChange::kFieldsRebuilt);
@@ -477,7 +476,7 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   spline.method = "b-spline";
   proxy.method = "proxy";
   ASSERT_EQ(error_of(spline).what, "no error");
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   EXPECT_EQ(live_->state().method_awaited, "b-spline");
   EXPECT_EQ(live_->method_awaited(), ForceMethod::kSpline);
   // a change in the meantime delays it; the change itself takes effect immediately
@@ -492,10 +491,10 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   EXPECT_EQ(latest().model_version, 2u);
   // from then on the method is available at once
   ASSERT_EQ(error_of(proxy).what, "no error");
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   const int before = made;
   ASSERT_EQ(error_of(spline).what, "no error");
-  EXPECT_EQ(live_->state().method, "b-spline");
+  EXPECT_EQ(live_->state().method, ForceMethod::kSpline);
   EXPECT_EQ(made, before);
   // no tick rendered another method in its place
   std::vector<std::uint8_t> felt;
@@ -527,7 +526,7 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   choose("smooth-sphere");
   EXPECT_EQ(live_->state().method_awaited, "smooth-sphere");
   may_be_made = true;
-  ASSERT_TRUE(soon([&] { return live_->state().method == "smooth-sphere"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().method == ForceMethod::kSmoothSphere; }));
   // returning to the previous method cancels the request
   may_be_made = false;
   choose("stored-normals");
@@ -540,7 +539,7 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   ASSERT_EQ(error_of(softer).what, "no error");
   choose("gaussian-sphere");
-  ASSERT_TRUE(soon([&] { return live_->state().method == "gaussian-sphere"; }));
+  ASSERT_TRUE(soon([&] { return live_->state().method == ForceMethod::kGaussianSphere; }));
   EXPECT_EQ(changes().back().tissue, ModelChange::kFieldsRebuilt);
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
@@ -559,7 +558,7 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   ASSERT_EQ(error_of(spline).what, "no error");
   ASSERT_TRUE(soon([&] { return live_->method_failure().has_value(); }));
   EXPECT_EQ(live_->method_failure()->where, "b-spline");
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   EXPECT_EQ(live_->state().method_awaited, "");
   // the memory limit is respected
   set_reading_limits({.max_memory_bytes = 1});
@@ -569,7 +568,7 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   EXPECT_THAT(live_->method_failure()->what, HasSubstr("of memory"));
   EXPECT_EQ(tries, 1);
   ASSERT_EQ(error_of(spline).what, "no error");
-  EXPECT_TRUE(soon([&] { return live_->state().method == "b-spline"; }));
+  EXPECT_TRUE(soon([&] { return live_->state().method == ForceMethod::kSpline; }));
 }
 
 TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
@@ -682,7 +681,7 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   proxy.method = "proxy";
   ASSERT_EQ(error_of(proxy).what, "no error");
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   // a script's method gets its fields
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
   ASSERT_TRUE(soon([&] {
@@ -730,14 +729,14 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
     EXPECT_THAT(state.method_failure->what, HasSubstr(why));
     EXPECT_EQ(state.method_failure->where, "b-spline");
     EXPECT_FALSE(state.method_failure->remedy.empty());
-    EXPECT_EQ(state.method, "proxy");
+    EXPECT_EQ(state.method, ForceMethod::kProxy);
     EXPECT_EQ(state.method_awaited, "");
     EXPECT_TRUE(loop_->running());
   }
   // another attempt may succeed
   ASSERT_EQ(error_of(direct).what, "no error");
   EXPECT_FALSE(live_->state().method_failure);
-  EXPECT_TRUE(soon([&] { return live_->state().method == "b-spline"; }));
+  EXPECT_TRUE(soon([&] { return live_->state().method == ForceMethod::kSpline; }));
   EXPECT_EQ(live_->state().method_awaited, "");
 
   // a method missing in the new fields is prepared separately
@@ -747,7 +746,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.4;
   ASSERT_EQ(error_of(softer).what, "no error");
   ASSERT_EQ(error_of(direct).what, "no error");
-  EXPECT_TRUE(soon([&] { return live_->state().method == "b-spline"; }));
+  EXPECT_TRUE(soon([&] { return live_->state().method == ForceMethod::kSpline; }));
   EXPECT_EQ(tries, 5);
 }
 
@@ -769,14 +768,14 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
     return live_->method_failure().has_value();
   }));
   EXPECT_EQ(live_->method_failure()->where, "smooth-sphere");
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kProxy); }));
   // no repeated attempts
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
   for (int n = 0; n < 10; ++n) live_->follow_script();
   EXPECT_EQ(live_->state().method_awaited, "");
   EXPECT_EQ(live_->method_failure()->where, "b-spline");
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
   EXPECT_EQ(tries, 1);
 }
 
@@ -790,8 +789,8 @@ TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
   live_->follow_script();
   ASSERT_TRUE(live_->method_failure());
   EXPECT_EQ(live_->method_failure()->where, "b-spline");
-  EXPECT_THAT(live_->method_failure()->what, HasSubstr("other stiffness values"));
-  EXPECT_EQ(live_->state().method, "proxy");
+  EXPECT_THAT(live_->method_failure()->what, HasSubstr("other stiffnesses"));
+  EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
 }
 
 // ---- a physical device
@@ -1160,7 +1159,7 @@ class ViewedExplore : public ::testing::Test {
       EXPECT_EQ(tick.method, event.method);
       EXPECT_EQ(tick.switches & ~kSwitchEmergencyStop, event.switches);
       EXPECT_EQ(tick.max_force_N, event.max_force_N);
-      EXPECT_EQ(tick.rotation_target_wxyz, event.rotation_wxyz);
+      EXPECT_EQ(tick.rotation_target_wxyz, event.rotation_target_wxyz);
     }
   }
   void expect_replays(const Recording& recording) {

@@ -238,16 +238,9 @@ class Playback final : public PlaybackHost {
   ViewedState state() const override {
     const std::lock_guard lock(mutex_);
     ViewedState state;
-    const auto method = std::min<std::size_t>(shown_.method, kForceMethods.size() - 1);
-    state.method = kForceMethods[method].name;
-    state.friction = shown_.switches & kSwitchFriction;
-    state.viscosity = shown_.switches & kSwitchViscosity;
-    state.passivity = shown_.switches & kSwitchPassivity;
-    state.paused = shown_.switches & kSwitchPaused;
-    state.motor = shown_.switches & kSwitchMotor;
+    static_cast<Settings&>(state) = recorded_settings(shown_);
+    state.method = kForceMethods[std::min<std::size_t>(shown_.method, kForceMethods.size() - 1)].method;
     state.motor_is_on = motor_was_on(*model_, shown_);
-    state.max_force_N = shown_.max_force_N;
-    state.rotation_wxyz = shown_.rotation_target_wxyz;
     state.model_version = shown_.model_version;
     state.law = name_of(edits_.laws.at(shown_.model_version), kTissueLaws);
     state.tissues = tissues_at(shown_.model_version);

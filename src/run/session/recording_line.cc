@@ -36,14 +36,12 @@ const char* name_of(Asker asker) {
   return "session";
 }
 
-std::vector<std::string> changed_keys(std::uint8_t changed) {
-  constexpr std::pair<SettingBit, const char*> kKeys[] = {
-      {kSettingMethod, "method"},          {kSettingFriction, "friction"}, {kSettingViscosity, "viscosity"},
-      {kSettingPassivity, "passivity"},    {kSettingPaused, "paused"},     {kSettingMaxForce, "max_force_N"},
-      {kSettingRotation, "rotation_wxyz"}, {kSettingPointer, "pointer"}};
+std::vector<std::string> changed_keys(std::uint16_t changed) {
   std::vector<std::string> keys;
-  for (const auto& [bit, key] : kKeys)
-    if ((changed & bit) != 0) keys.emplace_back(key);
+  visit_settings([&](const auto& setting) {
+    if ((changed & setting.changed) != 0) keys.emplace_back(setting.name);
+  });
+  if ((changed & kSettingPointer) != 0) keys.emplace_back("pointer");
   return keys;
 }
 
@@ -60,14 +58,12 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
         shown.tissue = static_cast<int>(std::min<std::uint32_t>(event.change.tissue, 65535));
       if (event.change.is_of_law()) {
         shown.kind = "settings";
-        shown.changed = {"law"};
+        shown.changed = {std::string(kLawSetting)};
       }
       break;
     case RecordingEvent::Kind::kSettings:
-    case RecordingEvent::Kind::kMotor:
       shown.kind = "settings";
       shown.changed = changed_keys(event.changed);
-      if (event.kind == RecordingEvent::Kind::kMotor) shown.changed.emplace_back("motor");
       break;
     case RecordingEvent::Kind::kStop:
       shown.kind = "stop";

@@ -1,11 +1,14 @@
 #include "session/setting_changes.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <optional>
 #include <utility>
 
+#include "palpate/device/settings.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/scene/scene.h"
 
@@ -32,6 +35,23 @@ std::string plain_name(std::string name) {
   return name;
 }
 
+std::string consent_part(const SwitchInfo& info, bool wanted, bool /*now*/) {
+  return std::string(info.consent[wanted ? 1 : 0]);
+}
+std::string consent_part(const SettingInfo<ForceMethod, std::string>& /*info*/, const std::string& wanted,
+                         ForceMethod /*now*/) {
+  return "feel by the method " + wanted;
+}
+std::string consent_part(const SettingInfo<double, double>& /*info*/, double wanted_N, double now_N) {
+  return "set the limit of the force to " + rounded_text(wanted_N) + " N, now " + rounded_text(now_N);
+}
+std::string consent_part(const SettingInfo<Eigen::Quaterniond, std::array<double, 4>>& /*info*/,
+                         const std::array<double, 4>& wanted, const Eigen::Quaterniond& now) {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  const double by = now.angularDistance(quaternion(wanted).normalized());
+  return "turn the object by " + rounded_text(std::round(by * kDegrees * 10) / 10) + " degrees";
+}
+
 }  // namespace
 
 std::string rounded_text(double value) {
@@ -42,58 +62,29 @@ std::string rounded_text(double value) {
 
 SettingsRequest changes_of(SettingsRequest request, const Parameters& now, TissueLaw law, bool is_law_awaited,
                            bool is_method_awaited) {
-  const auto leave_out = [](auto& wanted, const auto& held) {
-    if (wanted && *wanted == held) wanted.reset();
-  };
-  if (!is_method_awaited) leave_out(request.method, std::string(name_of(now.method)));
-  if (!is_law_awaited) leave_out(request.law, std::string(name_of(law, kTissueLaws)));
-  leave_out(request.friction, now.friction);
-  leave_out(request.viscosity, now.viscosity);
-  leave_out(request.passivity, now.passivity);
-  leave_out(request.paused, now.paused);
-  leave_out(request.motor, now.motor);
-  leave_out(request.max_force_N, now.max_force_N);
-  const Eigen::Quaterniond& q = now.rotation_target;
-  leave_out(request.rotation_wxyz, std::array{q.w(), q.x(), q.y(), q.z()});
+  const std::optional<std::string> method = request.method;
+  visit_settings([&](const auto& setting) {
+    auto& wanted = request.*setting.change;
+    if (wanted && *wanted == message_value(now.*setting.value)) wanted.reset();
+  });
+  if (is_method_awaited) request.method = method;
+  if (!is_law_awaited && request.law == name_of(law, kTissueLaws)) request.law.reset();
   return request;
 }
 
 bool could_increase_force(const SettingsRequest& wanted, const Parameters& now) {
-  return (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) || wanted.friction == true ||
-         wanted.viscosity == true || wanted.passivity == false || wanted.paused == false ||
-         wanted.motor == true || wanted.law.has_value();
-}
-
-void apply_settings(const SettingsRequest& request, Parameters& parameters) {
-  if (request.friction) parameters.friction = *request.friction;
-  if (request.viscosity) parameters.viscosity = *request.viscosity;
-  if (request.passivity) parameters.passivity = *request.passivity;
-  if (request.paused) parameters.paused = *request.paused;
-  if (request.motor) parameters.motor = *request.motor;
-  if (request.max_force_N) parameters.max_force_N = *request.max_force_N;
-  if (request.rotation_wxyz) parameters.rotation_target = quaternion(*request.rotation_wxyz).normalized();
+  return wanted.law || (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) ||
+         std::ranges::any_of(kSwitches,
+                             [&](const SwitchInfo& info) { return wanted.*info.change == info.restricted; });
 }
 
 std::string consent_text(const SettingsRequest& wanted, const Parameters& now) {
   Words words;
-  const auto switched = [&](const std::optional<bool>& on, const char* what) {
-    if (on) words.add(std::string("switch ") + what + (*on ? " on" : " off"));
-  };
-  if (wanted.rotation_wxyz) {
-    constexpr double kDegrees = 180 / std::numbers::pi;
-    const double by = now.rotation_target.angularDistance(quaternion(*wanted.rotation_wxyz).normalized());
-    words.add("turn the object by " + rounded_text(std::round(by * kDegrees * 10) / 10) + " degrees");
-  }
-  if (wanted.paused) words.add(*wanted.paused ? "pause the force" : "resume the force");
-  if (wanted.max_force_N)
-    words.add("set the force limit to " + rounded_text(*wanted.max_force_N) + " N, now " +
-              rounded_text(now.max_force_N));
-  if (wanted.method) words.add("use the method " + *wanted.method);
-  if (wanted.law) words.add("use the soft-tissue law " + *wanted.law);
-  switched(wanted.friction, "friction");
-  switched(wanted.viscosity, "viscosity");
-  switched(wanted.passivity, "the passivity controller");
-  switched(wanted.motor, "the tool's motor");
+  visit_settings([&](const auto& setting) {
+    if (const auto& change = wanted.*setting.change)
+      words.add(consent_part(setting, *change, now.*setting.value));
+  });
+  if (wanted.law) words.add("let soft tissue go by the law " + *wanted.law);
   return words.text();
 }
 

@@ -19,8 +19,6 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, Tissu
                            bool is_method_awaited);
 /// Whether a setting could increase the force or release a restriction once the force is re-armed.
 bool could_increase_force(const SettingsRequest& wanted, const Parameters& now);
-/// Applies the settings of a checked request, apart from method and law, which may need preparation.
-void apply_settings(const SettingsRequest& request, Parameters& parameters);
 
 /// "pause the force, and turn the object by 20 degrees"; empty if nothing changes.
 std::string consent_text(const SettingsRequest& wanted, const Parameters& now);

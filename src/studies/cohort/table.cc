@@ -6,6 +6,7 @@
 
 #include "palpate/base/printable.h"
 #include "palpate/cohort/cohort.h"
+#include "palpate/device/settings.h"
 #include "palpate/scene/scene.h"
 
 namespace palpate {
@@ -129,7 +130,7 @@ std::optional<std::string> put_field(Column column, const std::string& text, con
       if (!one.method) return "\"" + text + "\" is not a force method";
       return std::nullopt;
     case Column::kMaxForce:
-      return number(one.max_force_N, max_force_range_N()[0], max_force_range_N()[1]);
+      return number(one.max_force_N, kMaxForceRange.min, kMaxForceRange.max);
     case Column::kRate:
       return number(one.rate_hz, 250.0, 10'000.0);
     case Column::kSeed:

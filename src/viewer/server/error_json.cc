@@ -6,23 +6,29 @@
 #include "palpate/base/contact_properties.h"
 #include "palpate/base/force_method.h"
 #include "palpate/base/printable.h"
+#include "palpate/device/settings.h"
 
 namespace palpate::server {
 namespace {
 
-constexpr std::array<std::string_view, 40> kWords{
+constexpr std::array<std::string_view, 32> kWords{
     "role",
-    // keys of requests (docs/reference/viewer-requests.md)
-    "at_s", "back_to", "begin", "code", "end", "entry_mm", "friction", "id", "law", "learner", "max_force_N",
-    "method", "motor", "name", "names", "near", "navigation", "passivity", "patient_mm", "paused", "plan",
-    "playing", "poses_hz", "protocol", "remove", "rotation_wxyz", "save", "speed", "stop", "take",
-    "target_mm", "task", "tissue", "token", "trajectory", "type", "version", "viscosity", "yielded"};
+    // keys of requests (docs/reference/viewer-requests.md) other than settings and contact properties
+    "at_s", "back_to", "begin", "code", "end", "entry_mm", "id", "learner", "name", "names", "near",
+    "navigation", "patient_mm", "plan", "playing", "poses_hz", "protocol", "remove", "save", "speed", "stop",
+    "take", "target_mm", "task", "tissue", "token", "trajectory", "type", "version", "yielded", kLawSetting};
 constexpr std::array<std::string_view, 4> kLaws{"chainmail", "elastic", "layers", "neo-hookean"};
+
+bool is_setting(std::string_view place) {
+  bool found = false;
+  visit_settings([&](const auto& setting) { found = found || setting.name == place; });
+  return found;
+}
 
 }  // namespace
 
 bool is_word_of_protocol(std::string_view place) {
-  return std::ranges::find(kWords, place) != kWords.end() ||
+  return std::ranges::find(kWords, place) != kWords.end() || is_setting(place) ||
          std::ranges::find(kContactProperties, place, &ContactProperty::name) != kContactProperties.end() ||
          std::ranges::find(kLaws, place) != kLaws.end() || find_force_method(place).has_value();
 }

@@ -32,9 +32,11 @@ bool has_reserved_place(Role role) {
 // permission that a request needs
 Right right_for(const Request& request) {
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
-    const bool is_of_feel = settings->method || settings->law || settings->friction || settings->viscosity ||
-                            settings->passivity || settings->max_force_N;
-    return is_of_feel ? Right::kFeel : Right::kHand;
+    bool is_haptic = settings->law.has_value();
+    visit_settings([&](const auto& setting) {
+      is_haptic = is_haptic || (setting.is_haptic && settings->*setting.change);
+    });
+    return is_haptic ? Right::kFeel : Right::kHand;
   }
   if (std::holds_alternative<TissueRequest>(request.what)) return Right::kFeel;
   if (std::holds_alternative<PlanRequest>(request.what)) return Right::kPlan;

@@ -81,6 +81,12 @@ class Fields {
     return q;
   }
 
+  /// Reads the value of a setting by its type.
+  void read(std::string_view key, std::optional<bool>& value) { value = flag(key); }
+  void read(std::string_view key, std::optional<double>& value) { value = number(key); }
+  void read(std::string_view key, std::optional<std::string>& value) { value = name(key, kMaxName_bytes); }
+  void read(std::string_view key, std::optional<std::array<double, 4>>& value) { value = rotation(key); }
+
   bool has(std::string_view key) const { return object_.find(key) != nullptr; }
   void want(std::string_view key) {
     if (!has(key)) refuse(key, "is missing");
@@ -120,18 +126,13 @@ class Fields {
 
 SettingsRequest read_settings(Fields& fields) {
   SettingsRequest request;
-  request.method = fields.name("method", kMaxName_bytes);
-  request.law = fields.name("law", kMaxName_bytes);
-  request.friction = fields.flag("friction");
-  request.viscosity = fields.flag("viscosity");
-  request.passivity = fields.flag("passivity");
-  request.paused = fields.flag("paused");
-  request.motor = fields.flag("motor");
-  request.max_force_N = fields.number("max_force_N");
-  request.rotation_wxyz = fields.rotation("rotation_wxyz");
-  const bool any = request.method || request.law || request.friction || request.viscosity ||
-                   request.passivity || request.paused || request.motor || request.max_force_N ||
-                   request.rotation_wxyz;
+  request.law = fields.name(kLawSetting, kMaxName_bytes);
+  bool any = request.law.has_value();
+  visit_settings([&](const auto& setting) {
+    auto& wanted = request.*setting.change;
+    fields.read(setting.name, wanted);
+    any = any || wanted;
+  });
   fields.end();
   if (!any) fields.refuse("", "the request is empty");
   return request;

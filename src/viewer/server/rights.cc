@@ -29,7 +29,9 @@ constexpr std::array kRights{
     RightInfo{Right::kFeel,
               "feel",
               "change what is felt",
-              "changes contact settings: method, law, friction, viscosity, passivity, force limit, tissues",
+              "changes what is felt: method, law, limit of the force, tissues, [switches](flags.md#switches) "
+              "of this "
+              "permission",
               {kNo, kYes, kFree, kYes}},
     RightInfo{
         Right::kPlan, "plan", "change the plan", "changes and saves the plan", {kNo, kYes, kFree, kYes}},

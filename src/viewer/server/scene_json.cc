@@ -172,6 +172,16 @@ Json playback_json(const ViewedState::Playback& playback) {
           {"failed", playback.failure ? error_json(*playback.failure) : Json()}};
 }
 
+// permitted ranges of the force limit and of every contact property
+Json limits_json(const ViewedScene& scene, const ViewedState& state) {
+  Json json = {{"max_force_N", state.max_force_N},
+               {"min_max_force_N", scene.max_force_range.min},
+               {"max_max_force_N", scene.max_force_range.max}};
+  for (const ContactProperty& property : kContactProperties)
+    json[std::string(property.name)] = {property.range.min, property.range.max};
+  return json;
+}
+
 }  // namespace
 
 std::string hash_text(std::uint64_t hash) {
@@ -209,11 +219,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
                     {"peak_force_N", scene.peak_force_N},
                     {"continuous_force_N", scene.continuous_force_N},
                     {"max_stiffness_N_per_mm", scene.max_stiffness_N_per_mm}};
-  json["limits"] = {{"max_force_N", state.max_force_N},
-                    {"min_max_force_N", scene.min_max_force_N},
-                    {"max_max_force_N", scene.max_max_force_N},
-                    {"stiffness_N_per_mm", scene.stiffness_N_per_mm},
-                    {"friction", scene.friction}};
+  json["limits"] = limits_json(scene, state);
   json["rate_hz"] = scene.rate_hz;
   json["recording"] = scene.recording ? recording_json(*scene.recording) : Json();
   json["tasks"] = Json::array();
@@ -227,23 +233,18 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
 std::string state_json(const ViewedState& state, const StateReader& reader) {
   Json json;
   json["type"] = "state";
-  json["method"] = state.method;
-  json["law"] = state.law;
+  visit_settings([&](const auto& setting) {
+    json[std::string(setting.name)] = message_value(state.*setting.value);
+  });
+  json[std::string(kLawSetting)] = state.law;
   json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
   json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();
   json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
   json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
-  json["friction"] = state.friction;
-  json["viscosity"] = state.viscosity;
-  json["passivity"] = state.passivity;
-  json["paused"] = state.paused;
-  json["motor"] = state.motor;
   json["motor_is_on"] = state.motor_is_on;
   json["emergency_stop"] = state.stop.has_value();
   json["stop"] = state.stop ? Json(*state.stop) : Json();
   json["stopped_by"] = state.stop ? Json(who_stopped(state, reader.number)) : Json();
-  json["max_force_N"] = state.max_force_N;
-  json["rotation_wxyz"] = state.rotation_wxyz;
   json["model_version"] = state.model_version;
   json["strokes"] = {{"undo", state.strokes_to_undo}, {"redo", state.strokes_to_redo}};
   json["removed"] = Json::array();

@@ -93,7 +93,7 @@ class FakeHost : public LiveHost {
     scene_.methods = {"proxy", "trilinear"};
     scene_.laws = {"elastic", "neo-hookean"};
     scene_.device_name = "simulated";
-    state_.method = "proxy";
+    state_.method = ForceMethod::kProxy;
     state_.law = "elastic";
     state_.max_force_N = 1.4;
     state_.tissues = {{1.5, 0.2, 0.15, 0.001}, {0.3, 0, 0, 0}};
@@ -177,12 +177,8 @@ class FakeHost : public LiveHost {
     }
     if (request.max_force_N && *request.max_force_N > 3)
       return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
-    if (request.max_force_N) state_.max_force_N = *request.max_force_N;
-    if (request.method) state_.method = *request.method;
-    if (request.friction) state_.friction = *request.friction;
-    if (request.paused) state_.paused = *request.paused;
-    if (request.motor) state_.motor = *request.motor;
-    if (request.rotation_wxyz) state_.rotation_wxyz = *request.rotation_wxyz;
+    if (request.method) state_.method = find_force_method(*request.method).value_or(state_.method);
+    apply_changes(request, state_);
     return Grant::kDone;
   }
   Result<Grant> set(const StrokeRequest& request) override {

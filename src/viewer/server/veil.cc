@@ -202,24 +202,17 @@ TickRecord Veil::of(const TickRecord& tick) const {
 
 ViewedState Veil::of(const ViewedState& state) const {
   ViewedState veiled;
-  veiled.method = state.method;
+  static_cast<Settings&>(veiled) = state;
   veiled.method_awaited = state.method_awaited;
   veiled.method_failure = without_reason(state.method_failure);
   veiled.law = state.law;
   veiled.law_awaited = state.law_awaited;
   veiled.law_failure = without_reason(state.law_failure);
-  veiled.friction = state.friction;
-  veiled.viscosity = state.viscosity;
-  veiled.passivity = state.passivity;
-  veiled.paused = state.paused;
-  veiled.motor = state.motor;
   veiled.motor_is_on = state.motor_is_on;
   veiled.sweeps = state.sweeps;
   veiled.undone_to = state.undone_to;
   veiled.strokes_to_undo = state.strokes_to_undo;
   veiled.strokes_to_redo = state.strokes_to_redo;
-  veiled.max_force_N = state.max_force_N;
-  veiled.rotation_wxyz = state.rotation_wxyz;
   veiled.model_version = state.model_version;
   for (std::size_t t = 0; t < std::min(state.tissues.size(), tissue_place_.size()); ++t)
     if (tissue_place_[t] >= 0) veiled.tissues.push_back(state.tissues[t]);
