@@ -21,6 +21,9 @@ struct ContactProperties {
   double friction = 0.1;  ///< Kinetic friction coefficient: tangential over normal force while sliding
   double viscosity_N_s_per_mm = 0.001;  ///< Viscous force inside the tissue per velocity
 
+  /// Sets both coefficients, without a difference between sticking and sliding.
+  void set_friction(double coefficient) { static_friction = friction = coefficient; }
+
   friend bool operator==(const ContactProperties&, const ContactProperties&) = default;
 };
 
@@ -33,6 +36,7 @@ struct ContactProperty {
   std::string_view unit;        ///< In texts for users; empty: dimensionless
   std::string_view ascii_unit;  ///< In recordings; "1": dimensionless
   ValueRange range;             ///< Permitted values
+  std::string_view about;       ///< In the manual of scene files
 };
 
 /// All contact properties, in the order of the members of ContactProperties.
@@ -43,22 +47,33 @@ inline constexpr std::array<ContactProperty, 4> kContactProperties{
       "stiffness",
       "N/mm",
       "N/mm",
-      {0.001, 20}},
+      {0.001, 20},
+      "Force per mm of depth: for inward ramps from the surface on, for a union Gaussian at the surface, "
+      "where it rises most steeply ([scene.md](../guide/scene.md#what-stiffness-means))."},
      {&ContactProperties::static_friction,
       "static_friction",
       "static_friction",
       "static friction",
       "",
       "1",
-      {0, 2}},
-     {&ContactProperties::friction, "friction", "friction", "friction", "", "1", {0, 2}},
+      {0, 2},
+      "For the proxy: coefficient of static friction, at least `friction`. Default: `friction`."},
+     {&ContactProperties::friction,
+      "friction",
+      "friction",
+      "friction",
+      "",
+      "1",
+      {0, 2},
+      "Coefficient: the force along the surface is at most this times the force across it."},
      {&ContactProperties::viscosity_N_s_per_mm,
       "viscosity_N_s_per_mm",
       "viscosity",
       "viscosity",
       "N·s/mm",
       "N s/mm",
-      {0, 0.1}}}};
+      {0, 0.1},
+      "Resistance per mm/s inside the tissue."}}};
 
 /// Whether the table lists all members in their order, so that member n lies n doubles behind the first.
 constexpr bool lists_every_contact_property() {

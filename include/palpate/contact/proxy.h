@@ -392,9 +392,9 @@ struct ProxyResult : ProxyForce {
 /// - The outermost layer constrains the tool until it has returned from the tissue, i.e. it is clear of the
 ///   layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example
 ///   in a pocket of the surface, is then reset in the same way.
-/// - Friction: the proxy sticks while its distance to the goal is at most static_friction times the depth,
-///   and otherwise slides to a distance of friction times the depth (friction cone: Harwin & Melder
-///   2002).
+/// - Friction: the proxy sticks while its distance to the goal is at most the static coefficient times the
+///   depth, and otherwise slides to a distance of the kinetic coefficient times the depth (friction cone:
+///   Harwin & Melder 2002).
 /// - Stiffness and friction are averaged over the touched structures, weighted by the contact multipliers
 ///   and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.
 /// - Puncture: a structure is punctured when its contribution to the spring force exceeds its puncture force.

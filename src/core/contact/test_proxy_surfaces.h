@@ -72,7 +72,7 @@ inline ContactSurface felt_surface(const GridGeometry& grid, const Distance& dis
   const SignedField field = sampled_distance(grid, distance_mm, reach_mm);
   ContactSurface felt;
   felt.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
-  felt.static_friction = felt.friction = 0;
+  felt.set_friction(0);
   return felt;
 }
 

@@ -29,26 +29,30 @@ std::vector<std::string_view> names_of(const std::array<Word<T>, kCount>& words)
   return names;
 }
 
-// key of a contact property; its default is that of ContactProperties
-KeySpec contact_key(double ContactProperties::*value, std::string_view meaning) {
+// Adds the keys of all contact properties behind `felt`. Their defaults are those of ContactProperties.
+TableSpec with_contact_keys(TableSpec tissue) {
   static const auto kDefaults = [] {
     std::array<std::string, kContactProperties.size()> texts;
     for (std::size_t n = 0; n < texts.size(); ++n)
       texts[n] = number_text(ContactProperties{}.*kContactProperties[n].value);
     return texts;
   }();
-  const ContactProperty& property = contact_property(value);
-  // static friction follows the scene's friction
-  const bool has_default = value != &ContactProperties::static_friction;
-  return {.name = property.key,
-          .type = kNumber,
-          .default_text = has_default
-                              ? kDefaults[static_cast<std::size_t>(&property - kContactProperties.data())]
-                              : std::string_view(),
-          .unit = property.unit,
-          .min = property.range.min,
-          .max = property.range.max,
-          .meaning = meaning};
+  const auto felt = std::ranges::find(tissue.keys, "felt", &KeySpec::name);
+  std::vector<KeySpec> keys;
+  for (std::size_t n = 0; n < kContactProperties.size(); ++n) {
+    const ContactProperty& property = kContactProperties[n];
+    // static friction follows the scene's friction
+    const bool has_default = property.value != &ContactProperties::static_friction;
+    keys.push_back({.name = property.key,
+                    .type = kNumber,
+                    .default_text = has_default ? kDefaults[n] : std::string_view(),
+                    .unit = property.unit,
+                    .min = property.range.min,
+                    .max = property.range.max,
+                    .meaning = property.about});
+  }
+  tissue.keys.insert(std::next(felt), keys.begin(), keys.end());
+  return tissue;
 }
 
 std::string default_cell(const KeySpec& key) {
@@ -223,10 +227,10 @@ SceneKeys declared_keys() {
                         "the labels may lie outside it."},
             {.name = "names",
              .type = kFile,
-             .meaning =
-                 "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, ITK-SNAP's "
-                 "`.label`. Default: the names in the label file, otherwise those of a table next to it."}}},
-      .tissue =
+             .meaning = "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, "
+                        "ITK-SNAP's `.label`. "
+                        "Without it the names in the label file count, else those of a table beside it."}}},
+      .tissue = with_contact_keys(
           {"[[tissue]]",
            "A group of structures that feel alike, defined by one of `labels`, `threshold` and `embedding`. "
            "A preset gives initial values, which other keys override; the defaults below apply without a "
@@ -271,22 +275,10 @@ SceneKeys declared_keys() {
              .unit = "the scan's unit",
              .min = -1e9,
              .max = 1e9,
-             .meaning = "For an embedding: scan value that separates air from the body. Default: only voxels "
-                        "enclosed by labels are inside."},
-            {.name = "felt",
-             .type = kFlag,
-             .default_text = "true",
-             .meaning = "`false`: shown, but not felt."},
-            contact_key(
-                &ContactProperties::stiffness_N_per_mm,
-                "Force per mm of depth: for inward ramps from the surface on, for a union Gaussian at the "
-                "surface, where it rises most steeply ([scene.md](../guide/scene.md#what-stiffness-means))."),
-            contact_key(
-                &ContactProperties::friction,
-                "Coefficient: the force along the surface is at most this times the force across it."),
-            contact_key(
-                &ContactProperties::static_friction,
-                "For the proxy: coefficient of static friction, at least `friction`. Default: `friction`."),
+             .meaning =
+                 "Of an embedding: value of the scan that parts air from the body. Without it only what "
+                 "labels enclose is inside."},
+            {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
             {.name = "puncture",
              .type = kNumber,
              .unit = "N",
@@ -351,8 +343,7 @@ SceneKeys declared_keys() {
              .unit = "N",
              .min = 0,
              .max = 10,
-             .meaning = "For the other methods: the other limit of the force along the surface."},
-            contact_key(&ContactProperties::viscosity_N_s_per_mm, "Resistance per mm/s inside the tissue."),
+             .meaning = "Of the other methods: the other cap of the force along the surface."},
             {.name = "colour",
              .type = kColour,
              .meaning = "`\"#rrggbb\"`. Default: the colours of the structures."},
@@ -365,8 +356,8 @@ SceneKeys declared_keys() {
             {.name = "rests_on",
              .type = kNames,
              .default_text = "[]",
-             .meaning =
-                 "Tissues of this scene that support this one. They must be felt and at least as stiff."}}},
+             .meaning = "Tissues of this scene that support this one. They have to be felt and at least as "
+                        "stiff."}}}),
       .preparation = {"[preparation]",
                       "Field of the direct methods: ramps that begin at the surface of every structure, or, "
                       "as published, the labels weighted by stiffness and smoothed together.",

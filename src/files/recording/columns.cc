@@ -1,5 +1,6 @@
 #include "recording/columns.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 
@@ -43,21 +44,10 @@ constexpr std::array kTickColumns{
            "hash of the session state after the tick, including the output"},
 };
 
-// column of the n-th contact property of a model change
-constexpr Column changed_property(std::size_t n, const char* meaning) {
-  return {kContactProperties[n].name.data(),
-          kF64,
-          1,
-          PALPATE_EVENT(change.contact) + n * sizeof(double),
-          kContactProperties[n].ascii_unit.data(),
-          "-",
-          meaning};
-}
-
-constexpr std::array kEventColumns{
-    Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick in effect"},
-    Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "kind of request", event_kinds},
-    Column{"asked_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "source of the request", askers},
+constexpr std::array kEventColumnsBeforeProperties{
+    Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick that had heard of it"},
+    Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "what was asked for", event_kinds},
+    Column{"asked_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "who asked for it", askers},
     Column{"viewer", kU32, 1, PALPATE_EVENT(by.viewer), "1", "-",
            "viewer that sent the request, from 1 in the order of their hello, 0 none"},
     Column{"number", kU32, 1, PALPATE_EVENT(number), "1", "-",
@@ -65,16 +55,10 @@ constexpr std::array kEventColumns{
            "from 1; tissue solved: number of the solution, from 1"},
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
            "model: place of the changed tissue in the scene, from 0. 4294967295: the fields of the direct "
-           "methods were prepared again. 4294967294: it was cut by the preceding sweeps. 4294967293: the "
-           "last stroke was undone; 4294967292: the last undone stroke was redone. 4294967280 ... "
-           "4294967283: the law of soft tissue becomes layers, elastic, neo-hookean, chainmail"},
-    changed_property(
-        0,
-        "model: value that the tissue has from then on; of a law the factor by which its cells are "
-        "longer than the scene's, 0: as before"),
-    changed_property(1, "model: value that the tissue has from then on"),
-    changed_property(2, "model: value that the tissue has from then on"),
-    changed_property(3, "model: value that the tissue has from then on"),
+           "methods were made anew. 4294967294: it was cut by the sweeps before. 4294967293: the last stroke "
+           "was undone; 4294967292: the last one that was undone was done again. 4294967280 ... 4294967283: "
+           "soft tissue goes by the law layers, elastic, neo-hookean, chainmail from then on"}};
+constexpr std::array kEventColumnsAfterProperties{
     Column{"changed", kU16, 1, PALPATE_EVENT(changed), "bits", "-", "settings: what became different",
            setting_bits},
     Column{"method", kU8, 1, PALPATE_EVENT(method), "1", "-", "settings: new force method", method_numbers},
@@ -101,6 +85,26 @@ constexpr std::array kEventColumns{
            "tissue solved: number of the tick that it was solved for"},
     Column{"frame_hash", kU64, 1, PALPATE_EVENT(frame_hash), "1", "-", "tissue solved: hash of the solution"},
 };
+
+// the contact properties of a model change stand between the two
+constexpr auto kEventColumns = [] {
+  std::array<Column, kEventColumnsBeforeProperties.size() + kContactProperties.size() +
+                         kEventColumnsAfterProperties.size()>
+      columns{};
+  auto next = std::ranges::copy(kEventColumnsBeforeProperties, columns.begin()).out;
+  for (std::size_t n = 0; n < kContactProperties.size(); ++n)
+    *next++ = {kContactProperties[n].name.data(),
+               kF64,
+               1,
+               PALPATE_EVENT(change.contact) + n * sizeof(double),
+               kContactProperties[n].ascii_unit.data(),
+               "-",
+               n == 0 ? "model: value that the tissue has from then on; of a law the factor by which its "
+                        "cells are longer than the scene's, 0: as before"
+                      : "model: value that the tissue has from then on"};
+  std::ranges::copy(kEventColumnsAfterProperties, next);
+  return columns;
+}();
 
 constexpr std::array kDeviceColumns{
     Column{"tip_world_mm", kF64, 3, PALPATE_DEVICE(tip_world_mm), "mm", "World",

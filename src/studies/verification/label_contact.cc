@@ -55,7 +55,7 @@ Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
   for (std::size_t n = 0; n < stiffness_N_per_mm.size(); ++n) {
     Tissue tissue;
     tissue.stiffness_N_per_mm = stiffness_N_per_mm[n];
-    tissue.friction = tissue.static_friction = 0;
+    tissue.set_friction(0);
     model->tissues.push_back(tissue);
     model->tissue_of_label[n + 1] = static_cast<std::int16_t>(n);
   }

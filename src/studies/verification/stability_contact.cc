@@ -354,7 +354,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     ContactSurface felt;
     felt.surface = std::make_shared<const Surface>((*prepared)[s].surface);
     felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
-    felt.static_friction = felt.friction = preset->values.friction;
+    felt.set_friction(preset->values.friction);
     const DistanceOracle oracle(felt.surface->position());
     const auto targets = centres_of(labels, structures[s]);
     Pressed all;

@@ -47,7 +47,7 @@ Result<RoundPlate> round_plate(const Eigen::Vector3d& spacing_mm, AccuracyRandom
   const auto prepared = prepare_surfaces(*label_bricks(labels), {1}, {});
   if (!prepared) return prepared.error();
   plate.felt.surface = std::make_shared<const Surface>(prepared->front().surface);
-  plate.felt.static_friction = plate.felt.friction = 0;
+  plate.felt.set_friction(0);
   return plate;
 }
 
