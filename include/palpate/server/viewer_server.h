@@ -83,7 +83,8 @@ struct ViewedTool {
   std::string name;
   double radius_mm = 0;
   bool cuts = false;  ///< Whether it has a motor
-  std::string burr;   ///< Shape of a burr's head: "ball", "cylinder" or "cone"; empty: not a burr
+  std::optional<std::string>
+      burr;  ///< Shape of a burr's head: "ball", "cylinder" or "cone"; empty: not a burr
   std::vector<std::array<double, 3>> points_mm;
   struct Capsule {
     std::array<double, 3> from_mm, to_mm;     ///< Ends of its axis, in the tip's frame
@@ -92,6 +93,27 @@ struct ViewedTool {
   std::vector<Capsule> capsules;  ///< Head of a burr that is not a ball
   bool shaver = false;            ///< Whether a cutting tool is called a shaver rather than a burr
 };
+/// Calls `of(name, value)` for every member of a tool as viewers get it. Messages and the page's types are
+/// derived from it; a member that it does not bind fails to compile.
+template <class Visit>
+void visit_fields(const ViewedTool& tool, Visit&& of) {
+  const auto& [name, radius_mm, cuts, burr, points_mm, capsules, shaver] = tool;
+  of("name", name);
+  of("radius_mm", radius_mm);
+  of("cuts", cuts);
+  of("burr", burr);
+  of("points_mm", points_mm);
+  of("capsules", capsules);
+  of("shaver", shaver);
+}
+template <class Visit>
+void visit_fields(const ViewedTool::Capsule& capsule, Visit&& of) {
+  const auto& [from_mm, to_mm, radius_mm, end_radius_mm] = capsule;
+  of("from_mm", from_mm);
+  of("to_mm", to_mm);
+  of("radius_mm", radius_mm);
+  of("end_radius_mm", end_radius_mm);
+}
 
 /// Forbidden region.
 struct ViewedNoGo {

@@ -57,7 +57,8 @@ std::array<double, 3> coordinates_of(const auto& place) {
 }
 
 ViewedTool viewed_tool(const Tool& tool) {
-  ViewedTool viewed{tool.name, tool.radius_mm, tool.burr.has_value(), burr_shape(tool), {}, {}};
+  ViewedTool viewed{tool.name, tool.radius_mm, tool.burr.has_value(), {}, {}, {}};
+  if (tool.burr) viewed.burr = burr_shape(tool);
   viewed.shaver = tool.burr && tool.burr->shaver;
   for (const Eigen::Vector3d& point : tool.points_mm) viewed.points_mm.push_back(coordinates_of(point));
   for (const ToolCapsule& capsule : tool.capsules)

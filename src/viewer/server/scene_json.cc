@@ -98,21 +98,28 @@ Json structures_json(const ViewedScene& scene) {
   return structures;
 }
 
-Json capsules_json(const ViewedTool& tool) {
-  Json capsules = Json::array();
-  for (const ViewedTool::Capsule& capsule : tool.capsules)
-    capsules.push_back({{"from_mm", capsule.from_mm},
-                        {"to_mm", capsule.to_mm},
-                        {"radius_mm", capsule.radius_mm},
-                        {"end_radius_mm", capsule.end_radius_mm}});
-  return capsules;
+Json field_json(const std::string& text) {
+  return shown(text);
 }
-
-Json tool_json(const ViewedTool& tool) {
-  return {{"name", shown(tool.name)},    {"radius_mm", tool.radius_mm},
-          {"cuts", tool.cuts},           {"burr", tool.burr.empty() ? Json() : Json(tool.burr)},
-          {"points_mm", tool.points_mm}, {"capsules", capsules_json(tool)},
-          {"shaver", tool.shaver}};
+Json field_json(const std::optional<std::string>& text) {
+  return text ? shown(*text) : Json();
+}
+template <class Value>
+Json field_json(const Value& value) {
+  return value;
+}
+template <class Fields>
+Json fields_json(const Fields& fields);
+Json field_json(const std::vector<ViewedTool::Capsule>& capsules) {
+  Json json = Json::array();
+  for (const ViewedTool::Capsule& capsule : capsules) json.push_back(fields_json(capsule));
+  return json;
+}
+template <class Fields>
+Json fields_json(const Fields& fields) {
+  Json json = Json::object();
+  visit_fields(fields, [&](const char* name, const auto& value) { json[name] = field_json(value); });
+  return json;
 }
 
 // exactly one of the three shapes is not null
@@ -208,7 +215,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["structures"] = structures_json(scene);
   json["tissues"] = tissues_json(scene, state);
   json["tools"] = Json::array();
-  for (const ViewedTool& tool : scene.tools) json["tools"].push_back(tool_json(tool));
+  for (const ViewedTool& tool : scene.tools) json["tools"].push_back(fields_json(tool));
   // for older viewers, which support a single tool
   json["tool"] = json["tools"].front();
   json["methods"] = scene.methods;
@@ -233,9 +240,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
 std::string state_json(const ViewedState& state, const StateReader& reader) {
   Json json;
   json["type"] = "state";
-  visit_settings([&](const auto& setting) {
-    json[std::string(setting.name)] = message_value(state.*setting.value);
-  });
+  visit_settings(
+      [&](const auto& setting) { json[std::string(setting.name)] = message_value(state.*setting.value); });
   json[std::string(kLawSetting)] = state.law;
   json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
   json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();

@@ -1,6 +1,7 @@
 // Controls next to the pictures: tools, loop settings, display, figures and plots.
 
 import type { HeldTool, Scene, State } from "../protocol/messages.js";
+import { HAPTIC_SWITCHES } from "../protocol/protocol.gen.js";
 import { announce, toast } from "../base/announce.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
@@ -35,7 +36,7 @@ import { StructuresPanel } from "./structures_panel.js";
 import { nextTheme } from "./theme.js";
 import { whyText } from "./why.js";
 import { type DevicePose, type Contact, type Felt, Flag, type Pose } from "../protocol/wire.js";
-import { says, words, type Words } from "../words/words.js";
+import { capitalized, says, words, type Words } from "../words/words.js";
 
 export interface Actions {
   layout(name: Layout): void;
@@ -151,12 +152,12 @@ export class Controls {
       "change",
       (event) => void requests.once({ type: "set", law: (event.target as HTMLSelectElement).value }),
     );
-    for (const name of ["friction", "viscosity", "passivity"] as const) {
-      byId<HTMLInputElement>(name).addEventListener(
-        "change",
-        (event) => void requests.once({ type: "set", [name]: (event.target as HTMLInputElement).checked }),
-      );
+    for (const name of HAPTIC_SWITCHES) {
+      const box = element("input", { id: name, type: "checkbox" });
+      box.addEventListener("change", () => void requests.once({ type: "set", [name]: box.checked }));
+      byId("feel-switches").append(element("label", {}, box, " ", element("span")));
     }
+    this.nameSwitches();
     const limit = byId<HTMLInputElement>("limit");
     limit.addEventListener("input", () => {
       write(byId("limit-value"), quantity(Number(limit.value), "N"));
@@ -385,9 +386,14 @@ export class Controls {
     const { scene, state } = this.session;
     if (scene) this.nameScene(scene);
     this.structures.offerPresets();
+    this.nameSwitches();
     if (state) this.showState(state);
     this.tellGestures();
     this.session.touch();
+  }
+  private nameSwitches(): void {
+    for (const name of HAPTIC_SWITCHES)
+      write(byId(name).nextElementSibling as HTMLElement, capitalized(words.recorded[name]));
   }
   private tellGestures(): void {
     byId("gestures").replaceChildren(
@@ -482,8 +488,7 @@ export class Controls {
     const lawFailure = state.law_failed && refusalText(state.law_failed);
     if (lawFailure && lawFailure !== this.lawFailure) toast(lawFailure);
     this.lawFailure = lawFailure;
-    for (const name of ["friction", "viscosity", "passivity"] as const)
-      byId<HTMLInputElement>(name).checked = state[name];
+    for (const name of HAPTIC_SWITCHES) byId<HTMLInputElement>(name).checked = state[name];
     const limit = byId<HTMLInputElement>("limit");
     if (!limit.matches(":active")) {
       limit.value = String(state.max_force_N);
@@ -514,7 +519,7 @@ export class Controls {
   /** Enables the controls that this viewer may use now. */
   allow(): void {
     for (const id of ["motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
-    for (const id of ["method", "law", "friction", "viscosity", "passivity", "limit"])
+    for (const id of ["method", "law", ...HAPTIC_SWITCHES, "limit"])
       byId<HTMLInputElement>(id).disabled = !this.mayChangeFeel;
     // hidden from learners in control, whose tasks determine the settings
     byId("feel-settings").hidden = this.connection.allows("hand") && !this.connection.allows("feel");
@@ -700,7 +705,7 @@ const withKeys = (text: string): (Node | string)[] =>
 
 /** Name of a tool, and the form of its burr or shaver. */
 const toolText = ({ name, burr, shaver }: HeldTool): string =>
-  words.toolNamed(name) + (burr ? ` · ${(shaver ? words.shaver : words.burr)[burr]}` : "");
+  words.toolNamed(name) + (burr ? ` · ${(shaver ? words.shaver : words.burr)[burr as keyof Words["burr"]]}` : "");
 
 /** Replaces the options of a select element, keeping the selection. */
 function offer<Name extends string>(id: string, names: Name[], said: Record<Name, string>): void {

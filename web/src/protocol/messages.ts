@@ -4,7 +4,10 @@
 // Positions and directions are in the patient's frame (LPS), lengths in mm. A label is the value of a structure's
 // voxels.
 
-import type { Affine, Quaternion, Vec3 } from "../base/geometry.js";
+import type { Affine, Vec3 } from "../base/geometry.js";
+import type { ContactProperties, HeldTool, Limits, Settings } from "./protocol.gen.js";
+
+export type { ContactProperties, HeldTool };
 
 // connection
 
@@ -36,38 +39,13 @@ export interface Structure {
   within: number[]; // labels of the structures that enclose this one
 }
 
-export interface Tissue {
+export interface Tissue extends ContactProperties {
   name: string;
   felt: boolean;
   protection: "none" | "alarm" | "keep"; // against a burr: "alarm" reports cuts, "keep" prevents them
   colour: Rgb;
   opacity: number;
-  stiffness_N_per_mm: number;
-  static_friction: number;
-  friction: number;
-  viscosity_N_s_per_mm: number;
   rests_on: number[]; // labels of supporting structures
-}
-/** Tissue properties that can change during a session. */
-export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "friction" | "viscosity_N_s_per_mm">;
-
-/** Convex hull of two balls, in the tool's frame: a capsule if the radii are equal, else a rounded cone. */
-export interface Capsule {
-  from_mm: Vec3;
-  to_mm: Vec3;
-  radius_mm: number;
-  end_radius_mm: number;
-}
-
-/** Tool held by one device. */
-export interface HeldTool {
-  name: string;
-  radius_mm: number; // radius of the ball at each contact point
-  cuts: boolean;
-  burr: "ball" | "cylinder" | "cone" | null;
-  shaver: boolean;
-  points_mm: Vec3[]; // contact points in the tool's frame
-  capsules: Capsule[];
 }
 
 /**
@@ -113,13 +91,7 @@ export interface Scene {
     continuous_force_N: number | null;
     max_stiffness_N_per_mm: number | null;
   };
-  limits: {
-    max_force_N: number;
-    min_max_force_N: number;
-    max_max_force_N: number;
-    stiffness_N_per_mm: [number, number];
-    friction: [number, number];
-  };
+  limits: Limits;
   rate_hz: number;
   recording: Recording | null; // recording that is played; null: live session
   tasks?: Task[]; // available tasks
@@ -149,18 +121,12 @@ export interface Recording {
 
 // state
 
-export interface State {
-  method: string;
+export interface State extends Settings {
   law: string; // constitutive law of soft tissue
   law_awaited: string | null; // requested law whose surfaces are being computed
   law_failed: Refusal | null; // error of the latest requested law
   method_awaited: string | null; // requested method whose fields are being computed
   method_failed: Refusal | null; // error of the latest requested method
-  friction: boolean;
-  viscosity: boolean;
-  passivity: boolean;
-  paused: boolean;
-  motor: boolean; // state of the motor switch of all burrs
   motor_is_on: boolean; // some motor runs, by the switch or by a pedal
   strokes: { undo: number; redo: number }; // numbers of burr strokes to undo and redo; a stroke ends with the motor
   removed: { label: number; mm3: number }[]; // volume that burrs have removed from each structure
@@ -169,10 +135,8 @@ export interface State {
   emergency_stop: boolean;
   stop: number | null; // identifier of the active stop, which a rearm refers to; null: none
   stopped_by: "you" | "viewer" | "key" | "palpate" | null;
-  max_force_N: number;
-  rotation_wxyz: Quaternion;
   model_version: number;
-  tissues: TissueState[];
+  tissues: ContactProperties[];
   armed: boolean;
   recording: boolean;
   playback: { playing: boolean; speed: number; failed: Refusal | null } | null; // null: live session

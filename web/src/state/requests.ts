@@ -3,14 +3,17 @@
 
 import { toast } from "../base/announce.js";
 import type { Refusal, Request, State } from "../protocol/messages.js";
+import { SETTING_NAMES } from "../protocol/protocol.gen.js";
 import type { Connection } from "../protocol/connection.js";
 import { angleOf_deg, conjugate, multiply, normalizeQuaternion, type Quaternion } from "../base/geometry.js";
 import type { History } from "./history.js";
-import { words } from "../words/words.js";
+import { capitalized, words } from "../words/words.js";
 
 const AT_REST_MS = 500;
-/** Undoable settings of the loop, which exclude a pause. */
-const SETTINGS = ["method", "law", "friction", "viscosity", "passivity", "max_force_N", "rotation_wxyz"] as const;
+/** Settings that are switched back and forth during a session, and therefore not undone. */
+const NOT_UNDONE: readonly string[] = ["paused", "motor"];
+const isUndone = (name: string): boolean =>
+  name === "law" || ((SETTING_NAMES as readonly string[]).includes(name) && !NOT_UNDONE.includes(name));
 
 type Values = Record<string, unknown>;
 /** Current values of the settings that a request changes; null for other requests. */
@@ -21,11 +24,7 @@ function holding(request: Request, state: State): Values | null {
       ? { ...state.tissues[tissue!] }
       : { ...state, method: state.method_awaited ?? state.method, law: state.law_awaited ?? state.law };
   const names = Object.keys(asked);
-  if (
-    names.length === 0 ||
-    (type !== "tissue" && (type !== "set" || !names.every((name) => (SETTINGS as readonly string[]).includes(name))))
-  )
-    return null;
+  if (names.length === 0 || (type !== "tissue" && (type !== "set" || !names.every(isUndone)))) return null;
   return Object.fromEntries(names.map((name) => [name, of[name]]));
 }
 const SAME_TURN_DEG = 0.01;
@@ -116,7 +115,6 @@ export class Requests {
   }
 }
 
-const sentence = (text: string): string =>
-  text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".");
+const sentence = (text: string): string => capitalized(text) + (/[.!?]$/.test(text) ? "" : ".");
 export const refusalText = ({ what, how }: Refusal): string =>
   how ? `${sentence(what)} ${sentence(how)}` : sentence(what);

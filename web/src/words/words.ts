@@ -15,6 +15,8 @@ export type Language = keyof typeof LANGUAGES;
 /** Texts in the current language. */
 export let words: Words = en;
 
+export const capitalized = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);
+
 /** Name of a message without parameters. */
 export type Message = { [K in keyof Words]: Words[K] extends string ? K : never }[keyof Words];
 export type MessageAbout = { [K in keyof Words]: Words[K] extends (name: string) => string ? K : never }[keyof Words];

@@ -1,0 +1,127 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdlib>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/base/contact_properties.h"
+#include "palpate/base/file.h"
+#include "palpate/device/settings.h"
+#include "palpate/server/viewer_server.h"
+
+namespace palpate::server {
+namespace {
+
+// types of the page for values in messages
+constexpr const char* type_of(bool /*value*/) {
+  return "boolean";
+}
+constexpr const char* type_of(double /*value*/) {
+  return "number";
+}
+const char* type_of(const std::string& /*value*/) {
+  return "string";
+}
+const char* type_of(const std::optional<std::string>& /*value*/) {
+  return "string | null";
+}
+constexpr const char* type_of(const std::array<double, 3>& /*value*/) {
+  return "Vec3";
+}
+constexpr const char* type_of(const std::array<double, 4>& /*value*/) {
+  return "Quaternion";
+}
+const char* type_of(const std::vector<std::array<double, 3>>& /*value*/) {
+  return "Vec3[]";
+}
+const char* type_of(const std::vector<ViewedTool::Capsule>& /*value*/) {
+  return "Capsule[]";
+}
+
+/// TypeScript text, line by line.
+class Module {
+ public:
+  void line(std::string_view text = "") { (text_ += text) += "\n"; }
+  void field(std::string_view name, std::string_view type) {
+    line("  " + std::string(name) + ": " + std::string(type) + ";");
+  }
+  void names(const std::string& constant, const std::vector<std::string_view>& values) {
+    line("export const " + constant + " = [");
+    for (const std::string_view value : values) line("  \"" + std::string(value) + "\",");
+    line("] as const;");
+  }
+  template <class Fields>
+  void interface(std::string_view name, std::string_view about, const Fields& fields) {
+    line("/** " + std::string(about) + " */");
+    line("export interface " + std::string(name) + " {");
+    visit_fields(fields,
+                 [&](const char* field_name, const auto& value) { field(field_name, type_of(value)); });
+    line("}\n");
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+void add_settings(Module& module) {
+  module.line("/** Settings that a tick reads, as in `set` and `state`. */");
+  module.line("export interface Settings {");
+  visit_settings([&](const auto& setting) {
+    module.field(setting.name, type_of(message_value(Settings{}.*setting.value)));
+  });
+  module.line("}");
+  std::vector<std::string_view> names, haptic;
+  visit_settings([&](const auto& setting) { names.push_back(setting.name); });
+  for (const SwitchInfo& info : kSwitches)
+    if (info.is_haptic) haptic.push_back(info.name);
+  module.names("SETTING_NAMES", names);
+  module.line(
+      "/** Switches that need the permission to change what is felt; the page shows them as check boxes. */");
+  module.names("HAPTIC_SWITCHES", haptic);
+  module.line();
+}
+
+void add_contact_properties(Module& module) {
+  module.line("/** Properties of a tissue that may change during a session, as in `tissue`. */");
+  module.line("export interface ContactProperties {");
+  for (const ContactProperty& property : kContactProperties) module.field(property.name, "number");
+  module.line("}\n");
+  module.line("/** Permitted values: the range of the force limit, and that of each contact property. */");
+  module.line("export interface Limits extends Record<keyof ContactProperties, [number, number]> {");
+  for (const char* name : {"max_force_N", "min_max_force_N", "max_max_force_N"}) module.field(name, "number");
+  module.line("}\n");
+}
+
+std::string protocol_types() {
+  Module module;
+  module.line(
+      "// Types of the protocol that palpate derives from its tables of settings, contact properties and "
+      "tools.");
+  module.line(
+      "// Written by PALPATE_UPDATE_DOCS=1 server_test --gtest_filter='ProtocolTypes.*', not by hand.\n");
+  module.line("import type { Quaternion, Vec3 } from \"../base/geometry.js\";\n");
+  add_settings(module);
+  add_contact_properties(module);
+  module.interface("Capsule", "Convex hull of two balls, in the tool's frame.", ViewedTool::Capsule{});
+  module.interface("HeldTool", "Tool held by one device, in the tool's frame.", ViewedTool{});
+  // without the empty line at the end
+  return module.text().substr(0, module.text().size() - 1);
+}
+
+TEST(ProtocolTypes, ThePageHasThoseOfTheTables) {
+  const std::string path = PALPATE_SOURCE_DIR "/web/src/protocol/protocol.gen.ts";
+  if (std::getenv("PALPATE_UPDATE_DOCS") != nullptr) {
+    ASSERT_TRUE(write_file(path, protocol_types()).ok());
+    return;
+  }
+  const auto text = read_file(path);
+  ASSERT_TRUE(text.ok()) << text.error().message();
+  EXPECT_EQ(*text, protocol_types()) << "PALPATE_UPDATE_DOCS=1 server_test --gtest_filter='ProtocolTypes.*'";
+}
+
+}  // namespace
+}  // namespace palpate::server
