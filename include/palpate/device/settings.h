@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -88,7 +89,7 @@ struct SwitchInfo {
   bool restricted;
 };
 
-/// All switches, in the order of the members of Switches.
+/// All switches.
 inline constexpr std::array<SwitchInfo, 5> kSwitches{
     {{.value = &Switches::friction,
       .change = &SwitchChanges::friction,
@@ -141,22 +142,26 @@ inline constexpr std::array<SwitchInfo, 5> kSwitches{
       .is_blended = false,
       .restricted = true}}};
 
-/// Whether the table lists all switches, each with bits of its own, in the order of their members.
+/// Whether the table lists all switches, each with texts, and with bits of its own.
 constexpr bool lists_every_switch() {
   std::uint32_t recorded = kSwitchEmergencyStop, changed = kSettingPointer;
   for (std::size_t n = 0; n < kSwitches.size(); ++n) {
     Switches one;
     SwitchChanges change;
-    for (const SwitchInfo& info : kSwitches) one.*info.value = false;
+    for (const SwitchInfo& other : kSwitches) one.*other.value = false;
     one.*kSwitches[n].value = true;
     change.*kSwitches[n].change = true;
     for (std::size_t other = 0; other < kSwitches.size(); ++other)
       if (one.*kSwitches[other].value != (other == n) ||
           (change.*kSwitches[other].change).has_value() != (other == n))
         return false;
-    if ((recorded & kSwitches[n].recorded) != 0 || (changed & kSwitches[n].changed) != 0) return false;
-    recorded |= kSwitches[n].recorded;
-    changed |= kSwitches[n].changed;
+    const SwitchInfo& info = kSwitches[n];
+    if (!std::has_single_bit(unsigned{info.recorded}) || (recorded & info.recorded) != 0) return false;
+    if (!std::has_single_bit(unsigned{info.changed}) || (changed & info.changed) != 0) return false;
+    if (info.name.empty() || info.about.empty() || info.consent[0].empty() || info.consent[1].empty())
+      return false;
+    recorded |= info.recorded;
+    changed |= info.changed;
   }
   return sizeof(Switches) == kSwitches.size() * sizeof(bool) &&
          sizeof(SwitchChanges) == kSwitches.size() * sizeof(std::optional<bool>);

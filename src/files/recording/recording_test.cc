@@ -306,9 +306,9 @@ TEST(Recording, DescribesEveryBit) {
         std::ranges::find_if(columns, [&](const internal::Column& column) { return column.name == name; });
     return found == columns.end() ? std::string("no such column") : found->description();
   };
-  EXPECT_EQ(
-      description(internal::tick_columns(), "switches"),
-      "switches that are on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity, 32 motor");
+  EXPECT_THAT(description(internal::tick_columns(), "switches"),
+              ::testing::StartsWith("what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency "
+                                    "stop, 16 passivity, 32 motor"));
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: reasons why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
@@ -317,8 +317,8 @@ TEST(Recording, DescribesEveryBit) {
             "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
             "may look, 5 viewer with control, agreed to by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
-              ::testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
-                                  "force, 64 rotation, 128 tip taken or left, 256 motor"));
+              HasSubstr(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of force, 64 "
+                        "rotation, 128 tip taken or left, 256 motor"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, ::testing::EndsWith(", 4194304 no-go region, 8388608 release"));
