@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/base/hash.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/model/make_model.h"
 #include "palpate/recording/recording.h"
@@ -83,6 +84,7 @@ constexpr std::array<Leg, 6> kThroughTheSkin{{{{1, 2, 11}, 600},
 
 struct GoldenRun {
   RecordingSummary summary;
+  std::uint64_t force_hash = kHashSeed;  ///< Hash of the forces alone
   bool felt_skin = false, felt_bone = false;
   double taken_mm3 = 0;
 };
@@ -111,6 +113,7 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
       tick(*model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
       run.summary.see(record);
       const DeviceTick& felt = record.device[0];
+      for (const double newtons : felt.force_N) hash_double(run.force_hash, newtons);
       if ((felt.flags & kFlagContact) == 0) continue;
       run.felt_skin |= felt.label == kGoldenSkin;
       run.felt_bone |= felt.label == kGoldenBone;
@@ -138,6 +141,7 @@ TEST(GoldenRun, ByTheProxyOverAndThroughALayer) {
   EXPECT_TRUE(run.felt_skin && run.felt_bone);
   EXPECT_GT(run.summary.ruptured, 0u);
   EXPECT_EQ(run.summary.run_hash, 0x2325ce46ff85deb0u) << golden_help(run);
+  EXPECT_EQ(run.force_hash, 0xf5137b817e7b93cdu) << golden_help(run);
 }
 
 TEST(GoldenRun, IsTheSameOnAnotherSimdTarget) {
@@ -159,6 +163,7 @@ TEST(GoldenRun, ByTheTrilinearMethod) {
                                    ForceMethod::kTrilinear, kThroughTheSkin);
   EXPECT_TRUE(run.felt_skin && run.felt_bone);
   EXPECT_EQ(run.summary.run_hash, 0x1360b857d0c3afe2u) << golden_help(run);
+  EXPECT_EQ(run.force_hash, 0x2e2c0793a101470cu) << golden_help(run);
 }
 
 TEST(GoldenRun, OfABurrThatCuts) {
@@ -172,6 +177,7 @@ TEST(GoldenRun, OfABurrThatCuts) {
   EXPECT_TRUE(run.felt_skin);
   EXPECT_GT(run.taken_mm3, 1);
   EXPECT_EQ(run.summary.run_hash, 0x6e43a7ae9aa679c3u) << golden_help(run);
+  EXPECT_EQ(run.force_hash, 0x8b35013ad6897bd5u) << golden_help(run);
 }
 
 }  // namespace
