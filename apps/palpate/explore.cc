@@ -585,7 +585,7 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
                    "Force limit in N, in addition to the device's own; default: the lesser of its continuous "
                    "rating and 3 N")
       ->check(number_between(kMaxForceRange.min, kMaxForceRange.max));
-  verb->add_option("--rate", options.rate_hz, "Ticks a second; default: the script's")
+  verb->add_option("--rate", options.rate_hz, "Servo rate in Hz; default: the script's")
       ->check(number_between(kMinRate_hz, kMaxRate_hz));
   verb->add_option(
           "--spin", options.spin_us,

@@ -135,9 +135,9 @@ void add_simulate(CLI::App& app, Run& run) {
   verb->add_option("-t,--task", options->task,
                    "Task file, or the name of a task (palpate task list), to name in the recording");
   verb->add_option("--max-force", options->max_force_N,
-                   "Limit of the force in N; default: the lesser of the device's continuous rating and 3 N")
+                   "Force limit in N; default: the lesser of the device's continuous rating and 3 N")
       ->check(number_between(kMaxForceRange.min, kMaxForceRange.max));
-  verb->add_option("--rate", options->rate_hz, "Ticks a second; default: the script's")
+  verb->add_option("--rate", options->rate_hz, "Servo rate in Hz; default: the script's")
       ->check(number_between(250, 10000));
   verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));

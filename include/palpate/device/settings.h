@@ -125,7 +125,7 @@ inline constexpr std::array<SwitchInfo, 5> kSwitches{
       .change = &SwitchChanges::paused,
       .name = "paused",
       .about = "the session is paused",
-      .consent = {"end the pause", "pause the force"},
+      .consent = {"resume the force", "pause the force"},
       .recorded = kSwitchPaused,
       .changed = kSettingPaused,
       .is_haptic = false,
@@ -185,7 +185,7 @@ inline constexpr SettingInfo<ForceMethod, std::string> kMethodSetting{
 inline constexpr SettingInfo<double, double> kMaxForceSetting{&Settings::max_force_N,
                                                               &SettingsChanges::max_force_N,
                                                               "max_force_N",
-                                                              "limit of force",
+                                                              "force limit",
                                                               "the user's limit",
                                                               kSettingMaxForce,
                                                               true};

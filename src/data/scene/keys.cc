@@ -227,9 +227,9 @@ SceneKeys declared_keys() {
                         "the labels may lie outside it."},
             {.name = "names",
              .type = kFile,
-             .meaning = "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, "
-                        "ITK-SNAP's `.label`. "
-                        "Without it the names in the label file count, else those of a table beside it."}}},
+             .meaning =
+                 "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, ITK-SNAP's "
+                 "`.label`. Default: the names in the label file, otherwise those of a table next to it."}}},
       .tissue = with_contact_keys(
           {"[[tissue]]",
            "A group of structures that feel alike, defined by one of `labels`, `threshold` and `embedding`. "
@@ -275,10 +275,12 @@ SceneKeys declared_keys() {
              .unit = "the scan's unit",
              .min = -1e9,
              .max = 1e9,
-             .meaning =
-                 "Of an embedding: value of the scan that parts air from the body. Without it only what "
-                 "labels enclose is inside."},
-            {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
+             .meaning = "For an embedding: scan value that separates air from the body. Default: only voxels "
+                        "enclosed by labels are inside."},
+            {.name = "felt",
+             .type = kFlag,
+             .default_text = "true",
+             .meaning = "`false`: shown, but not felt."},
             {.name = "puncture",
              .type = kNumber,
              .unit = "N",
@@ -343,7 +345,7 @@ SceneKeys declared_keys() {
              .unit = "N",
              .min = 0,
              .max = 10,
-             .meaning = "Of the other methods: the other cap of the force along the surface."},
+             .meaning = "For the other methods: the other limit of the force along the surface."},
             {.name = "colour",
              .type = kColour,
              .meaning = "`\"#rrggbb\"`. Default: the colours of the structures."},
@@ -356,8 +358,8 @@ SceneKeys declared_keys() {
             {.name = "rests_on",
              .type = kNames,
              .default_text = "[]",
-             .meaning = "Tissues of this scene that support this one. They have to be felt and at least as "
-                        "stiff."}}}),
+             .meaning =
+                 "Tissues of this scene that support this one. They must be felt and at least as stiff."}}}),
       .preparation = {"[preparation]",
                       "Field of the direct methods: ramps that begin at the surface of every structure, or, "
                       "as published, the labels weighted by stiffness and smoothed together.",
@@ -604,9 +606,9 @@ SceneKeys declared_keys() {
              .unit = "N",
              .min = kMaxForceRange.min,
              .max = kMaxForceRange.max,
-             .meaning = "The force is never larger. It can only lower the limit that device and user set: "
-                        "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
-                        "`premium-1.5`) and 3 N."}}},
+             .meaning =
+                 "Maximum force. It can only lower the limit set by device and user: without `--max-force` "
+                 "the lesser of the device's continuous rating (1.4 N for `premium-1.5`) and 3 N."}}},
       .distances =
           {"[distances]",
            "Structures whose distance to the tool is reported in every tick: from the outline of the tool to "

@@ -95,7 +95,7 @@ std::string_view words_of(const SettingInfo<Value, Change>& info) {
 }
 
 std::string_view name_of(SettingBit bit) {
-  if (bit == kSettingPointer) return "tip taken or left";
+  if (bit == kSettingPointer) return "tip taken or released";
   std::string_view name;
   visit_settings([&](const auto& setting) {
     if (setting.changed == bit) name = words_of(setting);

@@ -45,9 +45,9 @@ constexpr std::array kTickColumns{
 };
 
 constexpr std::array kEventColumnsBeforeProperties{
-    Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick that had heard of it"},
-    Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "what was asked for", event_kinds},
-    Column{"asked_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "who asked for it", askers},
+    Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick in effect"},
+    Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "kind of request", event_kinds},
+    Column{"asked_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "source of the request", askers},
     Column{"viewer", kU32, 1, PALPATE_EVENT(by.viewer), "1", "-",
            "viewer that sent the request, from 1 in the order of their hello, 0 none"},
     Column{"number", kU32, 1, PALPATE_EVENT(number), "1", "-",
@@ -55,20 +55,20 @@ constexpr std::array kEventColumnsBeforeProperties{
            "from 1; tissue solved: number of the solution, from 1"},
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
            "model: place of the changed tissue in the scene, from 0. 4294967295: the fields of the direct "
-           "methods were made anew. 4294967294: it was cut by the sweeps before. 4294967293: the last stroke "
-           "was undone; 4294967292: the last one that was undone was done again. 4294967280 ... 4294967283: "
-           "soft tissue goes by the law layers, elastic, neo-hookean, chainmail from then on"}};
+           "methods were prepared again. 4294967294: it was cut by the preceding sweeps. 4294967293: the "
+           "last stroke was undone; 4294967292: the last undone stroke was redone. 4294967280 ... "
+           "4294967283: the law of soft tissue becomes layers, elastic, neo-hookean, chainmail"}};
 constexpr std::array kEventColumnsAfterProperties{
-    Column{"changed", kU16, 1, PALPATE_EVENT(changed), "bits", "-", "settings: what became different",
+    Column{"changed", kU16, 1, PALPATE_EVENT(changed), "bits", "-", "settings: fields that changed",
            setting_bits},
     Column{"method", kU8, 1, PALPATE_EVENT(method), "1", "-", "settings: new force method", method_numbers},
     Column{"switches", kU8, 1, PALPATE_EVENT(switches), "bits", "-", "settings: switches that are on",
            switch_bits},
     Column{"max_force_N", kF64, 1, PALPATE_EVENT(max_force_N), "N", "-",
-           "settings: the user's limit of force from then on"},
+           "settings: new force limit of the user"},
     Column{"rotation_target_wxyz", kF64, 4, PALPATE_EVENT(rotation_target_wxyz), "1", "World",
-           "settings: commanded rotation of the object from then on, unit quaternion"},
-    Column{"device", kU32, 1, PALPATE_EVENT(sweep.device), "1", "-", "sweep: whose burr it was, from 0"},
+           "settings: new commanded rotation of the object, unit quaternion"},
+    Column{"device", kU32, 1, PALPATE_EVENT(sweep.device), "1", "-", "sweep: device of the burr, from 0"},
     Column{"from_patient_mm", kF64, 3, PALPATE_EVENT(sweep.from_mm), "mm", "Patient",
            "sweep: start of the centre of the burr's ball; for a cylinder or cone, of the ball at its tip"},
     Column{"to_patient_mm", kF64, 3, PALPATE_EVENT(sweep.to_mm), "mm", "Patient",
@@ -101,7 +101,7 @@ constexpr auto kEventColumns = [] {
                "-",
                n == 0 ? "model: value that the tissue has from then on; of a law the factor by which its "
                         "cells are longer than the scene's, 0: as before"
-                      : "model: value that the tissue has from then on"};
+                      : "model: new value of the tissue"};
   std::ranges::copy(kEventColumnsAfterProperties, next);
   return columns;
 }();

@@ -313,12 +313,13 @@ TEST(Recording, DescribesEveryBit) {
             "input: reasons why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
             "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 tissue solved");
-  EXPECT_EQ(description(internal::event_columns(), "asked_by"),
-            "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
-            "may look, 5 viewer with control, agreed to by a key");
+  EXPECT_EQ(
+      description(internal::event_columns(), "asked_by"),
+      "source of the request: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer with "
+      "view, 5 viewer with control, accepted by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
-              HasSubstr(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of force, 64 "
-                        "rotation, 128 tip taken or left, 256 motor"));
+              HasSubstr(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 force limit, 64 "
+                        "rotation, 128 tip taken or released, 256 motor"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, ::testing::EndsWith(", 4194304 no-go region, 8388608 release"));
@@ -355,7 +356,8 @@ TEST(Docs, FlagsListSwitchesAndSettingsOfTheirTables) {
   std::map<unsigned, std::vector<std::string>> switches{
       {kSwitchEmergencyStop, {"emergency stop", "Forces are off.", "`stop`"}}},
       changed{{kSettingPointer,
-               {"tip taken or left", "A viewer took the tip, or left or lost it. Nothing of the settings."}}};
+               {"tip taken or released",
+                "A viewer took the tip, or released or lost it. Nothing of the settings."}}};
   for (const SwitchInfo& info : kSwitches)
     switches[info.recorded] = {std::string(info.name), sentence(std::string(info.about)),
                                info.is_haptic ? "`feel`" : "`hand`"};

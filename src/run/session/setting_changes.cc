@@ -40,10 +40,10 @@ std::string consent_part(const SwitchInfo& info, bool wanted, bool /*now*/) {
 }
 std::string consent_part(const SettingInfo<ForceMethod, std::string>& /*info*/, const std::string& wanted,
                          ForceMethod /*now*/) {
-  return "feel by the method " + wanted;
+  return "use the method " + wanted;
 }
 std::string consent_part(const SettingInfo<double, double>& /*info*/, double wanted_N, double now_N) {
-  return "set the limit of the force to " + rounded_text(wanted_N) + " N, now " + rounded_text(now_N);
+  return "set the force limit to " + rounded_text(wanted_N) + " N, now " + rounded_text(now_N);
 }
 std::string consent_part(const SettingInfo<Eigen::Quaterniond, std::array<double, 4>>& /*info*/,
                          const std::array<double, 4>& wanted, const Eigen::Quaterniond& now) {
@@ -84,7 +84,7 @@ std::string consent_text(const SettingsRequest& wanted, const Parameters& now) {
     if (const auto& change = wanted.*setting.change)
       words.add(consent_part(setting, *change, now.*setting.value));
   });
-  if (wanted.law) words.add("let soft tissue go by the law " + *wanted.law);
+  if (wanted.law) words.add("use the soft-tissue law " + *wanted.law);
   return words.text();
 }
 

@@ -26,13 +26,13 @@ constexpr std::array kRights{
               "operates the tool: takes the tip, starts and ends runs of tasks, rearms, pauses, runs a "
               "burr's motor, undoes and redoes its strokes, turns the object",
               {kNo, kYes, kYes, kYes}},
-    RightInfo{Right::kFeel,
-              "feel",
-              "change what is felt",
-              "changes what is felt: method, law, limit of the force, tissues, [switches](flags.md#switches) "
-              "of this "
-              "permission",
-              {kNo, kYes, kFree, kYes}},
+    RightInfo{
+        Right::kFeel,
+        "feel",
+        "change what is felt",
+        "changes contact settings: method, law, force limit, tissues, [switches](flags.md#switches) of this "
+        "permission",
+        {kNo, kYes, kFree, kYes}},
     RightInfo{
         Right::kPlan, "plan", "change the plan", "changes and saves the plan", {kNo, kYes, kFree, kYes}},
     RightInfo{Right::kPlay,

@@ -524,10 +524,10 @@ export const en = {
   methodAwaited: (awaited: string, felt: string) => `Preparing ${awaited}; ${felt} remains active until then`,
   forceLimit: "Force limit",
   friction: "Friction",
-  turnBack: "Turn back",
-  turnBackTitle: "The object as it was at the beginning",
+  turnBack: "Reset rotation",
+  turnBackTitle: "Return the object to its initial orientation",
   turnedBy: (angle: string) => `turned by ${angle}`,
-  notTurned: "not turned",
+  notTurned: "not rotated",
   display: "Display",
   preset: "Window preset",
   presets: {
