@@ -35,6 +35,9 @@ RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tic
 /// Passes a tissue solution to the loop, logged.
 void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
                       std::uint64_t input_tick);
+/// Passes a frame without any known spot to the loop, in place of one that could not be solved; logged.
+void set_unsolved_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
+                         std::uint64_t input_tick);
 /// ServoLoop::emergency_stop(), logged. The stop is carried out even if there is no memory for the event.
 void stop_logged(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
 /// ServoLoop::rearm(), logged unless refused.

@@ -104,7 +104,10 @@ struct RecordingEvent {
   std::array<double, 4> rotation_target_wxyz{1, 0, 0, 0};
   SweepRecord sweep;
   std::uint64_t input_tick = 0;  ///< kYield: tick from which it was solved
-  std::uint64_t frame_hash = 0;  ///< kYield: ComplianceFrame::hash of the result
+  /// kYield: ComplianceFrame::hash of the result, or kUnsolved.
+  std::uint64_t frame_hash = 0;
+  /// Memory ran out while the frame was solved: it knows no spot, and the solver starts afresh after it.
+  static constexpr std::uint64_t kUnsolved = 0;
 
   friend bool operator==(const RecordingEvent&, const RecordingEvent&) = default;
 };

@@ -68,6 +68,10 @@ class YieldSolver {
   /// @param boxes  of the devices from 0 on; empty: none
   void go_on(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
 
+  /// Continues as a solver that has produced `frame` frames, the last of which knows no spot, and has no
+  /// boxes: after an exception, which leaves the solver in no particular state.
+  void restart(std::uint32_t frame) noexcept;
+
   /// Displacement field of the last frame; returns false if there is no box. Valid until the next frame.
   bool field_of(std::size_t device, YieldField& field) const;
   /// Force that displaces the tissue in a tick, N: the contact force or, for relaxing tissue, the

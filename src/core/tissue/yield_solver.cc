@@ -382,6 +382,12 @@ void YieldSolver::go_on(const Model& model, std::uint32_t frame,
   }
 }
 
+void YieldSolver::restart(std::uint32_t frame) noexcept {
+  frame_ = {};
+  frame_.number = frame;
+  for (std::unique_ptr<Region>& region : regions_) region.reset();
+}
+
 bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
   if (region == nullptr || !frame_.spot[device].is_known()) return false;

@@ -83,7 +83,8 @@ constexpr std::array kEventColumnsAfterProperties{
            "sweep: radius of the ball at the far end of a cylinder or cone"},
     Column{"input_tick", kU64, 1, PALPATE_EVENT(input_tick), "1", "-",
            "tissue solved: number of the tick that it was solved for"},
-    Column{"frame_hash", kU64, 1, PALPATE_EVENT(frame_hash), "1", "-", "tissue solved: hash of the solution"},
+    Column{"frame_hash", kU64, 1, PALPATE_EVENT(frame_hash), "1", "-",
+           "tissue solved: hash of the solution; 0: memory ran out, and the solver starts again"},
 };
 
 // the contact properties of a model change stand between the two

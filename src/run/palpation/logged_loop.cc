@@ -98,6 +98,16 @@ void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& fr
   });
 }
 
+void set_unsolved_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
+                         std::uint64_t input_tick) {
+  told.tell([&] {
+    RecordingEvent event = yield_event(frame, input_tick);
+    event.frame_hash = RecordingEvent::kUnsolved;
+    loop.change([&](Parameters& parameters) { parameters.yields = frame; });
+    return event;
+  });
+}
+
 void stop_logged(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
   bool stopped = false;
   try {

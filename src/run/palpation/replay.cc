@@ -205,6 +205,10 @@ Result<void> Replayer::solve_until(const TickRecord& recorded) {
     if (solutions_.empty()) return missing("which is missing from the file");
     const Solution solution = solutions_.front();
     solutions_.pop_front();
+    if (solution.hash == RecordingEvent::kUnsolved && solution.number == yields_.frame().number + 1) {
+      yields_.restart(solution.number);
+      continue;
+    }
     while (!inputs_.empty() && inputs_.front().tick.tick < solution.input_tick) inputs_.pop_front();
     if (inputs_.empty() || inputs_.front().tick.tick != solution.input_tick ||
         solution.number != yields_.frame().number + 1)

@@ -207,8 +207,8 @@ void finish(const Session& session, ExploreResult& result) {
   result.failed_steps = trouble.size();
   result.touches = session.tip.touches();
   result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
-  const auto coarser = session.live.later_coarser_tissue();
-  result.trouble.insert(result.trouble.end(), coarser.begin(), coarser.end());
+  const auto warnings = session.live.later_tissue_warnings();
+  result.trouble.insert(result.trouble.end(), warnings.begin(), warnings.end());
 
   const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
   if (finished) {

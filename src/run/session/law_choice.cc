@@ -8,10 +8,27 @@
 #include "palpate/scene/scene.h"
 
 namespace palpate {
+namespace {
 
-LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare, Wake wake,
-                     const std::string& coarser_tissue)
-    : model_(model), loop_(loop), devices_(devices), prepare_(std::move(prepare)), wake_(std::move(wake)) {
+Error unsolved(TissueLaw law) {
+  return {ErrorKind::kUnavailable,
+          std::string("memory ran out while soft tissue was solved: ") +
+              (is_elastic(law) ? "its force is that of a homogeneous half-space, and it is shown undeformed"
+                               : "it is shown undeformed"),
+          std::string(name_of(law, kTissueLaws)),
+          "close other programs to free memory; the solver starts again every second"};
+}
+
+}  // namespace
+
+LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare,
+                     TissueThread::Solve solve, Wake wake, const std::string& coarser_tissue)
+    : model_(model),
+      loop_(loop),
+      devices_(devices),
+      prepare_(std::move(prepare)),
+      solve_(std::move(solve)),
+      wake_(std::move(wake)) {
   const Model& felt = model_.felt(model_.lock());
   if (is_elastic(felt.tissue_law)) cell_size_of(felt.tissue_law) = {felt.tissue_coarsened, coarser_tissue};
 }
@@ -28,14 +45,18 @@ void LawChoice::end() {
     has_ended_ = true;
     yields_.store(nullptr);
     solver = std::move(solver_);
+    if (solver != nullptr && solver->failures() > 0)
+      later_warnings_.push_back("memory ran out while soft tissue was solved, " +
+                                std::to_string(solver->failures()) +
+                                " times: its force was that of a homogeneous half-space meanwhile");
   }
 }
 
 // the thread keeps running, idle, when a law without moving tissue is selected later
 void LawChoice::start_solver(const LiveModel::Lock& held) {
   if (solver_ != nullptr || has_ended_ || !model_.felt(held).has(ForceMethod::kProxy)) return;
-  solver_ = std::make_unique<TissueThread>(*loop_.get(), loop_.log(),
-                                           [this] { return model_.versions(model_.lock()).felt; });
+  solver_ = std::make_unique<TissueThread>(
+      *loop_.get(), loop_.log(), [this] { return model_.versions(model_.lock()).felt; }, solve_);
   yields_.store(solver_.get());
 }
 
@@ -134,6 +155,8 @@ void LawChoice::describe(const LiveModel::Lock& held, ViewedState& state) const 
   state.law = name_of(model_.felt(held).tissue_law, kTissueLaws);
   if (awaited_) state.law_awaited = name_of(*awaited_, kTissueLaws);
   state.law_failure = failure_;
+  if (!failure_ && solver_ != nullptr && solver_->is_out_of_memory())
+    state.law_failure = unsolved(model_.felt(held).tissue_law);
 }
 
 std::string LawChoice::coarser_tissue() const {
@@ -141,7 +164,7 @@ std::string LawChoice::coarser_tissue() const {
   return cell_size_of(model_.felt(held).tissue_law).warning;
 }
 
-std::vector<std::string> LawChoice::later_coarser_tissue() const {
+std::vector<std::string> LawChoice::later_warnings() const {
   const LiveModel::Lock held = model_.lock();
   return later_warnings_;
 }

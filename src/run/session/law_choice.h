@@ -35,9 +35,10 @@ class LawChoice final : public PreparedChoice {
   using Wake = std::function<Result<void>(const LiveModel::Lock& held)>;
 
   /// @param model, loop     outlive this object
+  /// @param solve           of TissueThread
   /// @param coarser_tissue  warning about the law that the session begins with; see coarser_tissue()
-  LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare, Wake wake,
-            const std::string& coarser_tissue);
+  LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare,
+            TissueThread::Solve solve, Wake wake, const std::string& coarser_tissue);
   ~LawChoice() override { end(); }
 
   /// Starts the solver if the model's tissue moves. Needs a loop.
@@ -52,13 +53,15 @@ class LawChoice final : public PreparedChoice {
   std::optional<std::uint32_t> script_version() const;
 
   bool is_awaited(const LiveModel::Lock& /*held*/) const { return awaited_.has_value(); }
-  /// Fills in the current law, the awaited one, and why the last choice failed.
+  /// Fills in the current law, the awaited one, and why the last choice failed or the current law cannot be
+  /// solved.
   void describe(const LiveModel::Lock& held, ViewedState& state) const;
   /// Warning text: the soft tissue of the current law is solved in coarser cells than the scene requests
   /// because this machine is too slow. Empty if it is not.
   std::string coarser_tissue() const;
-  /// The same warnings for laws chosen since the session began, in chronological order.
-  std::vector<std::string> later_coarser_tissue() const;
+  /// The same warnings for laws chosen since the session began, in chronological order; after end() also one
+  /// about tissue that could not be solved.
+  std::vector<std::string> later_warnings() const;
   /// Deformation around a device's tool; null: none. Does not wait for the model's lock.
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
 
@@ -82,6 +85,7 @@ class LawChoice final : public PreparedChoice {
   SessionLoop& loop_;
   const std::size_t devices_;
   const Prepare prepare_;
+  const TissueThread::Solve solve_;
   const Wake wake_;
 
   std::optional<TissueLaw> awaited_;

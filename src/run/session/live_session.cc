@@ -27,7 +27,7 @@ LiveSession::LiveSession(LiveSessionParts parts)
       method_(model_, loop_, parts_.new_fields, parts_.more_methods,
               [this](const Lock& held) { return preparation_.wake(held); }),
       law_(
-          model_, loop_, parts_.devices.size(), parts_.other_law,
+          model_, loop_, parts_.devices.size(), parts_.other_law, parts_.solve_tissue,
           [this](const Lock& held) { return preparation_.wake(held); }, parts_.coarser_tissue),
       cutter_(model_, loop_),
       preparation_(model_, {&law_, &method_}),

@@ -57,6 +57,7 @@ struct LiveSessionParts {
   MethodChoice::NewFields new_fields = with_rebuilt_fields;
   MethodChoice::MoreMethods more_methods = with_methods;
   LawChoice::Prepare other_law = measured_under_law;
+  TissueThread::Solve solve_tissue = solve_yield_frame;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this
   /// machine is too slow. Empty if it is not.
   std::string coarser_tissue = {};
@@ -167,8 +168,8 @@ class LiveSession final : public LiveHost {
   std::optional<Error> method_failure() const { return method_.failure(); }
   /// LiveSessionParts::coarser_tissue for the current law.
   std::string coarser_tissue() const { return law_.coarser_tissue(); }
-  /// The same warnings for laws chosen since the session began, in chronological order.
-  std::vector<std::string> later_coarser_tissue() const { return law_.later_coarser_tissue(); }
+  /// LawChoice::later_warnings
+  std::vector<std::string> later_tissue_warnings() const { return law_.later_warnings(); }
   /// Log of all commands passed to the loop since begin().
   EventLog& log() { return loop_.log(); }
   /// Highest value of the user's force limit so far.

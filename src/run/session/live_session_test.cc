@@ -19,6 +19,7 @@
 #include "palpate/base/mailbox.h"
 #include "palpate/base/reading.h"
 #include "palpate/base/spsc_ring.h"
+#include "palpate/palpation/palpation.h"
 #include "palpate/session/explore.h"
 
 namespace palpate {
@@ -105,7 +106,8 @@ class Viewed : public ::testing::Test {
                                    nullptr,
                                    new_fields_,
                                    more_methods_,
-                                   other_law_});
+                                   other_law_,
+                                   solve_tissue_});
     auto loop =
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
@@ -191,6 +193,7 @@ class Viewed : public ::testing::Test {
   decltype(LiveSessionParts::new_fields) new_fields_ = with_rebuilt_fields;
   decltype(LiveSessionParts::more_methods) more_methods_ = with_methods;
   decltype(LiveSessionParts::other_law) other_law_ = measured_under_law;
+  decltype(LiveSessionParts::solve_tissue) solve_tissue_ = solve_yield_frame;
   std::optional<ElasticConstants> shell_;  // constants of the shell's elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
@@ -627,7 +630,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_EQ(made, before + 1);
   EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1.6);
   EXPECT_EQ(live_->coarser_tissue(), "coarser cells");
-  EXPECT_THAT(live_->later_coarser_tissue(), ::testing::ElementsAre("coarser cells"));
+  EXPECT_THAT(live_->later_tissue_warnings(), ::testing::ElementsAre("coarser cells"));
   // from then on it takes effect at once
   ASSERT_TRUE(go_by("elastic").ok());
   EXPECT_EQ(live_->state().law, "elastic");
@@ -668,6 +671,62 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   // a script's request is answered as well
   live_->change_law_by_script(TissueLaw::kElastic);
   EXPECT_EQ(live_->script_law_version(), live_->state().model_version);
+}
+
+// the session continues, viewers are told, and the run replays
+TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
+  shell_ = ElasticConstants{20, 0.45};
+  std::atomic<bool> is_full{false};
+  std::atomic<int> refused{0};
+  solve_tissue_ = [&](YieldSolver& solver, const Model& model, const TickRecord& felt) {
+    solver.solve(model, felt);
+    // the solver is left as after half a frame
+    if (is_full && ++refused > 0) throw std::bad_alloc();
+  };
+  start();
+  SettingsRequest elastic;
+  elastic.law = "elastic";
+  ASSERT_EQ(error_of(elastic).what, "no error");
+  ASSERT_TRUE(soon([&] { return live_->state().law == "elastic"; }));
+  press(1);
+  ASSERT_TRUE(soon([&] { return live_->yielded(0) != nullptr && latest().device[0].contact_N[0] > 0; }));
+  // a solution takes some frames to settle
+  const std::uint32_t frame = latest().yield_frame;
+  ASSERT_TRUE(soon([&] { return latest().yield_frame >= frame + 20; }));
+  const double solved_N = latest().device[0].contact_N[0];
+  EXPECT_FALSE(live_->state().law_failure);
+
+  is_full = true;
+  ASSERT_TRUE(soon([&] { return live_->state().law_failure.has_value(); }));
+  EXPECT_EQ(live_->state().law_failure->where, "elastic");
+  EXPECT_THAT(live_->state().law_failure->what, HasSubstr("memory ran out"));
+  EXPECT_EQ(live_->state().law, "elastic");
+  EXPECT_TRUE(soon([&] { return live_->yielded(0) == nullptr; }));
+  // 3 mm of tissue on bone are stiffer than a half-space of it
+  EXPECT_TRUE(soon([&] {
+    const double N = latest().device[0].contact_N[0];
+    return N > 0 && N < 0.98 * solved_N;
+  })) << latest().device[0].contact_N[0]
+      << " N after " << solved_N;
+  ASSERT_TRUE(soon([&] { return refused >= 2; })) << "it is tried again";
+
+  is_full = false;
+  ASSERT_TRUE(soon([&] { return !live_->state().law_failure && live_->yielded(0) != nullptr; }));
+  EXPECT_TRUE(soon([&] { return std::abs(latest().device[0].contact_N[0] / solved_N - 1) < 0.01; }))
+      << latest().device[0].contact_N[0] << " N after " << solved_N;
+
+  live_->end();
+  EXPECT_THAT(live_->later_tissue_warnings(), ::testing::Contains(HasSubstr("memory ran out")));
+  loop_->stop();
+  Recording recording;
+  recording.header.model_hash = model_->content_hash;
+  recording.header.model_version = model_->version;
+  recording.header.tissue_coarsened = model_->tissue_coarsened;
+  recording.ticks = ticks();
+  recording.events.assign(told().begin(), told().end());
+  const auto replayed = replay(recording, model_);
+  ASSERT_TRUE(replayed.ok()) << replayed.error().message();
+  EXPECT_TRUE(replayed->identical) << replayed->difference;
 }
 
 TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {

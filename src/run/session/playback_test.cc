@@ -9,6 +9,7 @@
 #include "base/test_seed.h"
 #include "base/test_wait.h"
 #include "loading/test_loading.h"
+#include "palpate/palpation/palpation.h"
 
 namespace palpate {
 namespace {

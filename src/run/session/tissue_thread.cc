@@ -60,9 +60,15 @@ std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const
   return viewed;
 }
 
+void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& felt) {
+  solver.solve(model, felt);
+}
+
 TissueThread::TissueThread(ServoLoop& loop, EventLog& told,
-                           std::function<std::shared_ptr<const Model>()> felt)
-    : loop_(loop), told_(told), felt_(std::move(felt)), thread_([this] { run(); }) {}
+                           std::function<std::shared_ptr<const Model>()> felt, Solve solve)
+    : loop_(loop), told_(told), felt_(std::move(felt)), solve_(std::move(solve)), thread_([this] {
+        run();
+      }) {}
 
 TissueThread::~TissueThread() {
   {
@@ -82,18 +88,41 @@ void TissueThread::run() {
   for (bool ending = false; !ending;) {
     // avoid the servo's CPU: a tick that has to preempt a solution is later than one that finds the CPU idle
     cpus.than(loop_.cpu());
+    Clock::duration wait = kFrame;
     try {
       solve_next();
     } catch (const std::bad_alloc&) {
-      return;
+      start_afresh();
+      wait = kRetry;
     }
-    next = std::max(next + kFrame, Clock::now());
+    next = std::max(next + wait, Clock::now());
     std::unique_lock lock(mutex_);
     ending = ends_.wait_until(lock, next, [this] { return ending_; });
   }
 }
 
+// Members that the exception interrupted are in no particular state.
+void TissueThread::start_afresh() noexcept {
+  if (!is_out_of_memory_.exchange(true)) ++failures_;
+  mail_.emplace();
+  if (solver_.frame().number != published_) solver_.restart(solver_.frame().number);
+  rest();
+  try {
+    publish_unsolved();
+  } catch (const std::bad_alloc&) {
+    // published with the next attempt
+  }
+}
+
+// passes the frame that could not be solved to the loop, if there is one
+void TissueThread::publish_unsolved() {
+  if (solver_.frame().number == published_) return;
+  set_unsolved_logged(loop_, told_, solver_.frame(), last_input_);
+  published_ = solver_.frame().number;
+}
+
 void TissueThread::solve_next() {
+  publish_unsolved();
   const TickRecord felt = loop_.snapshot();
   // no tick since the last one
   if (felt.state_hash == 0 || (any_ && felt.tick <= last_input_)) return;
@@ -102,19 +131,25 @@ void TissueThread::solve_next() {
   if (model->version != felt.model_version) return;
   any_ = true;
   last_input_ = felt.tick;
-  if (!is_moving(model->tissue_law)) return rest();
-  if (model->tissue_law == TissueLaw::kChainMail) return move_mail(*model, felt);
-  const ComplianceFrame& frame = solver_.solve(*model, felt);
-  set_yield_logged(loop_, told_, frame, felt.tick);
-  show(felt);
+  if (!is_moving(model->tissue_law)) {
+    rest();
+  } else if (model->tissue_law == TissueLaw::kChainMail) {
+    move_mail(*model, felt);
+  } else {
+    solve_(solver_, *model, felt);
+    set_yield_logged(loop_, told_, solver_.frame(), felt.tick);
+    published_ = solver_.frame().number;
+    show(felt);
+  }
+  is_out_of_memory_ = false;
 }
 
 // chain mail does not affect the force, so no input tick is recorded
 void TissueThread::move_mail(const Model& model, const TickRecord& felt) {
-  mail_.advance(model, felt);
+  mail_->advance(model, felt);
   ++mail_frame_;
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
-    const ChainMail* const mail = mail_.of(d);
+    const ChainMail* const mail = mail_->of(d);
     std::shared_ptr<ViewedYield> viewed;
     if (mail != nullptr) {
       viewed = viewed_field(mail->box(), mail->layout(), mail->moved_mm(), 1);

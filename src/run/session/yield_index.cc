@@ -10,7 +10,7 @@ void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
   for (const RecordingEvent& event : part.events) {
     if (event.kind == RecordingEvent::Kind::kModel) laws_.hear(event.change);
     if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMaxStructuresReported)
-      told_.push_back({event.number, event.input_tick});
+      told_.push_back({event.number, event.input_tick, event.frame_hash != RecordingEvent::kUnsolved});
   }
   // a solution is reported with ticks that follow its input tick
   const auto take_from = [&](std::span<const TickRecord> ticks, std::uint64_t first_row) {
@@ -33,8 +33,13 @@ void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t r
   const bool rises =
       solutions_.empty() || (told.number > solutions_.back().number && row > solutions_.back().row);
   if (!rises || solutions_.size() >= kMaxSolutions) return;
+  // the solver starts afresh after a frame that it could not solve, which is shown at rest
+  if (!told.is_solved) {
+    boxes_.push_back({});
+    return;
+  }
   Boxes boxes;
-  if (!solutions_.empty()) boxes = boxes_.back();
+  if (!boxes_.empty()) boxes = boxes_.back();
   const auto devices = static_cast<std::size_t>(std::clamp(input.devices, 0, kMaxDevices));
   const Model& model = model_of(input.model_version);
   for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_yield_box(model, input.device[d], boxes[d]);

@@ -49,6 +49,7 @@ class YieldIndex {
   struct Told {
     std::uint32_t number;
     std::uint64_t input_tick;
+    bool is_solved;
   };
   void take(const Told& told, const TickRecord& input, std::uint64_t row);
   const Model& model_of(std::uint32_t version);
