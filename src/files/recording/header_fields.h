@@ -16,8 +16,8 @@ namespace palpate::internal {
 
 inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when older readers would misinterpret a file: a data set is removed or changes its meaning.
-/// Readers keep reading every format from 5 on (docs/reference/versions.md).
-inline constexpr std::uint32_t kFormatMajor = 5;
+/// Readers keep reading every format from 6 on (docs/reference/versions.md).
+inline constexpr std::uint32_t kFormatMajor = 6;
 /// Incremented when something is added that older readers can ignore.
 inline constexpr std::uint32_t kFormatMinor = 0;
 

@@ -222,7 +222,7 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
     // without fields and columns that such a file does not have
     const internal::Hdf5Section section;
     const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
-    const std::uint32_t earlier = 4;
+    const std::uint32_t earlier = 5;
     set_attribute(file.get(), "format_major", H5T_STD_U32LE, &earlier);
     const Handle header(H5Gopen2(file.get(), "header", H5P_DEFAULT), H5Gclose);
     H5Adelete(header.get(), "clock");
@@ -232,7 +232,7 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(read.error().where, file_.string());
-  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 4; this one reads format 5)");
+  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 5; this one reads format 6)");
   EXPECT_EQ(read.error().remedy, "record it again");
 }
 
