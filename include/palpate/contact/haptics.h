@@ -52,8 +52,8 @@ constexpr bool is_moving(TissueLaw law) {
   return law != TissueLaw::kLayers;
 }
 
-/// Mechanical and visual properties of a tissue, as a scene gives them.
-struct TissueProperties : ContactProperties {
+/// Mechanical and visual properties of a tissue that stay the same while it is rendered.
+struct FixedProperties {
   bool felt = true;  ///< Whether it can be touched; false: displayed only
   /// Proxy: normal force above which the tool punctures it; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
@@ -73,6 +73,9 @@ struct TissueProperties : ContactProperties {
   Relaxation relaxation;
   double opacity = 1.0;  ///< In pictures, 0 ... 1
 };
+
+/// All properties of a tissue, as a scene gives them.
+struct TissueProperties : ContactProperties, FixedProperties {};
 
 /// A group of labels with common properties.
 struct Tissue : TissueProperties {

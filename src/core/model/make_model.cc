@@ -2,9 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
+#include <cstdint>
 #include <cstdio>
+#include <optional>
+#include <type_traits>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
@@ -14,67 +19,90 @@
 namespace palpate {
 namespace {
 
-void hash_tool(std::uint64_t& hash, const Tool& tool) {
-  for (const Eigen::Vector3d& point : tool.points_mm)
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
-  hash_double(hash, tool.radius_mm);
-  for (const ToolCapsule& capsule : tool.capsules) {
-    for (int axis = 0; axis < 3; ++axis) {
-      hash_double(hash, capsule.from_mm[axis]);
-      hash_double(hash, capsule.to_mm[axis]);
-    }
-    hash_double(hash, capsule.radius_mm);
-  }
-  if (const auto& burr = tool.burr) {
-    hash_double(hash, burr->revolutions_per_s);
-    hash_double(hash, burr->grip);
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
-    hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
-    if (burr->length_mm > 0) {
-      hash_double(hash, burr->length_mm);
-      hash_double(hash, burr->end_radius_mm);
-    }
-  }
-}
+// Hashes of values and of the structs that hold them. Each function binds all members of its struct, so that
+// a new member does not compile until it is hashed or left out on purpose.
 
-// Hashes the settings of laws with deformable tissue. Under kLayers they have no effect and are omitted, so
-// that hashes of earlier versions stay valid.
-void hash_elastic(std::uint64_t& hash, const Model& model) {
-  hash_word(hash, static_cast<std::uint64_t>(model.tissue_law));
-  hash_double(hash, model.tissue_cell_mm);
-  for (const Tissue& tissue : model.tissues) {
-    hash_word(hash, std::uint64_t{tissue.elastic.has_value()});
-    if (!tissue.elastic) continue;
-    hash_double(hash, tissue.elastic->youngs_modulus_kPa);
-    hash_double(hash, tissue.elastic->poissons_ratio);
-    if (!tissue.relaxation.relaxes()) continue;
-    for (const RelaxationTerm& term : tissue.relaxation.term) {
-      hash_double(hash, term.part);
-      hash_double(hash, term.time_s);
-    }
-  }
+void hash_value(std::uint64_t& hash, double value) {
+  hash_double(hash, value);
 }
-
-void hash_point(std::uint64_t& hash, const Eigen::Vector3d& at) {
-  for (int axis = 0; axis < 3; ++axis) hash_double(hash, at[axis]);
+template <class Value>
+requires std::integral<Value> || std::is_enum_v<Value>
+void hash_value(std::uint64_t& hash, Value value) {
+  hash_word(hash, static_cast<std::uint64_t>(value));
 }
+void hash_value(std::uint64_t& hash, const Eigen::Vector3d& v) {
+  for (int axis = 0; axis < 3; ++axis) hash_double(hash, v[axis]);
+}
+template <class... Values>
+void hash_values(std::uint64_t& hash, const Values&... values);
 
-// in order, because telemetry refers to regions by index
-void hash_no_go(std::uint64_t& hash, const std::vector<NoGoRegion>& regions) {
-  for (const NoGoRegion& region : regions) {
-    hash_word(hash, region.place.index());
-    if (const auto* structure = std::get_if<NoGoStructure>(&region.place)) hash_word(hash, structure->label);
-    if (const auto* plane = std::get_if<NoGoPlane>(&region.place)) {
-      hash_point(hash, plane->point.eigen());
-      hash_point(hash, plane->outward.eigen());
-    }
-    if (const auto* sphere = std::get_if<NoGoSphere>(&region.place)) {
-      hash_point(hash, sphere->centre.eigen());
-      hash_double(hash, sphere->radius_mm);
-    }
-    hash_double(hash, region.keep_away_mm);
-    hash_double(hash, region.stiffness_N_per_mm);
-  }
+void hash_value(std::uint64_t& hash, const ElasticConstants& elastic) {
+  const auto& [youngs_modulus_kPa, poissons_ratio] = elastic;
+  hash_values(hash, youngs_modulus_kPa, poissons_ratio);
+}
+void hash_value(std::uint64_t& hash, const Relaxation& relaxation) {
+  for (const auto& [part, time_s] : relaxation.term) hash_values(hash, part, time_s);
+}
+void hash_value(std::uint64_t& hash, const FixedProperties& properties) {
+  // opacity is only displayed
+  const auto& [felt, puncture_N, stays_open, friction_damping_N_s_per_mm, friction_max_N,
+               cutting_energy_mJ_per_mm3, protection, elastic, relaxation, opacity] = properties;
+  hash_values(hash, felt, puncture_N, stays_open, friction_damping_N_s_per_mm, friction_max_N,
+              cutting_energy_mJ_per_mm3, protection, elastic, relaxation);
+}
+void hash_value(std::uint64_t& hash, const Tissue& tissue) {
+  for (const ContactProperty& property : kContactProperties) hash_double(hash, tissue.*property.value);
+  hash_value(hash, static_cast<const FixedProperties&>(tissue));
+}
+void hash_value(std::uint64_t& hash, const ToolCapsule& capsule) {
+  const auto& [from_mm, to_mm, radius_mm] = capsule;
+  hash_values(hash, from_mm, to_mm, radius_mm);
+}
+void hash_value(std::uint64_t& hash, const BurrSettings& burr) {
+  // whether it is called a shaver affects only the name
+  const auto& [revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm, shaver] = burr;
+  hash_values(hash, revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm);
+}
+void hash_value(std::uint64_t& hash, const Tool& tool) {
+  const auto& [name, points_mm, radius_mm, capsules, burr] = tool;
+  hash_values(hash, points_mm, radius_mm, capsules, burr);
+}
+void hash_value(std::uint64_t& hash, const NoGoStructure& structure) {
+  // whether the structure is prepared for distances is no property of the scene
+  const auto& [label, tracked] = structure;
+  hash_value(hash, label);
+}
+void hash_value(std::uint64_t& hash, const NoGoPlane& plane) {
+  const auto& [point, outward] = plane;
+  hash_values(hash, point.eigen(), outward.eigen());
+}
+void hash_value(std::uint64_t& hash, const NoGoSphere& sphere) {
+  const auto& [centre, radius_mm] = sphere;
+  hash_values(hash, centre.eigen(), radius_mm);
+}
+void hash_value(std::uint64_t& hash, const NoGoRegion& region) {
+  const auto& [name, place, keep_away_mm, stiffness_N_per_mm] = region;
+  hash_word(hash, place.index());
+  std::visit([&](const auto& shape) { hash_value(hash, shape); }, place);
+  hash_values(hash, keep_away_mm, stiffness_N_per_mm);
+}
+void hash_value(std::uint64_t& hash, const MethodSettings& settings) {
+  const auto& [sphere_sigma_voxels, normals, coupling_damping_N_s_per_mm] = settings;
+  hash_values(hash, sphere_sigma_voxels, normals, coupling_damping_N_s_per_mm);
+}
+template <class Value>
+void hash_value(std::uint64_t& hash, const std::optional<Value>& value) {
+  hash_word(hash, std::uint64_t{value.has_value()});
+  if (value) hash_value(hash, *value);
+}
+template <class Value>
+void hash_value(std::uint64_t& hash, const std::vector<Value>& values) {
+  hash_word(hash, values.size());
+  for (const Value& value : values) hash_value(hash, value);
+}
+template <class... Values>
+void hash_values(std::uint64_t& hash, const Values&... values) {
+  (hash_value(hash, values), ...);
 }
 
 std::uint64_t content_hash(const Model& model) {
@@ -86,36 +114,10 @@ std::uint64_t content_hash(const Model& model) {
   const auto X = model.field->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
-  for (const Tissue& t : model.tissues)
-    for (const double value :
-         {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction, t.static_friction, t.puncture_N,
-          t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
-      hash_double(hash, value);
-  // omitted if nothing stays open, so that hashes of earlier versions stay valid
-  for (std::size_t n = 0; n < model.tissues.size(); ++n)
-    if (model.tissues[n].stays_open) hash_word(hash, n);
-  for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
-  for (const Tool& tool : model.tools) {
-    // separators between tools; omitted for a single tool, so that hashes of earlier versions stay valid
-    if (model.tools.size() > 1)
-      for (const std::size_t count :
-           {tool.points_mm.size(), tool.capsules.size(), std::size_t{tool.burr.has_value()}})
-        hash_word(hash, count);
-    hash_tool(hash, tool);
-  }
-  if (model.cuts())
-    for (const Tissue& tissue : model.tissues) {
-      hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
-      hash_word(hash, static_cast<std::uint64_t>(tissue.protection));
-    }
-  for (const double value :
-       {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,
-        model.method_settings.sphere_sigma_voxels, model.method_settings.coupling_damping_N_s_per_mm})
-    hash_double(hash, value);
-  hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
-  if (model.tissue_law != TissueLaw::kLayers) hash_elastic(hash, model);
-  // no contribution without regions, so that hashes of earlier versions stay valid
-  hash_no_go(hash, model.no_go);
+  // no-go regions in order, because telemetry refers to them by index
+  hash_values(hash, model.tissues, model.tissue_of_label, model.tools, model.no_go, model.method_settings,
+              model.tissue_law, model.tissue_cell_mm, model.sigma_mm, model.ramp_width_mm, model.reach_mm,
+              model.scene_max_force_N);
   return hash_finish(hash);
 }
 

@@ -280,8 +280,7 @@ std::uint64_t force_source_digest(const Model& model, const Parameters& paramete
   // local edits are excluded: material that was cut away takes effect at once
   hash_word(digest, model.version - model.edits);
   const ForceMethod method = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
-  hash_word(digest, static_cast<std::uint64_t>(method) << 3 | parameters.passivity << 2 |
-                        parameters.friction << 1 | static_cast<std::uint64_t>(parameters.viscosity));
+  hash_word(digest, static_cast<std::uint64_t>(method) << 8 | blended_switch_bits(parameters));
   for (std::size_t d = 0; d < devices; ++d) {
     hash_double(digest, parameters.device[d].force_gain);
     hash_double(digest, parameters.device[d].scale);
