@@ -49,16 +49,19 @@ Result<PlantHand> find_plant_hand(const std::string& name);
 /// friction with stick. Deterministic: time advances only by advance(), which allocates nothing.
 class SimulatedDevice {
  public:
-  /// @param delay_s  delay from a command to its force, 0 ... kMaxDelay_s
+  /// @param delay_s  delay from a command to its force, clamped to 0 ... kMaxDelay_s; NaN: 0
   SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s = 0);
   static constexpr double kMaxDelay_s = 0.02;
 
   /// Device properties. The axes are World's; the workspace is the largest cube in the device's reach.
   DeviceInfo info() const;
-  /// Places hand and device at rest at `tip`.
+  /// Places hand and device at rest at `tip`; a non-finite tip is ignored.
   void reset(const Point<Device>& tip);
   /// Sets the hand's intended position at the end of the next advance(); it moves there at constant velocity.
-  void intend(const Point<Device>& target) { target_mm_ = target; }
+  /// A non-finite target is ignored.
+  void intend(const Point<Device>& target) {
+    if (target.all_finite()) target_mm_ = target;
+  }
   Point<Device> intention() const { return target_mm_; }
   /// Sample as the encoders report it now.
   DeviceSample read() const;
@@ -67,7 +70,11 @@ class SimulatedDevice {
   Vector<Device> true_velocity_mm_s() const;
   /// Work of the acting force along the tip's true path in the last advance(), mJ.
   double work_mJ() const { return work_mJ_; }
-  /// Holds the commanded force (saturated, delayed) and integrates the mechanics over dt_s.
+  /// Greatest duration of one advance().
+  static constexpr double kMaxAdvance_s = 10;
+  /// Holds the commanded force (saturated, delayed) and integrates the mechanics over dt_s. A non-finite
+  /// force counts as zero. Unless dt_s is above 0 and at most kMaxAdvance_s, no time passes and nothing
+  /// moves.
   void advance(const DeviceCommand& command, double dt_s);
 
  private:

@@ -71,8 +71,7 @@ Result<PlantHand> find_plant_hand(const std::string& name) {
 }
 
 SimulatedDevice::SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s)
-    : device_(device), hand_(hand), delay_s_(delay_s) {
-  PALPATE_CHECK(delay_s >= 0 && delay_s <= kMaxDelay_s);
+    : device_(device), hand_(hand), delay_s_(delay_s >= 0 ? std::min(delay_s, kMaxDelay_s) : 0) {
   push({0, Eigen::Vector3d::Zero()});
 }
 
@@ -92,6 +91,7 @@ DeviceInfo SimulatedDevice::info() const {
 }
 
 void SimulatedDevice::reset(const Point<Device>& tip) {
+  if (!tip.all_finite()) return;
   target_mm_ = previous_target_mm_ = tip;
   position_m_ = tip.eigen() * kMetresPerMm;
   velocity_m_s_.setZero();
@@ -136,7 +136,11 @@ Vector<Device> SimulatedDevice::true_velocity_mm_s() const {
 }
 
 void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
-  push({time_s_ + delay_s_, saturated(command.force_N.eigen(), device_.peak_force_N)});
+  work_mJ_ = 0;
+  if (!(dt_s > 0 && dt_s <= kMaxAdvance_s)) return;
+  const Eigen::Vector3d commanded_N =
+      command.force_N.all_finite() ? command.force_N.eigen() : Eigen::Vector3d::Zero();
+  push({time_s_ + delay_s_, saturated(commanded_N, device_.peak_force_N)});
 
   const bool has_skin = hand_.has_skin();
   const double mass_kg = has_skin ? device_.mass_kg : device_.mass_kg + hand_.mass_kg;
@@ -145,7 +149,6 @@ void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
       (target_mm_ - previous_target_mm_).eigen() * kMetresPerMm / dt_s;
   const int steps = std::max(1, static_cast<int>(std::lround(dt_s / kStep_s)));
   const double h = dt_s / steps;
-  work_mJ_ = 0;
   for (int i = 0; i < steps; ++i) {
     // zero-order hold
     const Eigen::Vector3d& held_N = acting_at(time_s_ + (i + 0.5) * h).force_N;

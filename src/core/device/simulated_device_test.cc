@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "palpate/device/simulated_device.h"
 
@@ -151,6 +152,29 @@ TEST(SimulatedDevice, IsBitForBitRepeatable) {
     return plant.true_tip();
   };
   EXPECT_EQ(run(), run());
+}
+
+TEST(SimulatedDevice, UnusableInputsLeaveItsStateFinite) {
+  const double no_number = std::numeric_limits<double>::quiet_NaN();
+  SimulatedDevice plant(*find_plant_device("touch"), *find_plant_hand("firm-grip"), no_number);
+  plant.reset(Point<Device>(1, 2, 3));
+  plant.advance({Vector<Device>(1, 0, 0), {}}, kTick_s);
+  const Point<Device> before = plant.true_tip();
+  for (const double dt_s : {0.0, -1e-3, no_number, HUGE_VAL, 1e9}) {
+    plant.advance({Vector<Device>(1, 0, 0), {}}, dt_s);
+    EXPECT_EQ(plant.true_tip(), before) << dt_s;
+    EXPECT_EQ(plant.work_mJ(), 0) << dt_s;
+  }
+  plant.intend(Point<Device>(no_number, 0, 0));
+  EXPECT_EQ(plant.intention(), Point<Device>(1, 2, 3));
+  plant.reset(Point<Device>(0, HUGE_VAL, 0));
+  EXPECT_EQ(plant.true_tip(), before);
+  plant.advance({Vector<Device>(no_number, 0, 0), {}}, kTick_s);
+  EXPECT_TRUE(plant.true_tip().all_finite());
+
+  SimulatedDevice late(kIdeal, *find_plant_hand("firm-grip"), 1e9);
+  late.advance({Vector<Device>(1, 0, 0), {}}, SimulatedDevice::kMaxDelay_s);
+  EXPECT_EQ(late.true_tip(), Point<Device>()) << "a delay above the maximum counts as the maximum";
 }
 
 TEST(SimulatedDevice, UnknownNamesListTheKnownOnes) {

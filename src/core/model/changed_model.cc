@@ -49,9 +49,31 @@ Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChan
   return with_law(felt, **under, change);
 }
 
+// whether a cut can be applied: a device, a path and a head of finite size
+bool is_cut(const Cut& cut) {
+  const Sweep& sweep = cut.sweep;
+  constexpr double kMax_mm = 1e6, kMaxRadius_mm = 1e3;
+  const auto is_place = [](const auto& at) { return at.eigen().cwiseAbs().maxCoeff() <= kMax_mm; };
+  return cut.device < kMaxDevices && sweep.from.all_finite() && sweep.to.all_finite() &&
+         sweep.axis_mm.all_finite() && is_place(sweep.from) && is_place(sweep.to) &&
+         is_place(sweep.axis_mm) && sweep.radius_mm > 0 && sweep.radius_mm <= kMaxRadius_mm &&
+         (sweep.is_of_ball() || (sweep.end_radius_mm > 0 && sweep.end_radius_mm <= kMaxRadius_mm));
+}
+
+Result<void> check_versions(const ModelVersions& now, std::span<const Cut> cuts) {
+  if (now.felt == nullptr || now.made == nullptr || now.felt->tissues.size() != now.made->tissues.size())
+    return Error{ErrorKind::kBadInput, "there is no version of a model to change", "",
+                 "give the current version, and the one for which its fields were made"};
+  if (!std::all_of(cuts.begin(), cuts.end(), is_cut))
+    return Error{ErrorKind::kBadInput, "a cut is of an unknown device, of no place, or of no radius", "cuts",
+                 "give positions in the patient, and radii above 0"};
+  return {};
+}
+
 }  // namespace
 
 ModelChange unchanged(const Model& model, std::size_t tissue) {
+  if (tissue >= model.tissues.size()) return {model.version + 1, static_cast<std::uint32_t>(tissue)};
   return {model.version + 1, static_cast<std::uint32_t>(tissue), model.tissues[tissue]};
 }
 
@@ -214,6 +236,7 @@ void follow(const ModelChange& change, RemovedVolume& removed) {
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
                                    std::span<const Cut> cuts, const Progress& progress,
                                    const Preparing& preparing) {
+  if (auto fine = check_versions(now, cuts); !fine) return fine.error();
   if (change.tissue == ModelChange::kCut) {
     if (!now.felt->has(ForceMethod::kProxy))
       return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model has none", "", ""};

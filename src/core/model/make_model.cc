@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "model/check_parts.h"
 #include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
 #include "palpate/model/ramp_structures.h"
@@ -233,8 +234,8 @@ Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, Tis
 }
 
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const Progress& progress) {
+  if (auto fine = check_parts(parts); !fine) return fine.error();
   const GridGeometry& grid = parts.labels->geometry();
-  PALPATE_CHECK(!parts.tools.empty());
   for (std::size_t number = 0; number < parts.tools.size(); ++number)
     if (auto fine = check_burr_size(parts.tools[number], number, grid); !fine) return fine.error();
   if (auto fine = check_elastic(parts); !fine) return fine.error();

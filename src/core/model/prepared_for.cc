@@ -263,6 +263,11 @@ Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, co
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
                                                   const Preparing& preparing, const Progress& progress) {
+  if (model == nullptr || model->labels == nullptr)
+    return Error{ErrorKind::kBadInput, "there is no model to prepare", "model", "make one by make_model()"};
+  if (model->is_felt(model->labels->outside()))
+    return Error{ErrorKind::kBadInput, "what surrounds the volume belongs to a tissue that is felt", "labels",
+                 "let background surround the labels, as label_bricks() does"};
   std::vector<ForceMethod> direct(methods.begin(), methods.end());
   const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
   auto ready = with_methods(std::move(model), direct, progress);

@@ -346,6 +346,26 @@ std::optional<Error> settings_error(const LoopSettings& settings) {
   return std::nullopt;
 }
 
+std::optional<Error> device_error(std::size_t devices, const std::vector<WorkspaceSettings>& workspaces) {
+  if (devices < 1 || devices > kMaxDevices)
+    return usage("a driver of " + std::to_string(devices) + " devices",
+                 "a loop takes 1 to " + std::to_string(kMaxDevices));
+  if (workspaces.size() != 1 && workspaces.size() != devices)
+    return usage(
+        std::to_string(workspaces.size()) + " workspaces for " + std::to_string(devices) + " devices",
+        "give one for each device, or one for all");
+  const auto is_scale = [](double value) { return value >= kMinScale && value <= kMaxScale; };
+  for (const WorkspaceSettings& workspace : workspaces) {
+    if (!is_scale(workspace.scale) || !(workspace.force_gain > 0 && std::isfinite(workspace.force_gain)))
+      return usage("a workspace with a scale of " + std::to_string(workspace.scale) +
+                       " and a force gain of " + std::to_string(workspace.force_gain),
+                   "choose a scale from 0.05 to 20, and a gain above 0");
+    if (!std::isfinite(workspace.yaw_deg) || (workspace.home && !workspace.home->all_finite()))
+      return usage("a workspace whose yaw or home is not finite", "give degrees and millimetres");
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<ServoLoop>> ServoLoop::start(std::shared_ptr<const Model> model, DeviceDriver& driver,
@@ -353,10 +373,10 @@ Result<std::unique_ptr<ServoLoop>> ServoLoop::start(std::shared_ptr<const Model>
                                                     const std::vector<WorkspaceSettings>& workspaces,
                                                     const LoopSettings& settings) {
   if (auto error = settings_error(settings)) return *error;
+  if (model == nullptr || !model->has(ForceMethod::kTrilinear))
+    return usage("a loop without a prepared model", "give a model that make_model() has made");
   if (auto opened = driver.open(settings.may_move); !opened) return opened.error();
-  const std::size_t devices = driver.devices().size();
-  PALPATE_CHECK(devices >= 1 && devices <= kMaxDevices);
-  PALPATE_CHECK(workspaces.size() == 1 || workspaces.size() == devices);
+  if (auto error = device_error(driver.devices().size(), workspaces)) return *error;
   auto loop = std::make_unique<Loop>(std::move(model), driver, parameters, workspaces, settings);
   if (auto begun = loop->begin(); !begun) return begun.error();
   return std::unique_ptr<ServoLoop>(std::move(loop));

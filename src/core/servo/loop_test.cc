@@ -692,6 +692,19 @@ TEST(Loop, RefusesWhatCannotRun) {
   EXPECT_NE(refused({.rate_hz = std::nan("")}), "");
   EXPECT_NE(refused({.spin_s = -1}), "");
   EXPECT_NE(refused({.ring_s = 0}), "");
+  const auto refused_with = [&](std::shared_ptr<const Model> model,
+                                const std::vector<WorkspaceSettings>& workspaces) {
+    const auto loop = ServoLoop::start(std::move(model), resting.driver, {}, workspaces, {});
+    return !loop.ok() && loop.error().kind == ErrorKind::kUsage;
+  };
+  EXPECT_TRUE(refused_with(nullptr, {WorkspaceSettings{}}));
+  EXPECT_TRUE(refused_with(std::make_shared<const Model>(), {WorkspaceSettings{}}));
+  EXPECT_TRUE(refused_with(ball(), {}));
+  EXPECT_TRUE(refused_with(ball(), std::vector<WorkspaceSettings>(2)));
+  EXPECT_TRUE(refused_with(ball(), {{.scale = 0}}));
+  EXPECT_TRUE(refused_with(ball(), {{.force_gain = std::nan("")}}));
+  EXPECT_TRUE(refused_with(ball(), {{.yaw_deg = std::nan("")}}));
+  EXPECT_TRUE(refused_with(ball(), {{.home = Point<World>(std::nan(""), 0, 0)}}));
   resting.driver.info.moves_by_itself = true;
   EXPECT_NE(refused({}).find("move"), std::string::npos);
   EXPECT_NE(started(resting.driver, {.may_move = true}), nullptr);

@@ -274,6 +274,26 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   record_outputs(tool, request, sent, hand, out);
 }
 
+// Whether a tick can be computed at all.
+bool is_usable(const Model& model, std::size_t devices, double dt_s, std::size_t wrenches) {
+  return std::isfinite(dt_s) && dt_s >= 0 && devices >= 1 && devices <= kMaxDevices && devices == wrenches &&
+         model.has(ForceMethod::kTrilinear);
+}
+
+// Outputs of a tick that cannot be computed: zero force, and the inputs in the record.
+void refuse(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices,
+            double dt_s, const SessionState& state, std::span<Wrench> wrenches, TickRecord& record) {
+  const std::size_t count = std::min<std::size_t>(devices.size(), kMaxDevices);
+  std::fill(wrenches.begin(), wrenches.end(), Wrench{});
+  record_inputs(model, parameters, state, dt_s, count, record);
+  record.rotation_felt_wxyz = plain(state.rotation_felt);
+  for (std::size_t d = 0; d < count; ++d) {
+    record_inputs(devices[d], parameters.device[d], record.device[d]);
+    record.device[d].flags = kFlagNotFinite;
+  }
+  record.state_hash = state.hash(static_cast<int>(count));
+}
+
 // digest of everything that selects the force computation; a new value starts a blend
 std::uint64_t force_source_digest(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t digest = kHashSeed;
@@ -294,8 +314,8 @@ std::uint64_t force_source_digest(const Model& model, const Parameters& paramete
 
 void tick(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices, double dt_s,
           SessionState& state, std::span<Wrench> wrenches, TickRecord& record) {
-  PALPATE_CHECK(!devices.empty() && devices.size() <= kMaxDevices && devices.size() == wrenches.size());
-  PALPATE_CHECK(model.has(ForceMethod::kTrilinear));
+  if (!is_usable(model, devices.size(), dt_s, wrenches.size()))
+    return refuse(model, parameters, devices, dt_s, state, wrenches, record);
 
   record_inputs(model, parameters, state, dt_s, devices.size(), record);
 

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -1345,6 +1346,54 @@ TEST(Tick, RecordHoldsEveryInput) {
   EXPECT_EQ(loop.record.dt_s, 2e-3);
   EXPECT_EQ(loop.record.model_version, 9u);
   EXPECT_EQ(loop.record.rotation_target_wxyz[1], loop.parameters.rotation_target.x());
+}
+
+TEST(Tick, WithoutAUsableDurationNothingIsSentAndTheStateIsUnchanged) {
+  TickedLoop loop;
+  // in contact, during a blend, with energy in the observer
+  loop.parameters.passivity = true;
+  loop.set_down_at(Point<World>(kBoneRadius_mm + 1, 0, 0));
+  for (int n = 0; n < 20; ++n) loop.at(Point<World>(kBoneRadius_mm - 0.05 * n, 0, 0));
+  loop.parameters.friction = false;
+  loop.at(Point<World>(kBoneRadius_mm - 1, 0, 0));
+  ASSERT_GT(loop.wrench.force_N.norm(), 0);
+  const std::uint64_t before = loop.state.hash(1);
+
+  DeviceState device;
+  device.tip = Point<World>(kBoneRadius_mm - 1, 0, 0);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const double dt_s : {-1.0, -1e-300, kInfinity, -kInfinity, std::numeric_limits<double>::quiet_NaN()}) {
+    loop.wrench.force_N = {7, 7, 7};
+    loop.record.device[0].label = 99;
+    tick(loop.model, loop.parameters, {&device, 1}, dt_s, loop.state, {&loop.wrench, 1}, loop.record);
+    EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << dt_s;
+    EXPECT_EQ(loop.state.hash(1), before) << dt_s;
+    EXPECT_EQ(loop.record.state_hash, before) << dt_s;
+    EXPECT_EQ(loop.record.device[0].flags, kFlagNotFinite) << dt_s;
+    EXPECT_EQ(loop.record.device[0].label, 0) << dt_s;
+    EXPECT_EQ(loop.record.tick, loop.state.tick) << dt_s;
+  }
+  loop.at(device);
+  EXPECT_GT(loop.wrench.force_N.norm(), 0);
+}
+
+TEST(Tick, WithoutDevicesWrenchesOrAPreparedModelNothingIsSent) {
+  TickedLoop loop;
+  const std::uint64_t before = loop.state.hash(1);
+  std::array<DeviceState, kMaxDevices + 1> devices;
+  std::array<Wrench, kMaxDevices + 1> wrenches;
+  const auto refused = [&](const Model& model, std::size_t states, std::size_t outputs) {
+    wrenches.fill({{7, 7, 7}, {7, 7, 7}, 7});
+    tick(model, loop.parameters, {devices.data(), states}, kMillisecond_s, loop.state,
+         {wrenches.data(), outputs}, loop.record);
+    for (std::size_t n = 0; n < outputs; ++n) EXPECT_EQ(wrenches[n].force_N, Vector<World>());
+    EXPECT_EQ(loop.state.hash(1), before);
+  };
+  refused(loop.model, 0, 0);
+  refused(loop.model, 0, 1);
+  refused(loop.model, 2, 1);
+  refused(loop.model, kMaxDevices + 1, kMaxDevices + 1);
+  refused(Model(), 1, 1);
 }
 
 }  // namespace
