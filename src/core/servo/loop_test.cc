@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -701,10 +702,12 @@ TEST(Loop, RefusesWhatCannotRun) {
   EXPECT_TRUE(refused_with(std::make_shared<const Model>(), {WorkspaceSettings{}}));
   EXPECT_TRUE(refused_with(ball(), {}));
   EXPECT_TRUE(refused_with(ball(), std::vector<WorkspaceSettings>(2)));
-  EXPECT_TRUE(refused_with(ball(), {{.scale = 0}}));
-  EXPECT_TRUE(refused_with(ball(), {{.force_gain = std::nan("")}}));
-  EXPECT_TRUE(refused_with(ball(), {{.yaw_deg = std::nan("")}}));
-  EXPECT_TRUE(refused_with(ball(), {{.home = Point<World>(std::nan(""), 0, 0)}}));
+  std::array<WorkspaceSettings, 4> wrong;
+  wrong[0].scale = 0;
+  wrong[1].force_gain = std::nan("");
+  wrong[2].yaw_deg = std::nan("");
+  wrong[3].home = Point<World>(std::nan(""), 0, 0);
+  for (const WorkspaceSettings& workspace : wrong) EXPECT_TRUE(refused_with(ball(), {workspace}));
   resting.driver.info.moves_by_itself = true;
   EXPECT_NE(refused({}).find("move"), std::string::npos);
   EXPECT_NE(started(resting.driver, {.may_move = true}), nullptr);

@@ -1361,8 +1361,7 @@ TEST(Tick, WithoutAUsableDurationNothingIsSentAndTheStateIsUnchanged) {
 
   DeviceState device;
   device.tip = Point<World>(kBoneRadius_mm - 1, 0, 0);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  for (const double dt_s : {-1.0, -1e-300, kInfinity, -kInfinity, std::numeric_limits<double>::quiet_NaN()}) {
+  for (const double dt_s : {-1.0, -1e-300, HUGE_VAL, -HUGE_VAL, std::nan("")}) {
     loop.wrench.force_N = {7, 7, 7};
     loop.record.device[0].label = 99;
     tick(loop.model, loop.parameters, {&device, 1}, dt_s, loop.state, {&loop.wrench, 1}, loop.record);
