@@ -1,6 +1,17 @@
-# What `cmake --install` brings. Two components: `core` is what another simulator builds on (headers, libraries, the CMake
-# package palpate), `program` is palpate with its page compiled in, and its man pages.
+# What `cmake --install` brings. Components: `core` is what another simulator in C++ builds on (headers, libraries, the CMake
+# package palpate), `c` is libpalpate.so with palpate.h and the same package, `python` is the Python package over it, `program`
+# is palpate with its page compiled in, and its man pages.
 include(CMakePackageConfigHelpers)
+
+# palpate_install_package(COMPONENT): the CMake package palpate, which finds the components that are installed
+function(palpate_install_package component)
+  set(package ${PROJECT_BINARY_DIR}/generated)
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/palpate-config.cmake.in ${package}/palpate-config.cmake
+    INSTALL_DESTINATION lib/cmake/palpate NO_SET_AND_CHECK_MACRO)
+  write_basic_package_version_file(${package}/palpate-config-version.cmake COMPATIBILITY SameMinorVersion)
+  install(FILES ${package}/palpate-config.cmake ${package}/palpate-config-version.cmake DESTINATION lib/cmake/palpate
+    COMPONENT ${component})
+endfunction()
 
 # palpate_install_core(MODULE...): the modules as targets palpate::MODULE, all of them together as palpate::core
 function(palpate_install_core)
@@ -13,13 +24,8 @@ function(palpate_install_core)
   target_compile_features(palpate_core INTERFACE cxx_std_20)
   install(TARGETS palpate_core EXPORT palpate)
 
-  set(package ${PROJECT_BINARY_DIR}/generated)
-  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/palpate-config.cmake.in ${package}/palpate-config.cmake
-    INSTALL_DESTINATION lib/cmake/palpate NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
-  write_basic_package_version_file(${package}/palpate-config-version.cmake COMPATIBILITY SameMinorVersion)
   install(EXPORT palpate NAMESPACE palpate:: FILE palpate-targets.cmake DESTINATION lib/cmake/palpate COMPONENT core)
-  install(FILES ${package}/palpate-config.cmake ${package}/palpate-config-version.cmake DESTINATION lib/cmake/palpate
-    COMPONENT core)
+  palpate_install_package(core)
 endfunction()
 
 # palpate_install_program(TARGET COMPANION...): the program, those programs that are verbs of it which have been built, and

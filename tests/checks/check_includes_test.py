@@ -37,6 +37,8 @@ GOOD = {
     "src/viewer/server/CMakeLists.txt": "palpate_module(server_messages\n  SOURCES pose.cc wire.h\n          request.cc\n  LINK palpate_base)\n",
     "src/viewer/server/pose.cc": '#include "server/pose.h"\n#include "server/wire.h"\n#include <nlohmann/json.hpp>\n#include <vector>\n',
     "src/viewer/server/network.cc": '#include <boost/asio.hpp>\n#include <openssl/ssl.h>\n#include "server/pose.h"\n',
+    "include/palpate.h": "#include <stdint.h>\n",
+    "src/bindings/c/model.cc": '#include "c/guard.h"\n#include "palpate.h"\n#include "palpate/base/result.h"\n',
     "bench/gaussian_bench.cc": '#include <itkImage.h>\n#include <CLI/CLI.hpp>\n',
 }
 
@@ -76,6 +78,8 @@ BAD = [
     ("apps/palpate/a.cc", '#include "base/file.h"', "not the inside of 'base'"),
     ("tests/a.cc", '#include "servo/tick.h"', "not the inside of 'servo'"),
     ("apps/palpate/a.cc", "#include <itkImage.h>", "may not include ITK"),
+    ("src/core/volume/a.cc", '#include "palpate.h"', "may not know 'c'"),
+    ("include/palpate.h", '#include "palpate/server/site.h"', "no public header"),
     ("src/newmodule/a.cc", "#include <vector>", "stands in no module"),
 ]
 

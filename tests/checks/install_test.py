@@ -64,6 +64,36 @@ class Install(unittest.TestCase):
             self.assertEqual((done.returncode, done.stdout), (5, ""), arguments)
             self.assertEqual(done.stderr.count("palpate: error: palpate-verify: "), 1, done.stderr)
 
+    def configure(self, components):
+        """What CMake says of a project that finds palpate, installed as C alone, by these components."""
+        project = self.root / "consumer"
+        project.mkdir(exist_ok=True)
+        (project / "CMakeLists.txt").write_text(
+            "cmake_minimum_required(VERSION 3.25)\nproject(consumer LANGUAGES C)\n"
+            f"find_package(palpate 0.1 REQUIRED {components})\nget_target_property(found palpate::c LOCATION)\nmessage(\"at ${{found}}\")\n",
+            encoding="utf-8")
+        done = subprocess.run([CMAKE, "-S", project, "-B", project / "build", f"-DCMAKE_PREFIX_PATH={self.root / 'c'}"],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        return done.returncode, done.stdout
+
+    def test_the_library_for_c_is_found_and_what_is_not_there_is_refused(self):
+        prefix = self.root / "c"
+        subprocess.run([CMAKE, "--install", BUILD, "--component", "c", "--prefix", prefix], check=True, stdout=subprocess.DEVNULL)
+        self.assertEqual(sorted(path.name for path in (prefix / "lib/palpate").iterdir()), ["libpalpate_dicom.so"])
+        for components in ("", "COMPONENTS c", "COMPONENTS c OPTIONAL_COMPONENTS core"):
+            with self.subTest(components):
+                code, printed = self.configure(components)
+                self.assertEqual(code, 0, printed)
+                self.assertIn(f"at {prefix}/lib/libpalpate.so.", printed)
+        for components in ("COMPONENTS core c", "COMPONENTS c nothing"):
+            with self.subTest(components):
+                code, printed = self.configure(components)
+                self.assertNotEqual(code, 0)
+                self.assertIn("missing required component", re.sub(r"\s+", " ", printed.lower()).replace("components:", "component"))
+        flags = subprocess.run(["pkg-config", "--cflags", "--libs", "palpate"], stdout=subprocess.PIPE, text=True, check=True,
+                               env={**os.environ, "PKG_CONFIG_PATH": str(prefix / "lib/pkgconfig")}).stdout
+        self.assertIn("-lpalpate", flags)
+
     def test_each_verb_has_a_man_page(self):
         listed = self.run_palpate("--help").partition("\nSubcommands:\n")[2].partition("\n\n")[0]
         verbs = re.findall(r"^  ([\w-]+)", listed, re.MULTILINE)

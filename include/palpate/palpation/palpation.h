@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -36,8 +37,9 @@ struct SimulationOptions {
   std::optional<double> max_force_N;
   std::optional<std::uint64_t> seed;
   std::optional<double> rate_hz;
-  std::optional<ForceMethod> method;  ///< Initial method; default: the scene's
-  RecordedTask task = {};             ///< Task that the recording declares
+  std::optional<ForceMethod> method;                    ///< Initial method; default: the scene's
+  RecordedTask task = {};                               ///< Task that the recording declares
+  std::function<void(const TickRecord&)> on_tick = {};  ///< Called with every tick in order; may be empty
 };
 
 /// Relative tolerance within which a force counts as held.

@@ -67,6 +67,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   do {
     const TickRecord& record = run.tick();
     result.summary.see(record);
+    if (options.on_tick) options.on_tick(record);
     nearest.see(record);
     result.max_force_N = std::max(result.max_force_N, run.sent().force_N.norm());
     for (HoldMeter& meter : meters) meter.see(record);

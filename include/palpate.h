@@ -1,0 +1,477 @@
+/// palpate for programs in C, and for every language that calls C: models of segmented scans, and the forces
+/// on a tool that touches them.
+///
+/// Link libpalpate.so. docs/guide/c.md begins with a program.
+///
+/// Units and frames. Lengths are mm, forces N, torques N mm about the tip, times s. Frames are those of
+/// docs/concepts/conventions.md: Patient is LPS (+x to the patient's left, +y posterior, +z superior), World
+/// is the workspace (+x right, +y forward, +z up, origin at the centre of the volume).
+///
+/// Errors. A function returns PLP_OK or says why it did nothing; plp_last_error() is the reason in words. No
+/// argument ends the program: null pointers, numbers that are not finite, sizes and indices out of range, and
+/// handles of another type are errors. A handle that was destroyed must not be used.
+///
+/// Structs begin with their size. plp_X_init(&x, sizeof x) sets it and the defaults, so that a program keeps
+/// its meaning when a later library has members behind those that it knows.
+///
+/// Threads. A model may be used by any number of threads, a session, run or recording by one at a time, a
+/// loop as its functions say. Functions with the same handle are otherwise independent.
+#ifndef PALPATE_H
+#define PALPATE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+// ---- version
+
+#define PLP_VERSION_MAJOR 0
+#define PLP_VERSION_MINOR 1
+#define PLP_VERSION_PATCH 0
+#define PLP_VERSION "0.1.0"
+
+#if defined(__GNUC__)
+#define PLP_API __attribute__((visibility("default")))
+#else
+#define PLP_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// Version of the library, e.g. "0.1.0"; PLP_VERSION is that of the header. Until 1.0.0 a program needs a
+/// library of the same minor version.
+PLP_API const char* plp_version(void);
+
+// ---- errors
+
+typedef enum plp_status {
+  PLP_OK = 0,
+  PLP_BAD_INPUT = 1,      ///< An argument, a file or a setting that cannot be used as it is
+  PLP_USAGE = 2,          ///< Settings that do not go together
+  PLP_OUTPUT = 3,         ///< A file could not be written
+  PLP_UNAVAILABLE = 4,    ///< A data set, a library or a thread is not to be had
+  PLP_INTERRUPTED = 5,    ///< Reserved
+  PLP_OUT_OF_MEMORY = 6,  ///< Nothing was done, and everything is as it was
+  PLP_INTERNAL = 7        ///< A fault of the library
+} plp_status;
+
+/// Reason for the latest error of the calling thread: "where: what", and the remedy in a second line. Empty
+/// before the first one. Valid until the thread's next error.
+PLP_API const char* plp_last_error(void);
+
+// ---- values
+
+/// Type of a voxel, or of a member of a struct.
+typedef enum plp_type {
+  PLP_UINT8 = 0,
+  PLP_INT8 = 1,
+  PLP_UINT16 = 2,
+  PLP_INT16 = 3,
+  PLP_UINT32 = 4,
+  PLP_INT32 = 5,
+  PLP_UINT64 = 6,
+  PLP_INT64 = 7,
+  PLP_FLOAT64 = 8,
+  PLP_STRING = 9,   ///< const char*, UTF-8
+  PLP_POINTER = 10  ///< Any other pointer
+} plp_type;
+
+/// Force method (docs/concepts/methods.md).
+typedef enum plp_method {
+  PLP_DEFAULT_METHOD = -1,  ///< The scene's; the proxy for a model from arrays
+  PLP_TRILINEAR = 0,
+  PLP_B_SPLINE = 1,
+  PLP_GAUSSIAN_SPHERE = 2,
+  PLP_SMOOTH_SPHERE = 3,
+  PLP_STORED_NORMALS = 4,
+  PLP_PROXY = 5
+} plp_method;
+
+/// Frame of poses that go in and wrenches that come out.
+typedef enum plp_frame { PLP_WORLD = 0, PLP_PATIENT = 1 } plp_frame;
+
+/// Bits of plp_record::flags that a host has to know; docs/reference/flags.md has all.
+typedef enum plp_flag {
+  PLP_FLAG_CLAMPED = 1 << 0,     ///< The force exceeded the limit
+  PLP_FLAG_NOT_FINITE = 1 << 1,  ///< A pose was not finite: the force was zero
+  PLP_FLAG_OUTSIDE = 1 << 2,     ///< The tip is outside the volume
+  PLP_FLAG_CONTACT = 1 << 4,     ///< A structure is in contact
+  PLP_FLAG_RAMP = 1 << 8,        ///< The force was ramping in or out, over half a second at the beginning
+  PLP_FLAG_STALE = 1 << 9,       ///< The pose was older than 5 ms
+  PLP_FLAG_JUMP = 1 << 10        ///< The tip moved farther in one tick than a hand can: the force was zero
+} plp_flag;
+
+// ---- models
+
+/// A segmented volume with the haptic properties of its structures, immutable. Versions share unchanged data.
+typedef struct plp_model plp_model;
+
+/// Label volume of any integer type and memory order. It is read during the call and not copied as a whole.
+typedef struct plp_labels {
+  uint32_t size;
+  int32_t type;        ///< plp_type of a voxel, PLP_UINT8 ... PLP_INT64; values 0 (background) ... 65535
+  const void* voxels;  ///< Voxel (0, 0, 0)
+  int32_t dims[3];     ///< Voxels along i, j, k
+  int32_t reserved;    ///< 0
+  int64_t strides_bytes[3];  ///< From one voxel to the next along i, j, k; all 0: contiguous, i fastest
+  double spacing_mm[3];      ///< Distance of voxel centres along i, j, k
+  double direction[9];       ///< By rows; its columns are the unit vectors of i, j, k in Patient
+  double origin_mm[3];       ///< Centre of voxel (0, 0, 0) in Patient
+} plp_labels;
+PLP_API plp_status plp_labels_init(plp_labels* labels, size_t size);
+
+/// Haptic properties of structures (docs/guide/scene.md has their meaning and ranges).
+typedef struct plp_tissue {
+  uint32_t size;
+  int32_t felt;  ///< 0: displayed only
+  const char* name;
+  double stiffness_N_per_mm;
+  double static_friction;  ///< At least `friction`
+  double friction;         ///< Kinetic
+  double viscosity_N_s_per_mm;
+  double puncture_N;  ///< Normal force above which the tool punctures it; infinite: never
+} plp_tissue;
+PLP_API plp_status plp_tissue_init(plp_tissue* tissue, size_t size);
+
+/// A label with its name and tissue.
+typedef struct plp_structure {
+  uint32_t size;
+  uint32_t label;  ///< 1 ... 65535
+  const char* name;
+  int32_t tissue;  ///< Index into the tissues; -1: none, neither felt nor displayed
+  uint8_t rgb[3];
+  uint8_t reserved;  ///< 0
+} plp_structure;
+PLP_API plp_status plp_structure_init(plp_structure* structure, size_t size);
+
+/// Shape of an instrument, fixed in the tip's frame: at most 4 spheres and capsules.
+typedef struct plp_tool {
+  uint32_t size;
+  uint32_t point_count;  ///< 0: one sphere at the tip
+  const char* name;
+  const double* points_mm;  ///< Sphere centres, 3 numbers each
+  double radius_mm;         ///< Radius of every sphere; 0: points
+  const double* capsules;   ///< 7 numbers each: both ends of the axis, and the radius; mm
+  uint32_t capsule_count;
+  uint32_t reserved;  ///< 0
+} plp_tool;
+PLP_API plp_status plp_tool_init(plp_tool* tool, size_t size);
+
+typedef struct plp_model_options {
+  uint32_t size;
+  int32_t method;      ///< plp_method that the model is prepared for
+  const char* title;   ///< May be null
+  double max_force_N;  ///< Limit of the model; infinite: none
+} plp_model_options;
+PLP_API plp_status plp_model_options_init(plp_model_options* options, size_t size);
+
+/// Makes a model from a label volume. A structure's label may be absent from the volume. Takes seconds.
+/// @param tools    one for each device; none: a point
+/// @param options  null: the defaults
+PLP_API plp_status plp_model_create(const plp_labels* labels, const plp_tissue* tissues, size_t tissue_count,
+                                    const plp_structure* structures, size_t structure_count,
+                                    const plp_tool* tools, size_t tool_count,
+                                    const plp_model_options* options, plp_model** model);
+/// Loads what `palpate` takes: a data set ("knee-phantom:spacing=2"), a scene file or a volume. Results of
+/// preparation are kept on disk, as by `palpate` (docs/guide/cache.md).
+/// @param segmentation  second of two volumes; null: none
+/// @param options       null: the defaults. Title and force limit are the scene's own
+PLP_API plp_status plp_model_load(const char* scene, const char* segmentation,
+                                  const plp_model_options* options, plp_model** model);
+/// Next version: one tissue with other contact properties (stiffness, friction, viscosity). Immediate for the
+/// proxy; the field of a direct method is computed again.
+PLP_API plp_status plp_model_change(const plp_model* model, size_t tissue, const plp_tissue* properties,
+                                    plp_model** next);
+
+/// Path of a ball that takes away what it sweeps, in Patient.
+typedef struct plp_cut {
+  uint32_t size;
+  uint32_t reserved;  ///< 0
+  double from_mm[3], to_mm[3];
+  double radius_mm;
+} plp_cut;
+PLP_API plp_status plp_cut_init(plp_cut* cut, size_t size);
+/// Next version: with the swept volume taken away. The model must be prepared for the proxy.
+PLP_API plp_status plp_model_cut(const plp_model* model, const plp_cut* cuts, size_t count, plp_model** next);
+/// Frees a model; sessions, loops and versions that use it keep what they need. Null: nothing.
+PLP_API void plp_model_destroy(plp_model* model);
+
+typedef struct plp_model_info {
+  uint32_t size;
+  uint32_t version;
+  uint64_t content_hash;                ///< Hash of everything that is felt
+  const char* title;                    ///< Valid as long as the model
+  int32_t dims[3];                      ///< Voxels along i, j, k
+  int32_t method;                       ///< plp_method of a session by default
+  double spacing_mm[3];                 ///< Along i, j, k
+  double direction[9];                  ///< By rows; its columns are the unit vectors of i, j, k in Patient
+  double origin_mm[3];                  ///< Centre of voxel (0, 0, 0) in Patient
+  double world_patient[16];             ///< Rigid map from Patient to World; homogeneous, by rows
+  double max_force_N;                   ///< Limit of the model; infinite: none
+  uint32_t tissues, structures, tools;  ///< Numbers of each
+  uint32_t has_scan;                    ///< 0: there are labels alone
+} plp_model_info;
+PLP_API plp_status plp_model_info_get(const plp_model* model, plp_model_info* info);
+/// A tissue or structure; names are valid as long as the model.
+PLP_API plp_status plp_model_tissue(const plp_model* model, size_t index, plp_tissue* tissue);
+PLP_API plp_status plp_model_structure(const plp_model* model, size_t index, plp_structure* structure);
+
+/// Field of a direct method at points in Patient: value, 0 in free space to 1 deep in the stiffest tissue,
+/// and gradient per mm. By the proxy: signed distance to the nearest felt surface, mm, negative inside and at
+/// most some millimetres, and its slope.
+/// @param points_mm  3 * count numbers
+/// @param values     count numbers
+/// @param gradients  3 * count numbers; null: not wanted
+PLP_API plp_status plp_model_sample(const plp_model* model, int32_t method, const double* points_mm,
+                                    size_t count, double* values, double* gradients);
+/// Copies the labels, i fastest.
+/// @param count  number of voxels
+PLP_API plp_status plp_model_labels(const plp_model* model, uint16_t* voxels, size_t count);
+/// The scan on the model's grid, i fastest, valid as long as the model. Error without a scan.
+PLP_API plp_status plp_model_scan(const plp_model* model, const float** voxels, size_t* count);
+
+// ---- sessions: the host ticks
+
+/// Devices that touch a model, advanced by the host: no thread, no clock, and the same forces to the bit for
+/// the same inputs. A tick allocates and locks nothing, unless soft tissue is solved in it.
+typedef struct plp_session plp_session;
+
+/// Pose of a device.
+typedef struct plp_pose {
+  uint32_t size;
+  uint32_t buttons;            ///< Bit n: button n is held
+  double tip_mm[3];            ///< In the session's frame
+  double orientation_wxyz[4];  ///< Unit quaternion from the tool's axes to those of the session's frame
+  double age_s;                ///< Time since the pose was true; from 5 ms on the force fades
+  uint32_t status;             ///< Bits: 1 device fault, 2 clutched, 4 halted
+  uint32_t reserved;           ///< 0
+} plp_pose;
+PLP_API plp_status plp_pose_init(plp_pose* pose, size_t size);
+
+/// Force and torque on the hand, in the session's frame.
+typedef struct plp_wrench {
+  uint32_t size;
+  uint32_t reserved;
+  double force_N[3];
+  double torque_Nmm[3];  ///< About the tip
+} plp_wrench;
+PLP_API plp_status plp_wrench_init(plp_wrench* wrench, size_t size);
+
+/// One tick of one device.
+typedef struct plp_record {
+  uint32_t size;
+  uint32_t device;
+  uint64_t tick;
+  uint64_t state_hash;  ///< Hash of the state of all devices after the tick
+  double time_s;        ///< Sum of the durations of all earlier ticks
+  double dt_s;
+  uint32_t model_version;
+  uint32_t flags;  ///< Bits: plp_flag
+  uint32_t label;  ///< Structure in contact; 0: none
+  int32_t method;  ///< plp_method
+  double tip_world_mm[3];
+  double orientation_world_wxyz[4];
+  double force_world_N[3];
+  double torque_world_Nmm[3];
+  double tip_patient_mm[3];
+  double proxy_patient_mm[3];  ///< Tip as the surfaces constrain it
+  double normal_patient[3];    ///< Outward unit normal of all contacts together; 0 in free space
+  double velocity_patient_mm_s[3];
+  double depth_mm;           ///< Distance from the proxy to the tip; NaN: no surface within reach
+  double field;              ///< Value of a direct method's field at the tip
+  double unclamped_force_N;  ///< Magnitude before the output stage
+  double limit_N;
+  double energy_mJ;           ///< Energy that the hand has put in and not got back
+  double damping_N_s_per_m;   ///< Added by the passivity controller
+  uint32_t contact_label[6];  ///< Contacts, strongest first within a layer; label 0 ends the list
+  uint32_t contact_part[6];   ///< Part of the tool: its points, then its capsules
+  double contact_patient_mm[18];
+  double contact_N[6];
+  uint32_t felt_label[6];   ///< Structures along the tip's path, outermost first; label 0 ends the list
+  double felt_depth_mm[6];  ///< Length of the path within each
+  double felt_share[6];     ///< Share of the force, 0 ... 1
+} plp_record;
+PLP_API plp_status plp_record_init(plp_record* record, size_t size);
+
+typedef struct plp_session_options {
+  uint32_t size;
+  uint32_t devices;   ///< 1 ... 4
+  int32_t frame;      ///< plp_frame of poses and wrenches
+  int32_t method;     ///< plp_method that the model is prepared for
+  int32_t friction;   ///< 0: off
+  int32_t viscosity;  ///< 0: off
+  int32_t passivity;  ///< 0: observed, not controlled
+  int32_t
+      solve_soft_tissue;  ///< Solve yielding tissue within the ticks that need it, which takes milliseconds
+  double max_force_N;     ///< Limit of the force
+  double max_torque_Nmm;  ///< Limit of the torque; 0: none is sent
+  double max_stiffness_N_per_mm;  ///< Stiffer tissue is rendered with this; infinite: no bound
+  double continuous_force_N;      ///< Rating of the device for its thermal limit; NaN: none
+  double position_step_mm;        ///< Encoder step; NaN: unknown
+  double slew_N_per_s;            ///< Limit of the force's rate of change
+} plp_session_options;
+PLP_API plp_status plp_session_options_init(plp_session_options* options, size_t size);
+
+/// @param options  null: one device in World
+PLP_API plp_status plp_session_create(const plp_model* model, const plp_session_options* options,
+                                      plp_session** session);
+PLP_API void plp_session_destroy(plp_session* session);
+/// Advances by one tick.
+/// @param poses     one for each device; the first one's size is that of all
+/// @param dt_s      duration since the last tick; not finite or negative: PLP_BAD_INPUT, zero wrenches, and
+/// the
+///                  session is as it was
+/// @param wrenches  one for each device, each of the size of the first
+PLP_API plp_status plp_session_tick(plp_session* session, const plp_pose* poses, double dt_s,
+                                    plp_wrench* wrenches);
+/// Advances by `ticks` ticks of one duration.
+/// @param poses     ticks * devices, those of one tick beside each other
+/// @param wrenches  ticks * devices; null: not wanted
+/// @param records   ticks * devices, each of the size of the first; null: not wanted
+PLP_API plp_status plp_session_run(plp_session* session, const plp_pose* poses, size_t ticks, double dt_s,
+                                   plp_wrench* wrenches, plp_record* records);
+/// Record of the last tick. Error before the first.
+PLP_API plp_status plp_session_record(const plp_session* session, size_t device, plp_record* record);
+/// Goes back to the beginning: time 0, no contact, the model as it is.
+PLP_API plp_status plp_session_reset(plp_session* session);
+/// Continues with a later version of the session's model; the force blends over.
+PLP_API plp_status plp_session_set_model(plp_session* session, const plp_model* model);
+/// Number of ticks since the beginning, and the hash over all of them: equal for equal runs, in every
+/// language.
+PLP_API plp_status plp_session_hash(const plp_session* session, uint64_t* ticks, uint64_t* run_hash);
+
+// ---- runs: a simulated hand follows a script
+
+/// A finished run of the simulated hand, in memory.
+typedef struct plp_run plp_run;
+
+typedef struct plp_run_options {
+  uint32_t size;
+  int32_t method;           ///< plp_method at first
+  const char* script_file;  ///< Palpation script (docs/guide/script.md); null: see script_text
+  const char* script_text;  ///< Its text; null: a script that suits the scene
+  const char* recording;    ///< HDF5 file to write; null: none
+  int64_t seed;             ///< Seed of the hand's tremor; -1: the script's
+  double max_force_N;       ///< NaN: the lesser of the device's continuous rating and 3 N
+  double rate_hz;           ///< Ticks a second; NaN: the script's
+} plp_run_options;
+PLP_API plp_status plp_run_options_init(plp_run_options* options, size_t size);
+
+typedef struct plp_run_info {
+  uint32_t size;
+  uint32_t devices;
+  uint64_t ticks;
+  uint64_t run_hash;  ///< Equal for equal runs: that of `palpate simulate`, too
+  uint64_t failed_steps;
+  double rate_hz;
+  double max_force_N;  ///< Largest force
+  double limit_N;
+  uint64_t troubles;  ///< Number of sentences about failed steps and limits
+} plp_run_info;
+
+/// Simulates a script on the virtual clock, as `palpate simulate` does.
+/// @param options  null: the defaults
+PLP_API plp_status plp_simulate(const plp_model* model, const plp_run_options* options, plp_run** run);
+PLP_API plp_status plp_run_info_get(const plp_run* run, plp_run_info* info);
+/// Ticks first ... first + count - 1 of a device.
+/// @param records  each of the size of the first
+PLP_API plp_status plp_run_records(const plp_run* run, size_t device, uint64_t first, size_t count,
+                                   plp_record* records);
+/// A sentence about a failed step or a limit, valid as long as the run; null beyond the last.
+PLP_API const char* plp_run_trouble(const plp_run* run, size_t index);
+PLP_API void plp_run_destroy(plp_run* run);
+
+// ---- loops: palpate ticks
+
+/// A servo thread that ticks by itself. The host posts poses, at any rate, and looks at the latest tick.
+typedef struct plp_loop plp_loop;
+
+typedef struct plp_loop_options {
+  uint32_t size;
+  int32_t realtime;  ///< Request SCHED_FIFO and locked memory; if refused, it ticks without them
+  const plp_session_options*
+      session;     ///< Options of one device; null: the defaults. Soft tissue is not solved
+  double rate_hz;  ///< 250 ... 10000
+} plp_loop_options;
+PLP_API plp_status plp_loop_options_init(plp_loop_options* options, size_t size);
+
+/// @param options  null: the defaults
+PLP_API plp_status plp_loop_start(const plp_model* model, const plp_loop_options* options, plp_loop** loop);
+/// Hands over the latest pose of the tool, which is interpolated between two calls and is valid for 0.1 s.
+/// One thread at a time.
+PLP_API plp_status plp_loop_post(plp_loop* loop, const plp_pose* pose);
+/// The latest tick. Any thread; never delays the loop.
+PLP_API plp_status plp_loop_snapshot(const plp_loop* loop, plp_record* record);
+/// Continues with a later version of the loop's model. Any thread.
+PLP_API plp_status plp_loop_set_model(plp_loop* loop, const plp_model* model);
+/// No force from the next tick on, for good. Any thread.
+PLP_API plp_status plp_loop_emergency_stop(plp_loop* loop);
+
+typedef struct plp_loop_health {
+  uint32_t size;
+  int32_t running;  ///< 0: it has ended
+  uint64_t ticks;
+  uint64_t skipped;  ///< Ticks that were due and left out
+  double rate_hz;    ///< Measured
+  double on_time;    ///< Share of the ticks that were on time, 0 ... 1
+  double lateness_p99_us, compute_p99_us;
+} plp_loop_health;
+PLP_API plp_status plp_loop_health_get(const plp_loop* loop, plp_loop_health* health);
+/// Fades the force out and ends the thread. Takes a fifth of a second.
+PLP_API plp_status plp_loop_stop(plp_loop* loop);
+/// Stops and frees it. Null: nothing.
+PLP_API void plp_loop_destroy(plp_loop* loop);
+
+// ---- recordings
+
+/// A recording of a run (docs/reference/recording.md), opened for reading. Reading runs in a confined process
+/// of its own, so that a damaged file is an error.
+typedef struct plp_recording plp_recording;
+
+typedef struct plp_recording_info {
+  uint32_t size;
+  uint32_t devices;
+  uint64_t ticks;
+  uint64_t run_hash;    ///< 0 in an incomplete recording
+  uint64_t model_hash;  ///< plp_model_info::content_hash of its model
+  double rate_hz;
+  const char* data_set;  ///< Valid as long as the recording
+  const char* title;
+  const char* script;  ///< Text
+  int32_t complete;    ///< 0: the program ended before the run did
+  int32_t simulated;   ///< 0: a person held the tool
+} plp_recording_info;
+
+PLP_API plp_status plp_recording_open(const char* file, plp_recording** recording);
+PLP_API plp_status plp_recording_info_get(const plp_recording* recording, plp_recording_info* info);
+/// Ticks first ... first + count - 1 of a device.
+/// @param records  each of the size of the first
+PLP_API plp_status plp_recording_records(const plp_recording* recording, size_t device, uint64_t first,
+                                         size_t count, plp_record* records);
+/// One number of every tick: a member of plp_record, such as "depth_mm" or "force_world_N".
+/// @param column  receives count * plp_field::count numbers
+PLP_API plp_status plp_recording_column(const plp_recording* recording, size_t device, const char* name,
+                                        uint64_t first, size_t count, double* column);
+PLP_API void plp_recording_destroy(plp_recording* recording);
+
+// ---- descriptions of the structs, for bindings of other languages
+
+/// A member of a struct.
+typedef struct plp_field {
+  uint32_t size;
+  int32_t type;  ///< plp_type
+  const char* name;
+  uint32_t offset;  ///< Bytes from the beginning of the struct
+  uint32_t count;   ///< Number of values; 1: no array
+} plp_field;
+/// Member number `index` of a struct, e.g. "plp_record". Error beyond the last one.
+PLP_API plp_status plp_struct_field(const char* name, size_t index, plp_field* field);
+/// Size of a struct in the library, bytes; 0: there is none of this name.
+PLP_API size_t plp_struct_size(const char* name);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
