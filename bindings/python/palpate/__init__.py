@@ -1,0 +1,19 @@
+"""Touch a segmented scan from Python: forces on a tool, computed from voxels.
+
+    import palpate as pp
+    scene = pp.load("knee-phantom:spacing=2")
+    depth, force = pp.simulate(scene, seed=1).press("patella")
+
+Lengths are mm, forces N, torques N mm, times s. Positions are in the patient (LPS) unless a frame says otherwise. Every call
+that fails raises an Error with what is wrong and how to mend it, and leaves everything as it was. Needs NumPy and libpalpate.so.
+"""
+
+from ._library import (METHODS, BadInput, Error, Internal, OutOfMemory, OutputError, Unavailable, Usage, lib as _lib)
+from ._model import Model, Structure, Tissue, Tool, load
+from ._run import Recording, Run, read, simulate
+from ._session import Loop, Session
+
+__version__: str = _lib.plp_version().decode()
+
+__all__ = ["METHODS", "BadInput", "Error", "Internal", "Loop", "Model", "OutOfMemory", "OutputError", "Recording", "Run", "Session",
+           "Structure", "Tissue", "Tool", "Unavailable", "Usage", "load", "read", "simulate"]

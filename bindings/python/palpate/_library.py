@@ -1,0 +1,213 @@
+"""libpalpate.so by ctypes: where it is, its structs as it describes them itself, and its errors as exceptions."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pathlib
+from typing import Any, Dict, Tuple, Type
+
+import numpy as np
+
+LIBRARY = "libpalpate.so.0"
+
+
+class Error(Exception):
+    """A call that palpate refused. The text says what is wrong, where, and how to mend it."""
+
+
+class BadInput(Error, ValueError):
+    """An argument, a file or a setting that cannot be used as it is."""
+
+
+class Usage(Error, ValueError):
+    """Settings that do not go together."""
+
+
+class OutputError(Error, OSError):
+    """A file could not be written."""
+
+
+class Unavailable(Error, LookupError):
+    """A data set, a library or a thread is not to be had."""
+
+
+class OutOfMemory(Error, MemoryError):
+    """Nothing was done, and everything is as it was."""
+
+
+class Internal(Error, RuntimeError):
+    """A fault of palpate."""
+
+
+_ERRORS: Dict[int, Type[Error]] = {1: BadInput, 2: Usage, 3: OutputError, 4: Unavailable, 6: OutOfMemory, 7: Internal}
+
+
+def _find() -> str:
+    """Path of the library: PALPATE_LIBRARY, within the package, in the lib folder above it, else as the linker finds it."""
+    if "PALPATE_LIBRARY" in os.environ:
+        return os.environ["PALPATE_LIBRARY"]
+    here = pathlib.Path(__file__).resolve().parent
+    for folder in (here, *here.parents[1:4]):
+        if (folder / LIBRARY).is_file():
+            return str(folder / LIBRARY)
+    return LIBRARY
+
+
+def _load() -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(_find())
+    except OSError as error:
+        raise ImportError(f"{error}: install palpate's C library, or name it in PALPATE_LIBRARY") from error
+
+
+lib = _load()
+
+# ---- structs, as the library describes them
+
+_C_TYPES = (ctypes.c_uint8, ctypes.c_int8, ctypes.c_uint16, ctypes.c_int16, ctypes.c_uint32, ctypes.c_int32, ctypes.c_uint64,
+            ctypes.c_int64, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p)
+
+
+class _Field(ctypes.Structure):
+    _fields_ = [("size", ctypes.c_uint32), ("type", ctypes.c_int32), ("name", ctypes.c_char_p), ("offset", ctypes.c_uint32),
+                ("count", ctypes.c_uint32)]
+
+
+lib.plp_struct_field.argtypes = [ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_Field)]
+lib.plp_struct_size.argtypes = [ctypes.c_char_p]
+lib.plp_struct_size.restype = ctypes.c_size_t
+
+
+def _fields(name: str) -> Any:
+    """(name, ctypes type, offset) of the members of a struct."""
+    index = 0
+    field = _Field(size=ctypes.sizeof(_Field))
+    while lib.plp_struct_field(name.encode(), index, ctypes.byref(field)) == 0:
+        kind = _C_TYPES[field.type]
+        yield field.name.decode(), kind * field.count if field.count > 1 else kind, field.offset
+        index += 1
+
+
+def _struct(name: str) -> Type[ctypes.Structure]:
+    members = list(_fields(name))
+    made = type(name, (ctypes.Structure,), {"_fields_": [(member, kind) for member, kind, _ in members]})
+    assert ctypes.sizeof(made) == lib.plp_struct_size(name.encode())
+    assert all(getattr(made, member).offset == offset for member, _, offset in members)
+    return made
+
+
+def _dtype(name: str) -> np.dtype:
+    return np.dtype(_struct(name))
+
+
+Labels, Tissue, Structure, Tool = (_struct(name) for name in ("plp_labels", "plp_tissue", "plp_structure", "plp_tool"))
+ModelOptions, ModelInfo, Cut = (_struct(name) for name in ("plp_model_options", "plp_model_info", "plp_cut"))
+Pose, Wrench, SessionOptions = (_struct(name) for name in ("plp_pose", "plp_wrench", "plp_session_options"))
+RunOptions, RunInfo = _struct("plp_run_options"), _struct("plp_run_info")
+LoopOptions, LoopHealth, RecordingInfo = (_struct(name) for name in ("plp_loop_options", "plp_loop_health", "plp_recording_info"))
+POSE, WRENCH, RECORD = _dtype("plp_pose"), _dtype("plp_wrench"), _dtype("plp_record")
+
+
+def initialised(struct: Type[ctypes.Structure], **values: Any) -> Any:
+    """A struct with the library's defaults, and these values."""
+    made = struct()
+    check(getattr(lib, struct.__name__ + "_init")(ctypes.byref(made), ctypes.c_size_t(ctypes.sizeof(struct))))
+    for name, value in values.items():
+        setattr(made, name, value)
+    return made
+
+
+def sized(struct: Type[ctypes.Structure]) -> Any:
+    """An empty struct for the library to fill."""
+    return struct(size=ctypes.sizeof(struct))
+
+
+def records(count: int) -> np.ndarray:
+    """Room for this many ticks."""
+    made = np.zeros(count, RECORD)
+    made["size"] = RECORD.itemsize
+    return made
+
+
+# ---- functions
+
+_HANDLE, _OUT = ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p)
+_SIZE, _TEXT, _ANY, _U64 = ctypes.c_size_t, ctypes.c_char_p, ctypes.c_void_p, ctypes.c_uint64
+_ARGUMENTS: Dict[str, Tuple[Any, ...]] = {
+    "plp_model_create": (_ANY, _ANY, _SIZE, _ANY, _SIZE, _ANY, _SIZE, _ANY, _OUT),
+    "plp_model_load": (_TEXT, _TEXT, _ANY, _OUT),
+    "plp_model_change": (_HANDLE, _SIZE, _ANY, _OUT),
+    "plp_model_cut": (_HANDLE, _ANY, _SIZE, _OUT),
+    "plp_model_info_get": (_HANDLE, _ANY),
+    "plp_model_tissue": (_HANDLE, _SIZE, _ANY),
+    "plp_model_structure": (_HANDLE, _SIZE, _ANY),
+    "plp_model_sample": (_HANDLE, ctypes.c_int32, _ANY, _SIZE, _ANY, _ANY),
+    "plp_model_labels": (_HANDLE, _ANY, _SIZE),
+    "plp_model_scan": (_HANDLE, ctypes.POINTER(_ANY), ctypes.POINTER(_SIZE)),
+    "plp_session_create": (_HANDLE, _ANY, _OUT),
+    "plp_session_tick": (_HANDLE, _ANY, ctypes.c_double, _ANY),
+    "plp_session_run": (_HANDLE, _ANY, _SIZE, ctypes.c_double, _ANY, _ANY),
+    "plp_session_record": (_HANDLE, _SIZE, _ANY),
+    "plp_session_reset": (_HANDLE,),
+    "plp_session_set_model": (_HANDLE, _HANDLE),
+    "plp_session_hash": (_HANDLE, ctypes.POINTER(_U64), ctypes.POINTER(_U64)),
+    "plp_simulate": (_HANDLE, _ANY, _OUT),
+    "plp_run_info_get": (_HANDLE, _ANY),
+    "plp_run_records": (_HANDLE, _SIZE, _U64, _SIZE, _ANY),
+    "plp_loop_start": (_HANDLE, _ANY, _OUT),
+    "plp_loop_post": (_HANDLE, _ANY),
+    "plp_loop_snapshot": (_HANDLE, _ANY),
+    "plp_loop_set_model": (_HANDLE, _HANDLE),
+    "plp_loop_emergency_stop": (_HANDLE,),
+    "plp_loop_health_get": (_HANDLE, _ANY),
+    "plp_loop_stop": (_HANDLE,),
+    "plp_recording_open": (_TEXT, _OUT),
+    "plp_recording_info_get": (_HANDLE, _ANY),
+    "plp_recording_records": (_HANDLE, _SIZE, _U64, _SIZE, _ANY),
+}
+for _name, _types in _ARGUMENTS.items():
+    getattr(lib, _name).argtypes = _types
+for _name in ("model", "session", "run", "loop", "recording"):
+    getattr(lib, f"plp_{_name}_destroy").argtypes = (_HANDLE,)
+    getattr(lib, f"plp_{_name}_destroy").restype = None
+lib.plp_run_trouble.argtypes = (_HANDLE, _SIZE)
+for _name in ("plp_run_trouble", "plp_last_error", "plp_version"):
+    getattr(lib, _name).restype = ctypes.c_char_p
+
+
+def check(status: int) -> None:
+    """Raises the error of a call that failed."""
+    if status:
+        raise _ERRORS.get(status, Error)(lib.plp_last_error().decode("utf-8", "replace"))
+
+
+def made(call: Any, *arguments: Any) -> int:
+    """The handle that a call makes."""
+    handle = ctypes.c_void_p()
+    check(call(*arguments, ctypes.byref(handle)))
+    return int(handle.value or 0)
+
+
+def address(array: np.ndarray) -> int:
+    """Address of an array's first element."""
+    return int(array.ctypes.data)
+
+
+# ---- force methods, by their names in scenes and on the command line
+
+METHODS = {"trilinear": 0, "b-spline": 1, "gaussian-sphere": 2, "smooth-sphere": 3, "stored-normals": 4, "proxy": 5}
+
+
+def method_number(method: "str | None") -> int:
+    """Number of a method; -1 for None."""
+    if method is None:
+        return -1
+    if method not in METHODS:
+        raise BadInput(f"method: there is no method {method!r}\n  give one of {', '.join(METHODS)}")
+    return METHODS[method]
+
+
+def method_name(number: int) -> str:
+    """Name of a method."""
+    return next(name for name, value in METHODS.items() if value == number)

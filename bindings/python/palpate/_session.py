@@ -1,0 +1,203 @@
+"""Sessions, which the caller ticks, and loops, which tick by themselves."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from typing import Any, Optional, Tuple
+
+import numpy as np
+
+from . import _library as c
+from ._model import Model
+
+_FRAMES = {"world": 0, "patient": 1}
+
+
+def _options(frame: str, method: Optional[str], settings: "dict[str, Any]") -> Any:
+    if frame not in _FRAMES:
+        raise c.BadInput(f"frame: {frame!r}\n  give 'patient' or 'world'")
+    names = {"devices": "devices", "friction": "friction", "viscosity": "viscosity", "passivity": "passivity",
+             "solve_soft_tissue": "solve_soft_tissue", "max_force": "max_force_N", "max_torque": "max_torque_Nmm",
+             "max_stiffness": "max_stiffness_N_per_mm", "continuous_force": "continuous_force_N",
+             "position_step": "position_step_mm", "slew": "slew_N_per_s"}
+    unknown = set(settings) - set(names)
+    if unknown:
+        raise TypeError(f"unknown settings: {', '.join(sorted(unknown))}; known are {', '.join(names)}")
+    return c.initialised(c.SessionOptions, frame=_FRAMES[frame], method=c.method_number(method),
+                         **{names[name]: value for name, value in settings.items()})
+
+
+class Session:
+    """Devices that touch a model, ticked by the caller: the same forces to the bit for the same inputs.
+
+    Args:
+        model: what is touched.
+        frame: of tips, orientations and forces: "patient" (LPS) or "world".
+        method: force method that the model is prepared for; None: the model's.
+        settings: devices=1, friction=True, viscosity=True, passivity=True, solve_soft_tissue=False, max_force=3 (N),
+            max_torque=0 (N mm, 0: none), max_stiffness=inf (N/mm), continuous_force (N), position_step (mm), slew=2000 (N/s).
+
+    Raises:
+        BadInput, Usage: settings that cannot be used.
+    """
+
+    def __init__(self, model: Model, *, frame: str = "patient", method: Optional[str] = None, **settings: Any) -> None:
+        options = _options(frame, method, settings)
+        self._handle = c.made(c.lib.plp_session_create, model._handle, ctypes.byref(options))
+        self._finalizer = weakref.finalize(self, c.lib.plp_session_destroy, self._handle)
+        self._model = model
+        self._devices = int(options.devices)
+        # bound once, so that a tick allocates nothing but its result
+        self._poses = self._empty_poses(1)
+        self._wrenches = np.zeros(self._devices, c.WRENCH)
+        self._wrenches["size"] = c.WRENCH.itemsize
+        self._tips, self._orientations = self._poses["tip_mm"][0], self._poses["orientation_wxyz"][0]
+        self._pose_address, self._wrench_address = c.address(self._poses), c.address(self._wrenches)
+
+    def _empty_poses(self, ticks: int) -> np.ndarray:
+        poses = np.zeros((ticks, self._devices), c.POSE)
+        poses["size"] = c.POSE.itemsize
+        poses["orientation_wxyz"][..., 0] = 1
+        return poses
+
+    @property
+    def model(self) -> Model:
+        """The model of the next tick. Set it to a later version (Model.with_, Model.cut): the force blends over."""
+        return self._model
+
+    @model.setter
+    def model(self, model: Model) -> None:
+        c.check(c.lib.plp_session_set_model(self._handle, model._handle))
+        self._model = model
+
+    def tick(self, tip: Any, orientation: Any = None, dt: float = 1e-3) -> Tuple[np.ndarray, np.ndarray]:
+        """One tick.
+
+        Args:
+            tip: mm, in the session's frame; shape (3,), with several devices (devices, 3).
+            orientation: unit quaternion w, x, y, z from the tool's axes to the frame's; shape (4,) or (devices, 4). None: the
+                axes are the same.
+            dt: duration since the last tick, s.
+
+        Returns:
+            (force, torque) on the hand, N and N mm about the tip, of the shape of `tip`.
+
+        Raises:
+            BadInput: a duration that is negative or not finite. Then nothing has changed.
+        """
+        self._tips[:] = tip
+        self._orientations[:] = (1, 0, 0, 0) if orientation is None else orientation
+        c.check(c.lib.plp_session_tick(self._handle, self._pose_address, dt, self._wrench_address))
+        force, torque = self._wrenches["force_N"].copy(), self._wrenches["torque_Nmm"].copy()
+        return (force[0], torque[0]) if self._devices == 1 else (force, torque)
+
+    def run(self, tips: Any, orientations: Any = None, dt: float = 1e-3) -> np.ndarray:
+        """Many ticks of one duration, without Python between them.
+
+        Args:
+            tips: shape (n, 3), with several devices (n, devices, 3).
+            orientations: shape (n, 4) or (n, devices, 4), or that of one tick for all. None: not turned.
+
+        Returns:
+            Structured array of shape (n,), or (n, devices), whose fields are the members of plp_record (include/palpate.h).
+        """
+        at = np.asarray(tips, float).reshape(-1, self._devices, 3)
+        poses = self._empty_poses(len(at))
+        poses["tip_mm"] = at
+        if orientations is not None:
+            turned = np.asarray(orientations, float)
+            each = turned.size == 4 * self._devices * len(at)
+            poses["orientation_wxyz"] = turned.reshape((-1 if each else 1, self._devices, 4))
+        records = c.records(len(at) * self._devices)
+        c.check(c.lib.plp_session_run(self._handle, poses.ctypes.data, len(at), dt, None, records.ctypes.data))
+        return records if self._devices == 1 else records.reshape(len(at), self._devices)
+
+    def record(self, device: int = 0) -> np.void:
+        """The last tick. Raises Usage before the first."""
+        records = c.records(1)
+        c.check(c.lib.plp_session_record(self._handle, device, records.ctypes.data))
+        return records[0]
+
+    def reset(self) -> None:
+        """Back to the beginning: time 0, no contact, the model as it is."""
+        c.check(c.lib.plp_session_reset(self._handle))
+
+    @property
+    def hash(self) -> int:
+        """64-bit hash over all ticks since the beginning: equal for equal runs, in every language."""
+        ticks, run_hash = ctypes.c_uint64(), ctypes.c_uint64()
+        c.check(c.lib.plp_session_hash(self._handle, ctypes.byref(ticks), ctypes.byref(run_hash)))
+        return run_hash.value
+
+
+class Loop:
+    """A servo thread that ticks by itself. Python posts poses and looks at the latest tick; it is never within the servo.
+
+    Args:
+        model: what is touched.
+        frame: of the poses: "patient" (LPS) or "world".
+        method: as for Session.
+        rate: ticks a second, 250 ... 10000.
+        realtime: request real-time scheduling and locked memory; if refused, it ticks without them.
+        settings: as for Session, of one device.
+
+    It ends at the end of a `with` block, by stop(), or with the object.
+    """
+
+    def __init__(self, model: Model, *, frame: str = "patient", method: Optional[str] = None, rate: float = 1000,
+                 realtime: bool = False, **settings: Any) -> None:
+        session = _options(frame, method, settings)
+        options = c.initialised(c.LoopOptions, realtime=realtime, rate_hz=rate, session=ctypes.addressof(session))
+        self._handle = c.made(c.lib.plp_loop_start, model._handle, ctypes.byref(options))
+        self._finalizer = weakref.finalize(self, c.lib.plp_loop_destroy, self._handle)
+        self._model = model
+        self._pose = c.initialised(c.Pose)
+
+    def __enter__(self) -> "Loop":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.stop()
+
+    @property
+    def model(self) -> Model:
+        """The model of the next tick. Set it to a later version (Model.with_, Model.cut): the force blends over."""
+        return self._model
+
+    @model.setter
+    def model(self, model: Model) -> None:
+        c.check(c.lib.plp_loop_set_model(self._handle, model._handle))
+        self._model = model
+
+    def post(self, tip: Any, orientation: Any = (1, 0, 0, 0), buttons: int = 0) -> None:
+        """The latest pose: tip in mm, shape (3,), and unit quaternion w, x, y, z. It is interpolated between two calls, and valid
+        for 0.1 s.
+
+        Raises:
+            BadInput: a pose that is not finite.
+        """
+        self._pose.tip_mm[:] = [float(x) for x in tip]
+        self._pose.orientation_wxyz[:] = [float(x) for x in orientation]
+        self._pose.buttons = buttons
+        c.check(c.lib.plp_loop_post(self._handle, ctypes.byref(self._pose)))
+
+    def snapshot(self) -> np.void:
+        """The latest tick, with the members of plp_record (include/palpate.h) as fields."""
+        records = c.records(1)
+        c.check(c.lib.plp_loop_snapshot(self._handle, records.ctypes.data))
+        return records[0]
+
+    def health(self) -> "dict[str, float]":
+        """running, ticks, skipped, rate_hz, on_time (0 ... 1), lateness_p99_us and compute_p99_us."""
+        health = c.sized(c.LoopHealth)
+        c.check(c.lib.plp_loop_health_get(self._handle, ctypes.byref(health)))
+        return {name: getattr(health, name) for name, *_ in health._fields_ if name != "size"}
+
+    def emergency_stop(self) -> None:
+        """No force from the next tick on, for good."""
+        c.check(c.lib.plp_loop_emergency_stop(self._handle))
+
+    def stop(self) -> None:
+        """Fades the force out and ends the thread."""
+        c.check(c.lib.plp_loop_stop(self._handle))
