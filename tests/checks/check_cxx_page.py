@@ -18,7 +18,7 @@ def faults(root):
     # the first table leads to some of them by task; the lists begin below
     lists = page.partition("\n## The core\n")[2]
     listed = collections.Counter(re.findall(r"^\| `(palpate/[\w/]+\.h)` \|", lists, re.MULTILINE))
-    there = {path.relative_to(root / "include").as_posix() for path in (root / "include").rglob("*.h")}
+    there = {path.relative_to(root / "include").as_posix() for path in (root / "include/palpate").rglob("*.h")}
     return [*(f"{PAGE} does not list {name}" for name in sorted(there - listed.keys())),
             *(f"{PAGE} lists {name}, which is not there" for name in sorted(listed.keys() - there)),
             *(f"{PAGE} lists {name} {count} times" for name, count in sorted(listed.items()) if count > 1)]

@@ -9,7 +9,7 @@ What a block is asked for, by its language:
 sh       its commands run in the page's own folder, in the order of the page. Files that examples take for granted are there
          (fixtures.py). `palpate` is the program, as the page has it but for what makes it quick: phantoms are coarse, and a session
          lasts for a moment. Exit code 3, a figure out of its band, is a result and no failure, as is what doctor finds missing.
-         The core of the program's build folder is installed in ~/palpate.
+         The core, the C library and the Python package of the program's build folder are installed in ~/palpate.
 console  the same of what stands behind `$ `, and what is printed is compared, figures aside; `...` stands for anything
 python   runs there
 json     is JSON
@@ -133,6 +133,7 @@ class Program:
         (commands / "python3").symlink_to(sys.executable)
         self.environment = {"PATH": f"{commands}:{os.environ['PATH']}", "HOME": str(folder / "home"), "LANG": "C.UTF-8",
                             "PALPATE_PROGRAM": str(path), "PALPATE_CACHE": os.environ["PALPATE_CACHE"], "PALPATE_KNOWN_RUNS": str(folder / "known"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
+                            "PYTHONPATH": str(folder / "home/palpate/lib/python3/dist-packages"),
                             "PALPATE_SHORT": str(folder / "files" / "press.toml"), "PYTHONDONTWRITEBYTECODE": "1",
                             **{name: value for name, value in os.environ.items() if name.endswith("SAN_OPTIONS")}}
         self.helps = printed.helps(path)
@@ -164,10 +165,11 @@ class Program:
                 printed = process.communicate()[0] + f"\nis not done after {MOST_S} s\n"
         return process.returncode, printed
 
-    def install_core(self):
-        """What pages link, in ~/palpate: the core of the build folder that the program stands in."""
-        subprocess.run(["cmake", "--install", self.path.parents[2], "--component", "core", "--prefix", self.folder / "home/palpate"],
-                       stdout=subprocess.PIPE, check=True)
+    def install_libraries(self):
+        """What pages link and import, in ~/palpate: the core, the C library and the Python package of the program's build folder."""
+        for component in ("core", "c", "python"):
+            subprocess.run(["cmake", "--install", self.path.parents[2], "--component", component, "--prefix", self.folder / "home/palpate"],
+                           stdout=subprocess.PIPE, check=True)
         if shutil.which("ccache"):
             self.environment |= {"CMAKE_CXX_COMPILER_LAUNCHER": "ccache", "CCACHE_BASEDIR": str(self.folder), "CCACHE_NOHASHDIR": "1",
                                  "CCACHE_DIR": subprocess.run(["ccache", "-k", "cache_dir"], stdout=subprocess.PIPE, text=True, check=True).stdout.strip()}
@@ -260,6 +262,12 @@ def part_of(page):
            for command in manual.commands(block)):
         return "compiled"
     return "start" if page == "README.md" or page.startswith("docs/start/") else "guide"
+
+
+def needs_libraries(page):
+    """Whether blocks of a page compile programs, or import the Python package."""
+    return part_of(page) == "compiled" or any(re.search(r"^import palpate\b", block.text, re.MULTILINE)
+                                              for block in manual.blocks(ROOT, page) if not block.not_run)
 
 
 def run_page(page, program, files):
@@ -360,8 +368,8 @@ def main():
     asked = sys.argv[2:] if part is None and sys.argv[2:] else manual.pages(ROOT)
     with tempfile.TemporaryDirectory(prefix="palpate-docs-") as folder:
         program = Program(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(folder))
-        if part in (None, "compiled") and any(part_of(page) == "compiled" for page in asked):
-            program.install_core()
+        if any(part in (None, part_of(page)) and needs_libraries(page) for page in asked):
+            program.install_libraries()
         files = pathlib.Path(folder) / "files"
         files.mkdir()
         fixtures.make(files, lambda *arguments: program.must(files, *arguments))
