@@ -231,6 +231,51 @@ PLP_API plp_status plp_model_labels(const plp_model* model, uint16_t* voxels, si
 /// The scan on the model's grid, i fastest, valid as long as the model. Error without a scan.
 PLP_API plp_status plp_model_scan(const plp_model* model, const float** voxels, size_t* count);
 
+// ---- pictures
+
+/// A plane in Patient with a window of pixels on it.
+typedef struct plp_section {
+  uint32_t size;
+  int32_t outlines;                ///< 0: structures have no outlines
+  int32_t width_px, height_px;     ///< 1 ... 4096
+  double centre_mm[3];             ///< Centre of the picture
+  double right[3], down[3];        ///< Unit vectors to the picture's right and bottom, orthogonal
+  double width_mm;                 ///< Width of the picture
+  double window_low, window_high;  ///< Scan values shown black and white; equal: 1st and 99th percentile
+  double label_opacity;            ///< Opacity of the structures' colours over the scan, 0 ... 1
+} plp_section;
+/// The defaults are an axial section, 100 mm and 512 pixels wide.
+PLP_API plp_status plp_section_init(plp_section* section, size_t size);
+/// Draws scan and structures in a plane.
+/// @param rgb    3 bytes for each pixel, row 0 at the top
+/// @param bytes  3 * width_px * height_px
+PLP_API plp_status plp_model_section(const plp_model* model, const plp_section* section, uint8_t* rgb,
+                                     size_t bytes);
+/// Label at each pixel of a plane; 0: none, or outside the volume.
+/// @param count  width_px * height_px
+PLP_API plp_status plp_model_section_labels(const plp_model* model, const plp_section* section,
+                                            uint16_t* labels, size_t count);
+
+/// A camera in Patient.
+typedef struct plp_camera {
+  uint32_t size;
+  uint32_t reserved;            ///< 0
+  int32_t width_px, height_px;  ///< 1 ... 4096
+  double focus_mm[3];           ///< Centre of the picture
+  double right[3], down[3];     ///< Unit vectors to the picture's right and bottom, orthogonal
+  double width_mm;              ///< Width of the picture at the focus
+  double eye_mm;                ///< Distance of the eye from the focus; infinite: parallel rays
+} plp_camera;
+/// The defaults are a view from the front by parallel rays, 200 mm and 512 pixels wide.
+PLP_API plp_status plp_camera_init(plp_camera* camera, size_t size);
+/// Draws the structures in three dimensions, without a graphics card.
+/// @param rgb       3 bytes for each pixel, row 0 at the top
+/// @param bytes     3 * width_px * height_px
+/// @param depth_mm  width_px * height_px numbers: distance along the ray of the surface that is visible;
+///                  infinite: none. Null: not wanted
+PLP_API plp_status plp_model_picture(const plp_model* model, const plp_camera* camera, uint8_t* rgb,
+                                     size_t bytes, float* depth_mm);
+
 // ---- sessions: the host ticks
 
 /// Devices that touch a model, advanced by the host: no thread, no clock, and the same forces to the bit for
@@ -384,15 +429,15 @@ PLP_API void plp_run_destroy(plp_run* run);
 
 // ---- loops: palpate ticks
 
-/// A servo thread that ticks by itself. The host posts poses, at any rate, and looks at the latest tick.
+/// A servo thread that ticks by itself. The host posts poses, at any rate, and looks at the latest tick. Of
+/// the options of a session it ignores `slew_N_per_s`, and it solves no soft tissue.
 typedef struct plp_loop plp_loop;
 
 typedef struct plp_loop_options {
   uint32_t size;
   int32_t realtime;  ///< Request SCHED_FIFO and locked memory; if refused, it ticks without them
-  const plp_session_options*
-      session;     ///< Options of one device; null: the defaults. Soft tissue is not solved
-  double rate_hz;  ///< 250 ... 10000
+  const plp_session_options* session;  ///< Options of one device; null: the defaults
+  double rate_hz;                      ///< 250 ... 10000
 } plp_loop_options;
 PLP_API plp_status plp_loop_options_init(plp_loop_options* options, size_t size);
 

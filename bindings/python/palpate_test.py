@@ -103,6 +103,23 @@ class Models(unittest.TestCase):
         for method in pp.METHODS:
             self.assertGreater(abs(model.sample(points, method)[0][1, 0]), 0, method)
 
+    def test_sections_and_pictures_are_arrays(self):
+        model = block()
+        labels = model.section_labels(size=20, pixels=20)
+        self.assertEqual((labels == 1).sum(), 12 * 12)
+        self.assertEqual((model.section_labels("coronal", size=20, pixels=20) == 1).sum(), 12 * 8)
+        image = model.section(size=20, pixels=20)
+        self.assertEqual((image.shape, image.dtype), ((20, 20, 3), np.uint8))
+        self.assertGreater(int(image[10, 10, 0]), int(image[0, 0, 0]))
+        for view in ("anterior", "posterior", "left", "right", "superior", "inferior"):
+            image, depth = model.picture(view, size=20, pixels=20)
+            self.assertAlmostEqual(float(depth[10, 10]), -4 if view in ("superior", "inferior") else -6, delta=1)
+            self.assertTrue(np.isinf(depth[0, 0]))
+        for wrong in (lambda: model.section("oblique"), lambda: model.section(size=0), lambda: model.section(pixels=0),
+                      lambda: model.section(((1, 0, 0), (1, 0, 0))), lambda: model.picture(at=(0, NAN, 0))):
+            with self.assertRaises(pp.BadInput):
+                wrong()
+
     def test_a_scan_is_seen_and_not_copied(self):
         model = pp.load(SCENE)
         scan = model.scan()

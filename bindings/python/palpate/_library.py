@@ -102,6 +102,7 @@ def _dtype(name: str) -> np.dtype:
 
 
 Labels, Tissue, Structure, Tool = (_struct(name) for name in ("plp_labels", "plp_tissue", "plp_structure", "plp_tool"))
+Section, Camera = _struct("plp_section"), _struct("plp_camera")
 ModelOptions, ModelInfo, Cut = (_struct(name) for name in ("plp_model_options", "plp_model_info", "plp_cut"))
 Pose, Wrench, SessionOptions = (_struct(name) for name in ("plp_pose", "plp_wrench", "plp_session_options"))
 RunOptions, RunInfo = _struct("plp_run_options"), _struct("plp_run_info")
@@ -145,6 +146,9 @@ _ARGUMENTS: Dict[str, Tuple[Any, ...]] = {
     "plp_model_sample": (_HANDLE, ctypes.c_int32, _ANY, _SIZE, _ANY, _ANY),
     "plp_model_labels": (_HANDLE, _ANY, _SIZE),
     "plp_model_scan": (_HANDLE, ctypes.POINTER(_ANY), ctypes.POINTER(_SIZE)),
+    "plp_model_section": (_HANDLE, _ANY, _ANY, _SIZE),
+    "plp_model_section_labels": (_HANDLE, _ANY, _ANY, _SIZE),
+    "plp_model_picture": (_HANDLE, _ANY, _ANY, _SIZE, _ANY),
     "plp_session_create": (_HANDLE, _ANY, _OUT),
     "plp_session_tick": (_HANDLE, _ANY, ctypes.c_double, _ANY),
     "plp_session_run": (_HANDLE, _ANY, _SIZE, ctypes.c_double, _ANY, _ANY),

@@ -15,6 +15,12 @@ from . import _library as c
 
 _VOXELS = {np.dtype(kind): number for number, kind in enumerate("u1 i1 u2 i2 u4 i4 u8 i8".split())}
 
+# (right, down) of planes and views in the patient
+_X, _Y, _Z = np.eye(3)
+_PLANES = {"axial": (_X, _Y), "sagittal": (_Y, -_Z), "coronal": (_X, -_Z)}
+_VIEWS = {"anterior": (_X, -_Z), "posterior": (-_X, -_Z), "left": (_Y, -_Z), "right": (-_Y, -_Z), "superior": (-_X, _Y),
+          "inferior": (_X, _Y)}
+
 
 @dataclasses.dataclass(frozen=True)
 class Tissue:
@@ -294,6 +300,71 @@ class Model:
         c.check(c.lib.plp_model_sample(self._handle, c.method_number(method), at.ctypes.data, values.size, values.ctypes.data,
                                        gradients.ctypes.data))
         return values, gradients
+
+    # ---- pictures
+
+    def _middle(self) -> np.ndarray:
+        return self.points((np.array(self.shape) - 1) / 2)
+
+    def _window(self, struct: Any, place: str, at: Any, axes: Any, names: Mapping[str, Any], size: Optional[float], pixels: int,
+                **more: Any) -> Any:
+        if isinstance(axes, str) and axes not in names:
+            raise c.BadInput(f"there is no {axes!r}\n  give one of {', '.join(names)}, or the vectors to the right and down")
+        right, down = (np.asarray(axis, float) for axis in (names[axes] if isinstance(axes, str) else axes))
+        centre = self._middle() if at is None else np.asarray(at, float)
+        if right.shape != (3,) or down.shape != (3,) or centre.shape != (3,):
+            raise c.BadInput("a position and two vectors of 3 coordinates are needed")
+        width = float(np.max(self.spacing * self.shape)) if size is None else size
+        return c.initialised(struct, width_px=pixels, height_px=pixels, width_mm=width, right=tuple(right), down=tuple(down),
+                             **{place: tuple(centre)}, **more)
+
+    def section(self, plane: Any = "axial", at: Any = None, *, size: Optional[float] = None, pixels: int = 512,
+                opacity: float = 0.55, outlines: bool = True, window: Optional[Tuple[float, float]] = None) -> np.ndarray:
+        """Scan and structures in a plane: uint8 of shape (pixels, pixels, 3), row 0 at the top.
+
+        Args:
+            plane: "axial", "sagittal" or "coronal", which hang radiologically, or two orthogonal unit vectors in the patient: to
+                the right and down.
+            at: centre in the patient (LPS), mm; None: the volume's.
+            size: width and height, mm; None: the volume's longest side.
+            opacity: of the structures' colours over the scan, 0 ... 1.
+            outlines: whether structures are outlined.
+            window: scan values shown black and white; None: the 1st and 99th percentile.
+        """
+        low, high = (0.0, 0.0) if window is None else window
+        section = self._window(c.Section, "centre_mm", at, plane, _PLANES, size, pixels, label_opacity=opacity, outlines=outlines,
+                               window_low=low, window_high=high)
+        image = np.empty((pixels, pixels, 3), np.uint8)
+        c.check(c.lib.plp_model_section(self._handle, ctypes.byref(section), image.ctypes.data, image.size))
+        return image
+
+    def section_labels(self, plane: Any = "axial", at: Any = None, *, size: Optional[float] = None,
+                       pixels: int = 512) -> np.ndarray:
+        """The label at each pixel of section(): uint16 of shape (pixels, pixels); 0: none."""
+        section = self._window(c.Section, "centre_mm", at, plane, _PLANES, size, pixels)
+        labels = np.empty((pixels, pixels), np.uint16)
+        c.check(c.lib.plp_model_section_labels(self._handle, ctypes.byref(section), labels.ctypes.data, labels.size))
+        return labels
+
+    def picture(self, view: Any = "anterior", at: Any = None, *, size: Optional[float] = None, pixels: int = 512,
+                eye: float = math.inf) -> Tuple[np.ndarray, np.ndarray]:
+        """The structures in three dimensions, without a graphics card.
+
+        Args:
+            view: side of the viewer: "anterior", "posterior", "left", "right", "superior" or "inferior", or two orthogonal unit
+                vectors in the patient: to the right and down.
+            at: centre in the patient (LPS), mm; None: the volume's.
+            size: width and height at the centre, mm; None: the volume's longest side.
+            eye: distance of the eye from the centre, mm; infinite: parallel rays.
+
+        Returns:
+            (rgb, depth): uint8 of shape (pixels, pixels, 3), and float32 of shape (pixels, pixels): the distance of what is seen
+            from the eye, or with parallel rays from the plane through the centre, mm; infinite: nothing.
+        """
+        camera = self._window(c.Camera, "focus_mm", at, view, _VIEWS, size, pixels, eye_mm=eye)
+        image, depth = np.empty((pixels, pixels, 3), np.uint8), np.empty((pixels, pixels), np.float32)
+        c.check(c.lib.plp_model_picture(self._handle, ctypes.byref(camera), image.ctypes.data, image.size, depth.ctypes.data))
+        return image, depth
 
     # ---- versions
 

@@ -66,10 +66,10 @@ TEST(Api, EveryMemberOfEveryStructIsDescribed) {
                                          {PLP_FLOAT64, 8},
                                          {PLP_STRING, sizeof(void*)},
                                          {PLP_POINTER, sizeof(void*)}};
-  for (const char* name :
-       {"plp_labels", "plp_tissue", "plp_structure", "plp_tool", "plp_model_options", "plp_cut",
-        "plp_model_info", "plp_pose", "plp_wrench", "plp_record", "plp_session_options", "plp_run_options",
-        "plp_run_info", "plp_loop_options", "plp_loop_health", "plp_recording_info", "plp_field"}) {
+  for (const char* name : {"plp_labels", "plp_tissue", "plp_structure", "plp_tool", "plp_model_options",
+                           "plp_cut", "plp_model_info", "plp_section", "plp_camera", "plp_pose", "plp_wrench",
+                           "plp_record", "plp_session_options", "plp_run_options", "plp_run_info",
+                           "plp_loop_options", "plp_loop_health", "plp_recording_info", "plp_field"}) {
     std::size_t end = 0;
     plp_field field;
     field.size = sizeof field;
@@ -271,6 +271,36 @@ TEST(Api, FieldsAndSurfacesAreSampled) {
     EXPECT_EQ(values[0], 0) << method;
     EXPECT_GT(values[2], 0) << method;
   }
+}
+
+TEST(Api, SectionsAndPicturesShowTheBlock) {
+  const auto model = Block().model();
+  plp_section section;
+  plp_section_init(&section, sizeof section);
+  section.width_px = section.height_px = 20;
+  section.width_mm = 20;
+  for (double& centre : section.centre_mm) centre = 9.5;
+  std::vector<std::uint16_t> labels(400);
+  ASSERT_EQ(plp_model_section_labels(model.get(), &section, labels.data(), labels.size()), PLP_OK)
+      << plp_last_error();
+  EXPECT_EQ(std::count(labels.begin(), labels.end(), 1), 12 * 12);
+  std::vector<std::uint8_t> rgb(1200);
+  ASSERT_EQ(plp_model_section(model.get(), &section, rgb.data(), rgb.size()), PLP_OK) << plp_last_error();
+  EXPECT_GT(rgb[3 * (10 * 20 + 10)], rgb[0]);
+
+  plp_camera camera;
+  plp_camera_init(&camera, sizeof camera);
+  camera.width_px = camera.height_px = 20;
+  camera.width_mm = 20;
+  for (double& focus : camera.focus_mm) focus = 9.5;
+  std::vector<float> depth_mm(400);
+  ASSERT_EQ(plp_model_picture(model.get(), &camera, rgb.data(), rgb.size(), depth_mm.data()), PLP_OK)
+      << plp_last_error();
+  EXPECT_NEAR(depth_mm[10 * 20 + 10], -6, 1) << "from the front onto j = 3.5";
+  EXPECT_TRUE(std::isinf(depth_mm[0]));
+  EXPECT_EQ(plp_model_picture(model.get(), &camera, rgb.data(), 7, nullptr), PLP_BAD_INPUT);
+  camera.down[0] = 1;
+  EXPECT_EQ(plp_model_picture(model.get(), &camera, rgb.data(), rgb.size(), nullptr), PLP_BAD_INPUT);
 }
 
 TEST(Api, ASceneByItsNameRunsAsOnTheCommandLine) {

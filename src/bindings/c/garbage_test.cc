@@ -2,6 +2,7 @@
 // nothing ends the program.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -79,6 +80,19 @@ TEST_F(Garbage, NullEverywhereIsAnError) {
   expect_error(plp_model_labels(model_.get(), nullptr, 0));
   expect_error(plp_model_scan(model_.get(), &voxels, &count));
   expect_error(plp_model_scan(model_.get(), nullptr, nullptr));
+
+  plp_section section;
+  plp_section_init(&section, sizeof section);
+  plp_camera camera;
+  plp_camera_init(&camera, sizeof camera);
+  expect_error(plp_section_init(nullptr, sizeof section));
+  expect_error(plp_camera_init(nullptr, sizeof camera));
+  expect_error(plp_model_section(model_.get(), nullptr, nullptr, 0));
+  expect_error(plp_model_section(model_.get(), &section, nullptr, 3 * 512 * 512));
+  expect_error(plp_model_section_labels(nullptr, &section, nullptr, 0));
+  expect_error(plp_model_section_labels(model_.get(), &section, nullptr, 512 * 512));
+  expect_error(plp_model_picture(model_.get(), nullptr, nullptr, 0, nullptr));
+  expect_error(plp_model_picture(model_.get(), &camera, nullptr, 3 * 512 * 512, nullptr));
 
   expect_error(plp_session_create(nullptr, nullptr, &session));
   expect_error(plp_session_create(model_.get(), nullptr, nullptr));
@@ -311,6 +325,38 @@ TEST_F(Garbage, SpoiltNumbersGiveAnErrorOrForcesWithinTheLimit) {
   }
   EXPECT_GT(models, 20);
   EXPECT_GT(ticked, 500);
+}
+
+TEST_F(Garbage, SpoiltPicturesAreErrorsOrDrawn) {
+  Numbers numbers(palpate::test::test_seed());
+  std::array<std::uint8_t, 192> rgb;
+  const auto bytes = [](std::int32_t width, std::int32_t height) {
+    return width > 0 && height > 0 ? static_cast<std::size_t>(3 * width * height) : std::size_t{0};
+  };
+  int drawn = 0;
+  for (int n = 0; n < 300; ++n) {
+    plp_section section;
+    plp_section_init(&section, sizeof section);
+    section.width_px = section.height_px = 8;
+    numbers.spoil("plp_section", section, 12);
+    section.width_px = std::min(section.width_px, 8);
+    section.height_px = std::min(section.height_px, 8);
+    plp_status status =
+        plp_model_section(model_.get(), &section, rgb.data(), bytes(section.width_px, section.height_px));
+    ASSERT_NE(status, PLP_INTERNAL) << plp_last_error();
+    drawn += status == PLP_OK;
+    plp_camera camera;
+    plp_camera_init(&camera, sizeof camera);
+    camera.width_px = camera.height_px = 8;
+    numbers.spoil("plp_camera", camera, 12);
+    camera.width_px = std::min(camera.width_px, 8);
+    camera.height_px = std::min(camera.height_px, 8);
+    if (n % 8 != 0) continue;
+    status = plp_model_picture(model_.get(), &camera, rgb.data(), bytes(camera.width_px, camera.height_px),
+                               nullptr);
+    ASSERT_NE(status, PLP_INTERNAL) << plp_last_error();
+  }
+  EXPECT_GT(drawn, 20);
 }
 
 TEST_F(Garbage, SpoiltOptionsOfRunsAndLoopsAreErrors) {

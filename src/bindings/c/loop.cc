@@ -1,5 +1,9 @@
 #include <array>
+#include <cmath>
 #include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,15 +20,24 @@ namespace {
 // ticks that nobody takes out of the loop's ring
 constexpr double kRing_s = 0.01;
 
+std::optional<double> known(double value) {
+  return std::isnan(value) ? std::nullopt : std::optional(value);
+}
+
 }  // namespace
 
 /// Device whose poses the host posts. The force is read from the loop's snapshot.
 class PostedDriver final : public DeviceDriver {
  public:
-  explicit PostedDriver(bool in_patient) : pose_(Point<Device>()) {
+  /// The loop takes a device's limits from its driver.
+  explicit PostedDriver(const SessionSetup& setup) : pose_(Point<Device>()) {
     info_.name = "host";
     info_.simulated = true;
-    info_.in_patient = in_patient;
+    info_.in_patient = setup.in_patient;
+    const DeviceParameters& device = setup.parameters.device[0];
+    info_.peak_torque_Nmm = known(device.limits.peak_torque_Nmm);
+    info_.continuous_force_N = known(device.limits.continuous_force_N);
+    info_.position_step_mm = known(device.position_step_mm);
   }
 
   /// @param pose  as is_pose() accepts it
@@ -56,7 +69,7 @@ class PostedDriver final : public DeviceDriver {
 
 struct plp_loop {
   static constexpr palpate::c::Tag kTag = palpate::c::Tag::kLoop;
-  explicit plp_loop(bool in_patient) : driver(in_patient) {}
+  explicit plp_loop(const palpate::c::SessionSetup& setup) : driver(setup) {}
   ~plp_loop() { tag = palpate::c::Tag::kNone; }
 
   palpate::c::Tag tag = kTag;
@@ -103,7 +116,7 @@ plp_status plp_loop_start(const plp_model* model, const plp_loop_options* option
     if (setup->devices != 1) return fail(PLP_USAGE, "devices: a loop has one");
     if (setup->solve_soft_tissue) return fail(PLP_USAGE, "solve_soft_tissue: a loop does not");
 
-    auto started = std::make_unique<plp_loop>(setup->in_patient);
+    auto started = std::make_unique<plp_loop>(*setup);
     started->family = model->family;
     started->model = model->loaded.model;
     started->method = setup->method;

@@ -10,6 +10,8 @@
 
 #include "c/guard.h"
 #include "palpate/contact/haptics.h"
+#include "palpate/rendering/rendering.h"
+#include "palpate/rendering/volume_renderer.h"
 #include "palpate/servo/servo.h"
 
 /// Defaults of the structs of palpate.h, and their members for bindings of other languages.
@@ -105,6 +107,23 @@ constexpr std::array k_plp_model_info{
     PALPATE_FIELD(plp_model_info, max_force_N),  PALPATE_FIELD(plp_model_info, tissues),
     PALPATE_FIELD(plp_model_info, structures),   PALPATE_FIELD(plp_model_info, tools),
     PALPATE_FIELD(plp_model_info, has_scan),
+};
+
+constexpr std::array k_plp_section{
+    PALPATE_FIELD(plp_section, size),          PALPATE_FIELD(plp_section, outlines),
+    PALPATE_FIELD(plp_section, width_px),      PALPATE_FIELD(plp_section, height_px),
+    PALPATE_FIELD(plp_section, centre_mm),     PALPATE_FIELD(plp_section, right),
+    PALPATE_FIELD(plp_section, down),          PALPATE_FIELD(plp_section, width_mm),
+    PALPATE_FIELD(plp_section, window_low),    PALPATE_FIELD(plp_section, window_high),
+    PALPATE_FIELD(plp_section, label_opacity),
+};
+
+constexpr std::array k_plp_camera{
+    PALPATE_FIELD(plp_camera, size),     PALPATE_FIELD(plp_camera, reserved),
+    PALPATE_FIELD(plp_camera, width_px), PALPATE_FIELD(plp_camera, height_px),
+    PALPATE_FIELD(plp_camera, focus_mm), PALPATE_FIELD(plp_camera, right),
+    PALPATE_FIELD(plp_camera, down),     PALPATE_FIELD(plp_camera, width_mm),
+    PALPATE_FIELD(plp_camera, eye_mm),
 };
 
 constexpr std::array k_plp_pose{
@@ -234,6 +253,8 @@ constexpr std::array kDescribed{
     Described{"plp_model_options", sizeof(plp_model_options), k_plp_model_options},
     Described{"plp_cut", sizeof(plp_cut), k_plp_cut},
     Described{"plp_model_info", sizeof(plp_model_info), k_plp_model_info},
+    Described{"plp_section", sizeof(plp_section), k_plp_section},
+    Described{"plp_camera", sizeof(plp_camera), k_plp_camera},
     Described{"plp_pose", sizeof(plp_pose), k_plp_pose},
     Described{"plp_wrench", sizeof(plp_wrench), k_plp_wrench},
     Described{"plp_record", sizeof(plp_record), k_plp_record},
@@ -318,6 +339,29 @@ plp_status plp_model_options_init(plp_model_options* options, size_t size) {
 
 plp_status plp_cut_init(plp_cut* cut, size_t size) {
   return init(cut, size, plp_cut{});
+}
+
+plp_status plp_section_init(plp_section* section, size_t size) {
+  const palpate::SectionStyle usual;
+  plp_section defaults{};
+  defaults.outlines = usual.outlines;
+  defaults.width_px = defaults.height_px = 512;
+  defaults.right[0] = defaults.down[1] = 1;
+  defaults.width_mm = 100;
+  defaults.label_opacity = usual.label_opacity;
+  return init(section, size, defaults);
+}
+
+plp_status plp_camera_init(plp_camera* camera, size_t size) {
+  const palpate::VolumeCamera usual;
+  plp_camera defaults{};
+  defaults.width_px = usual.width_px;
+  defaults.height_px = usual.height_px;
+  defaults.right[0] = 1;
+  defaults.down[2] = -1;
+  defaults.width_mm = usual.width_mm;
+  defaults.eye_mm = usual.eye_mm;
+  return init(camera, size, defaults);
 }
 
 plp_status plp_pose_init(plp_pose* pose, size_t size) {
