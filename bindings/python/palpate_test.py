@@ -92,6 +92,13 @@ class Models(unittest.TestCase):
         with self.assertRaisesRegex(pp.BadInput, "known are: bone"):
             model.with_(stiffness={"nothing": 1})
 
+    def test_tissues_on_each_other_change_together(self):
+        scene = pp.load(SCENE)
+        changed = scene.with_(stiffness={"plate": 0.03, "soft tissue": 0.02, "nodule": 0.025})
+        self.assertEqual([changed.tissues[name].stiffness for name in ("plate", "soft tissue", "nodule")], [0.03, 0.02, 0.025])
+        with self.assertRaises(pp.BadInput):
+            scene.with_(stiffness={"plate": 1000})
+
     def test_fields_are_sampled(self):
         model = block()
         points = np.array([[[9.5, 9.5, 18]], [[9.5, 9.5, 12.5]]])

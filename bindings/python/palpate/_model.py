@@ -391,9 +391,19 @@ class Model:
                 setattr(raw, member, float(value))
                 if member == "friction":
                     raw.static_friction = max(raw.static_friction, raw.friction)
-        model = self
-        for index, raw in changed.items():
-            model = Model._of(c.made(c.lib.plp_model_change, model._handle, index, ctypes.byref(raw)))
+        model, before = self, len(changed)
+        while changed:
+            # a tissue may be at most as stiff as what it rests on: a change that is refused may do after another
+            refused: Optional[c.BadInput] = None
+            for index, raw in list(changed.items()):
+                try:
+                    model = Model._of(c.made(c.lib.plp_model_change, model._handle, index, ctypes.byref(raw)))
+                    del changed[index]
+                except c.BadInput as error:
+                    refused = refused or error
+            if refused is not None and len(changed) == before:
+                raise refused
+            before = len(changed)
         return model
 
     def cut(self, path: Any, radius: float) -> "Model":

@@ -28,7 +28,7 @@ inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
 /// Conditions of a tick: contact, and why its output was changed or withheld. Bits.
 enum TickFlag : std::uint32_t {
   kFlagClamped = 1u << 0,    ///< The force exceeded the limit: lower the stiffness or press less
-  kFlagNotFinite = 1u << 1,  ///< A state or force was NaN or infinite; the output was zero
+  kFlagNotFinite = 1u << 1,  ///< State, force or duration NaN, infinite or below 0 s; the output was zero
   kFlagOutside = 1u << 2,    ///< The tip is outside the volume, in free space
   kFlagPaused = 1u << 3,     ///< Paused or about to stop: the force fades out and stays off
   kFlagContact = 1u << 4,    ///< A structure is in contact

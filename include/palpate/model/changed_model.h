@@ -18,7 +18,8 @@ namespace palpate {
 struct ModelVersions {
   std::shared_ptr<const Model> felt, made;
 };
-/// Versions after a ModelChange of any kind. Errors: those of the functions below.
+/// Versions after a ModelChange of any kind. Errors: those of the functions below; kBadInput without a
+/// current version, and for a cut by an unknown device, of no radius or at no place.
 /// @param cuts       cuts to apply; used by kCut only
 /// @param preparing  computes surfaces if a law requires other ones
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
@@ -57,7 +58,8 @@ std::shared_ptr<const Carving> carving_after(const Carving* carving, const Model
 /// Applies the undo or redo of a stroke to the removed volume; other changes have no effect.
 void follow(const ModelChange& change, RemovedVolume& removed);
 
-/// Change with a tissue's current values, which leaves them as they are.
+/// Change with a tissue's current values, which leaves them as they are. next_version() refuses the change of
+/// a tissue that the model does not have.
 ModelChange unchanged(const Model& model, std::size_t tissue);
 
 /// Next version after a change of a tissue's values. Shares all unchanged data.

@@ -48,10 +48,11 @@ struct MadeModel {
   double full_force_N = 0;         ///< Full scale of these ramps
 };
 /// Builds a model. Without felt structures its field is 0 everywhere.
-/// Errors: kBadInput for a ramp width that does not suit the voxels, a burr less than two voxels across, an
-/// elastic constant out of range (elastic_constants.h), an invalid relaxation or too many different
-/// relaxation times, an invalid cell size, or an invalid no-go region (check_no_go); those of prepare_ramps;
-/// kInterrupted.
+/// Errors: kBadInput for parts that are missing, not finite, or refer to what is not there, with the name of
+/// the member as location; for a ramp width that does not suit the voxels, a burr less than two voxels
+/// across, an elastic constant out of range (elastic_constants.h), an invalid relaxation or too many
+/// different relaxation times, an invalid cell size, or an invalid no-go region (check_no_go); those of
+/// prepare_ramps; kInterrupted.
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing = {},
                              const Progress& progress = {});
 

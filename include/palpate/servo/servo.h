@@ -106,7 +106,11 @@ struct SessionState {
 };
 
 /// One servo tick. Does not allocate, lock, log or throw, and makes no system call.
+///
+/// Without a usable duration, as without devices or a model that is prepared for the trilinear method, there
+/// is no tick: all wrenches are zero, the state is unchanged, and every device has kFlagNotFinite.
 /// @param devices   1 ... kMaxDevices states; `wrenches` has the same length
+/// @param dt_s      duration since the last tick; finite, at least 0
 /// @param wrenches  receives the wrench to send to each device
 /// @param record    receives the inputs and outputs of the tick
 void tick(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices, double dt_s,

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <new>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,8 +55,9 @@ template <class T>
 class Volume {
  public:
   Volume() = default;
+  /// Throws std::bad_alloc if a dimension is negative or the memory does not suffice.
   explicit Volume(const GridGeometry& geometry, T fill = T{})
-      : geometry_(geometry), voxels_(geometry.voxel_count(), fill) {}
+      : geometry_(geometry), voxels_(allocated_voxels(geometry), fill) {}
   Volume(const GridGeometry& geometry, std::vector<T> voxels)
       : geometry_(geometry), voxels_(std::move(voxels)) {
     PALPATE_CHECK(voxels_.size() == geometry_.voxel_count());
@@ -73,6 +75,17 @@ class Volume {
   }
 
  private:
+  // number of voxels, if as many can be allocated at all
+  static std::size_t allocated_voxels(const GridGeometry& geometry) {
+    std::size_t left = std::vector<T>().max_size();
+    for (const int dim : geometry.dims) {
+      if (dim < 0) throw std::bad_alloc();
+      if (dim > 0) left /= static_cast<std::size_t>(dim);
+    }
+    if (left == 0) throw std::bad_alloc();
+    return geometry.voxel_count();
+  }
+
   GridGeometry geometry_;
   std::vector<T> voxels_;
 };

@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <new>
 #include <string>
 
 #include "palpate/volume/grid.h"
@@ -41,6 +43,16 @@ TEST(Grid, TheFaultyMemberIsNamed) {
   EXPECT_EQ(fault_of([](GridGeometry& grid) { grid.direction.col(1) = grid.direction.col(0); }), "direction");
   for (const double x : {-1e7, kNaN, HUGE_VAL})
     EXPECT_EQ(fault_of([&](GridGeometry& grid) { grid.origin[0] = x; }), "origin") << x;
+}
+
+TEST(Grid, AVolumeThatCannotBeAllocatedThrowsBadAllocOnly) {
+  constexpr int kMax = std::numeric_limits<int>::max();
+  GridGeometry grid;
+  for (const std::array<int, 3>& dims :
+       {std::array{-1, 1, 1}, std::array{-1, -1, 1}, std::array{kMax, kMax, kMax}, std::array{0, -1, 5}}) {
+    grid.dims = dims;
+    EXPECT_THROW(Volume<LabelId> volume(grid), std::bad_alloc);
+  }
 }
 
 }  // namespace
