@@ -24,10 +24,10 @@
 
 // ---- version
 
-#define PLP_VERSION_MAJOR 0
-#define PLP_VERSION_MINOR 1
+#define PLP_VERSION_MAJOR 1
+#define PLP_VERSION_MINOR 0
 #define PLP_VERSION_PATCH 0
-#define PLP_VERSION "0.1.0"
+#define PLP_VERSION "1.0.0"
 
 #if defined(__GNUC__)
 #define PLP_API __attribute__((visibility("default")))
@@ -39,8 +39,8 @@
 extern "C" {
 #endif
 
-/// Version of the library, e.g. "0.1.0"; PLP_VERSION is that of the header. Until 1.0.0 a program needs a
-/// library of the same minor version.
+/// Version of the library, e.g. "1.0.0"; PLP_VERSION is that of the header. A program runs with any library
+/// of its soname, libpalpate.so.0, that is not older than its header.
 PLP_API const char* plp_version(void);
 
 // ---- errors

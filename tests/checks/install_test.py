@@ -70,7 +70,7 @@ class Install(unittest.TestCase):
         project.mkdir(exist_ok=True)
         (project / "CMakeLists.txt").write_text(
             "cmake_minimum_required(VERSION 3.25)\nproject(consumer LANGUAGES C)\n"
-            f"find_package(palpate 0.1 REQUIRED {components})\nget_target_property(found palpate::c LOCATION)\nmessage(\"at ${{found}}\")\n",
+            f"find_package(palpate 1.0 REQUIRED {components})\nget_target_property(found palpate::c LOCATION)\nmessage(\"at ${{found}}\")\n",
             encoding="utf-8")
         done = subprocess.run([CMAKE, "-S", project, "-B", project / "build", f"-DCMAKE_PREFIX_PATH={self.root / 'c'}"],
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
