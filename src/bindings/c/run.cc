@@ -7,6 +7,7 @@
 
 #include "c/model.h"
 #include "c/record.h"
+#include "palpate/device/settings.h"
 #include "palpate/palpation/palpation.h"
 
 struct plp_run {
@@ -34,11 +35,11 @@ Result<SimulationOptions> simulation_of(const plp_run_options& options) {
                  "give 0 to 2^53, or -1 for the script's"};
   if (options.seed >= 0) simulation.seed = static_cast<std::uint64_t>(options.seed);
   if (!std::isnan(options.max_force_N)) {
-    const auto range = max_force_range_N();
-    if (!(options.max_force_N >= range[0] && options.max_force_N <= range[1]))
-      return Error{ErrorKind::kBadInput, "a force limit of " + std::to_string(options.max_force_N) + " N",
-                   "max_force_N",
-                   "give " + std::to_string(range[0]) + " to " + std::to_string(range[1]) + " N"};
+    if (!(options.max_force_N >= kMaxForceRange.min && options.max_force_N <= kMaxForceRange.max))
+      return Error{
+          ErrorKind::kBadInput, "a force limit of " + std::to_string(options.max_force_N) + " N",
+          "max_force_N",
+          "give " + std::to_string(kMaxForceRange.min) + " to " + std::to_string(kMaxForceRange.max) + " N"};
     simulation.max_force_N = options.max_force_N;
   }
   if (!std::isnan(options.rate_hz)) {
