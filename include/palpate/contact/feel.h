@@ -204,10 +204,10 @@ struct PassivityFeel {
   /// Tick length beyond which half of the excess counts as delay; s. For shorter ticks the reserve covers the
   /// energy of the zero-order hold.
   double covered_tick_s = 1e-3;
-  /// Limit of the damping: more makes a firmly held tip oscillate.
+  /// Maximum damping; more makes a firmly held tip oscillate.
   double max_damping_N_s_per_m = 20;
-  /// Nor is it more than this over the time by which its force is late, T/2 + t_d: at pi/2 m over that time
-  /// a mass m swings by itself, and a Touch, the lightest known device, has 0.045 kg.
+  /// Maximum product of the damping and the delay of its force, T/2 + t_d. A mass m oscillates from a product
+  /// of pi/2 m on; the lightest known device, a Touch, has 0.045 kg.
   double max_damping_times_delay_kg = 0.045;
 
   template <class Visit>
@@ -269,8 +269,8 @@ struct BounceFeel {
   /// Encoder steps of deceleration needed before the apparent mass is estimated, and steps added to account
   /// for quantisation, which makes the estimated mass lighter and the predicted rebound faster.
   double told_steps = 2, hidden_steps = 0.5;
-  /// Duration of contact after which a rebound is excluded: a bare Premium takes 25 ms on its recommended
-  /// wall.
+  /// Duration of contact after which a rebound is excluded: a bare Premium takes 25 ms on a surface of its
+  /// recommended stiffness.
   double longest_s = 0.03;
 
   template <class Visit>
