@@ -322,12 +322,12 @@ void expect_no_pop_through(const std::string& name) {
                 counted.presses, 100.0 * counted.touched / counted.presses, counted.ticks,
                 counted.deepest_mm);
     std::fflush(stdout);
-    EXPECT_LE(counted.deepest_mm, kProxyFeel.max_dip_mm);
+    EXPECT_LE(counted.deepest_mm, kProxyFeel.max_penetration_mm);
     // with the few presses under a sanitizer a single one is several percent, so only their sum is checked
     // there
     EXPECT_TRUE(counted.touched >= 0.9 * counted.presses || counted.presses < 1000);
     all.add(counted);
-    EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.max_dip_mm + kShaftDip_mm);
+    EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.max_penetration_mm + kShaftDip_mm);
     shafts.add(tools.shafts);
   }
   EXPECT_EQ(structures, kStructures);

@@ -315,7 +315,7 @@ struct ProxyOptions {
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
   Holes* holes = nullptr;
   /// Maximum fraction of a substep by which the distance to the tip may increase.
-  double max_away = kProxyFeel.away;
+  double max_away = kProxyFeel.max_distance_increase;
   /// Limit of the force sent to the device; a release starts with at most this force.
   double max_force_N = std::numeric_limits<double>::infinity();
 };
@@ -370,7 +370,7 @@ struct ProxyResult : ProxyForce {
 /// Advances the proxies by one tick: rotates each proxy from its attitude to the operator's, moves it towards
 /// the tip along the surfaces without passing through them, then evaluates the springs. The whole path is
 /// collision-checked in substeps bounded by the clearance: at no point does a sphere penetrate a surface by
-/// more than ProxyFeel::max_dip_mm. Bounded work; does not allocate, lock or throw.
+/// more than ProxyFeel::max_penetration_mm. Bounded work; does not allocate, lock or throw.
 ///
 /// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
 ///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/archive/0023). The contact point is the

@@ -22,9 +22,9 @@ struct OscillationState {
 /// does not measure.
 ///
 /// A self-sustained oscillation reverses along the force at least three times without decaying. It is faster
-/// than 6.7 Hz, has an amplitude of at least SwingFeel::min_mm and a mean speed of 15 mm/s, and its lateral
-/// displacement is at most its amplitude. Tapping with a finger is slower, a tremor of 8 to 12 Hz has a
-/// smaller amplitude, and sliding over ribs has a larger lateral displacement.
+/// than 6.7 Hz, has an amplitude of at least SwingFeel::min_amplitude_mm and a mean speed of 15 mm/s, and its
+/// lateral displacement is at most its amplitude. Tapping with a finger is slower, a tremor of 8 to 12 Hz has
+/// a smaller amplitude, and sliding over ribs has a larger lateral displacement.
 /// @param force_N  requested force; zero in free space
 /// @param way_mm   displacement of the tip since the last tick, relative to the object; mm of the device
 /// @param step_mm  encoder step

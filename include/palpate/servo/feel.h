@@ -36,9 +36,9 @@ struct OutputFeel {
   /// Time over which the rest of the thermal budget may be spent, so that the limit falls gradually.
   double thermal_taper_s = 0.2;
   /// Time in which torque and gripper force may change by their whole range.
-  double full_swing_s = 10e-3;
+  double full_range_s = 10e-3;
   /// Upper bound of the tick duration used for heating, cooling and slew.
-  double longest_tick_s = 0.1;
+  double max_tick_s = 0.1;
   /// Largest plausible displacement in one tick and largest plausible speed of a device, device mm; a motion
   /// that exceeds both is a jump (a fault).
   double jump_mm = 10, jump_mm_s = 10e3;
@@ -57,8 +57,8 @@ struct OutputFeel {
     of("clock_jitter_s", clock_jitter_s);
     of("thermal_s", thermal_s);
     of("thermal_taper_s", thermal_taper_s);
-    of("full_swing_s", full_swing_s);
-    of("longest_tick_s", longest_tick_s);
+    of("full_range_s", full_range_s);
+    of("max_tick_s", max_tick_s);
     of("jump_mm", jump_mm);
     of("jump_mm_s", jump_mm_s);
   }
@@ -79,10 +79,10 @@ struct TurningFeel {
   double max_step_N = 0.1;
   /// Upper bound of the tick duration that counts towards the limits, so that a late tick gets no larger
   /// budget.
-  double longest_tick_s = 0.01;
+  double max_tick_s = 0.01;
   /// Maximum number of iterations that shorten a tick's rotation until it is within the limits. One rotation
   /// is small enough for the path under a tip to be nearly straight.
-  int tries = 6;
+  int max_iterations = 6;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -90,8 +90,8 @@ struct TurningFeel {
     of("max_power_mW", max_power_mW);
     of("max_speed_mm_s", max_speed_mm_s);
     of("max_step_N", max_step_N);
-    of("longest_tick_s", longest_tick_s);
-    of("tries", tries);
+    of("max_tick_s", max_tick_s);
+    of("max_iterations", max_iterations);
   }
 };
 

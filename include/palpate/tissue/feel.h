@@ -10,58 +10,58 @@ struct CuttingFeel {
   /// Distance ahead of the burr's surface at which material is sampled. An edge counts from half that depth,
   /// so that next to a pocket, where the burr's surface leaves the material, little counts that the burr does
   /// not touch.
-  double ahead_mm = 0.1;
+  double lookahead_mm = 0.1;
   /// Limits of the feed: depth per tick, and, while the surfaces have not been rebuilt, total inset as a
   /// fraction of the burr's least radius.
-  double max_feed_mm = 0.1, max_inset_part = 0.8;
+  double max_feed_mm = 0.1, max_inset_fraction = 0.8;
   /// Merging of consecutive paths into one sweep: largest deviation from a straight line, largest length, and
   /// largest displacement of the far end by rotation. A sweep has the head's orientation at its end. Its
   /// start had the orientation with which the next sweep begins, so material between two sweeps that belongs
-  /// to neither is much thinner than turned_mm.
-  double straight_mm = 0.002, longest_mm = 0.25, turned_mm = 0.05;
+  /// to neither is much thinner than max_turn_mm.
+  double max_deviation_mm = 0.002, max_sweep_mm = 0.25, max_turn_mm = 0.05;
   /// A sweep is completed after this time at the latest.
-  double longest_sweep_s = 0.01;
+  double max_sweep_s = 0.01;
   /// A substep of the proxy that moves the head away from the tip by more than this fraction of its length is
   /// rejected: a steeper climb would remove more than the motor's work pays for.
-  double away = 0.02;
+  double max_distance_increase = 0.02;
   /// Displacements below this count as no motion.
-  double still_mm = 1e-6;
+  double at_rest_mm = 1e-6;
   /// Distance at which a head is in contact with a protected structure, and the speed per tick at which it
   /// leaves a slight penetration.
-  double touching_mm = 1e-4, regained_mm = 1e-3;
+  double contact_tolerance_mm = 1e-4, recovery_mm = 1e-3;
   /// Error of the surface between voxels: it may read closer by this much than it was cut.
-  double rounding_mm = 1e-4;
+  double surface_error_mm = 1e-4;
   /// Displacement of a surface from which on the normal is entirely recomputed, because the prepared normal
   /// describes removed material.
-  double moved_mm = 0.25;
+  double stale_normal_mm = 0.25;
   /// Pose age from which on a motor stands still.
-  double motor_stops_s = 10e-3;
+  double motor_timeout_s = 10e-3;
   /// Number of sampling directions, spread evenly over a ball's projection.
   int directions = 64;
   /// Number of sampling points around the lateral surface of a cylinder or cone; half of them face forwards.
-  int side_places = 128;
+  int lateral_samples = 128;
   /// Maximum number of iterations per tick that place the head outside protected structures.
-  int max_tries = 4;
+  int max_iterations = 4;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
-    of("ahead_mm", ahead_mm);
+    of("lookahead_mm", lookahead_mm);
     of("max_feed_mm", max_feed_mm);
-    of("max_inset_part", max_inset_part);
-    of("straight_mm", straight_mm);
-    of("longest_mm", longest_mm);
-    of("turned_mm", turned_mm);
-    of("longest_sweep_s", longest_sweep_s);
-    of("away", away);
-    of("still_mm", still_mm);
-    of("touching_mm", touching_mm);
-    of("regained_mm", regained_mm);
-    of("rounding_mm", rounding_mm);
-    of("moved_mm", moved_mm);
-    of("motor_stops_s", motor_stops_s);
+    of("max_inset_fraction", max_inset_fraction);
+    of("max_deviation_mm", max_deviation_mm);
+    of("max_sweep_mm", max_sweep_mm);
+    of("max_turn_mm", max_turn_mm);
+    of("max_sweep_s", max_sweep_s);
+    of("max_distance_increase", max_distance_increase);
+    of("at_rest_mm", at_rest_mm);
+    of("contact_tolerance_mm", contact_tolerance_mm);
+    of("recovery_mm", recovery_mm);
+    of("surface_error_mm", surface_error_mm);
+    of("stale_normal_mm", stale_normal_mm);
+    of("motor_timeout_s", motor_timeout_s);
     of("directions", directions);
-    of("side_places", side_places);
-    of("max_tries", max_tries);
+    of("lateral_samples", lateral_samples);
+    of("max_iterations", max_iterations);
   }
 };
 
@@ -73,13 +73,13 @@ struct SolvingFeel {
   double lead_frames = 1.5, max_lead_mm = 5;
   /// Distance from every surface beyond which a tool is not expected to press soon.
   double reach_mm = 15;
-  /// The box moves, in steps of step_cells, when the tool is farther than farthest_cells from its middle: the
-  /// springs at its faces only approximate the tissue beyond, and less accurately the closer the load.
-  int step_cells = 2, farthest_cells = 5;
+  /// The box moves, in steps of step_cells, when the tool is farther than max_offset_cells from its middle:
+  /// the springs at its faces only approximate the tissue beyond, and less accurately the closer the load.
+  int step_cells = 2, max_offset_cells = 5;
   /// Depth of the box's middle below the surface. A box centred on the surface would have a third of its
   /// height above it, where there is no tissue, while rigid structures below determine much of the
   /// compliance.
-  double deeper_cells = 10;
+  double depth_cells = 10;
   /// Iterations per frame, and in the first frame of a new box.
   int iterations = 2, first_iterations = 12;
   /// Minimum radius of the pressure patch in cells: the nodes cannot resolve a smaller one.
@@ -92,13 +92,13 @@ struct SolvingFeel {
   /// Size of the box for the neo-Hookean law, smaller because a frame costs three times as much per cell.
   int finite_cells_along = 31, finite_cells_across = 26;
   /// Newton steps per frame, linear iterations per step, and iterations of the tangential solve.
-  int finite_steps = 1, finite_iterations = 4, aside_iterations = 2;
+  int finite_steps = 1, finite_iterations = 4, tangential_iterations = 2;
   /// Columns of nodes that bear at least this fraction of the most loaded column's share are constrained to
   /// the tool's surface.
-  double min_bearing = 0.01;
+  double min_load_fraction = 0.01;
   /// Range of the patch's displacement as a fraction of its radius: for a shallower or deeper tool, or one in
   /// the air, the law at the bound is extrapolated.
-  double min_give = 0.1, max_give = 1.2;
+  double min_indentation = 0.1, max_indentation = 1.2;
   /// Least fraction of its volume that any cell may keep in a neo-Hookean solution; below it the solution is
   /// discarded.
   double min_volume = 0.15;
@@ -109,8 +109,8 @@ struct SolvingFeel {
     of("max_lead_mm", max_lead_mm);
     of("reach_mm", reach_mm);
     of("step_cells", step_cells);
-    of("farthest_cells", farthest_cells);
-    of("deeper_cells", deeper_cells);
+    of("max_offset_cells", max_offset_cells);
+    of("depth_cells", depth_cells);
     of("iterations", iterations);
     of("first_iterations", first_iterations);
     of("min_patch_cells", min_patch_cells);
@@ -121,10 +121,10 @@ struct SolvingFeel {
     of("finite_cells_across", finite_cells_across);
     of("finite_steps", finite_steps);
     of("finite_iterations", finite_iterations);
-    of("aside_iterations", aside_iterations);
-    of("min_bearing", min_bearing);
-    of("min_give", min_give);
-    of("max_give", max_give);
+    of("tangential_iterations", tangential_iterations);
+    of("min_load_fraction", min_load_fraction);
+    of("min_indentation", min_indentation);
+    of("max_indentation", max_indentation);
     of("min_volume", min_volume);
   }
 };

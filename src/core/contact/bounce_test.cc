@@ -116,7 +116,7 @@ TEST(Bounce, EndsAfterItsTimeLimit) {
     if (max_N < kNone) last = n;
   }
   EXPECT_GT(last, 5);
-  EXPECT_LE(last * kBounceTick_s, kBounceFeel.longest_s + kBounceTick_s);
+  EXPECT_LE(last * kBounceTick_s, kBounceFeel.max_contact_s + kBounceTick_s);
 }
 
 TEST(Bounce, UnforcedMotionGivesNoMassEstimate) {

@@ -73,7 +73,7 @@ int row_steps(const ToolSphere& sphere) {
   const double thinnest_mm =
       sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm =
-      std::max(kProxyFeel.min_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.row_dip_mm));
+      std::max(kProxyFeel.min_row_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.max_row_gap_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }
 

@@ -7,8 +7,8 @@
 #include "palpate/sampling/surface.h"
 
 /// Capsule represented by a row of spheres. The spacing is chosen so that between two spheres the outline is
-/// at most ProxyFeel::row_dip_mm inside the capsule's, even against a sharp edge across the axis; thin
-/// capsules have a spacing of ProxyFeel::min_pitch_mm. A tapered capsule has the spacing of its thin end
+/// at most ProxyFeel::max_row_gap_mm inside the capsule's, even against a sharp edge across the axis; thin
+/// capsules have a spacing of ProxyFeel::min_row_pitch_mm. A tapered capsule has the spacing of its thin end
 /// throughout.
 namespace palpate {
 

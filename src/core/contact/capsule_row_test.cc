@@ -24,7 +24,7 @@ TEST(CapsuleRow, OutlineApproximatesTheCapsuleWithinTolerance) {
       const int steps = row_steps({{}, radius_mm, {0, 0, length_mm}});
       ASSERT_GE(steps, 1);
       const double half_mm = 0.5 * length_mm / steps;
-      EXPECT_LE(radius_mm - std::sqrt(radius_mm * radius_mm - half_mm * half_mm), kProxyFeel.row_dip_mm);
+      EXPECT_LE(radius_mm - std::sqrt(radius_mm * radius_mm - half_mm * half_mm), kProxyFeel.max_row_gap_mm);
     }
   // thin capsules have the minimum spacing
   for (const double radius_mm : {0.0, 0.1}) EXPECT_EQ(row_steps({{}, radius_mm, {10, 0, 0}}), 67);

@@ -32,8 +32,8 @@ double gather_constraints(PairSet& pairs, const Point<Patient>& proxy, ContactCo
 bool add_penetrated(PairSet& pairs, const Point<Patient>& end, ContactConstraints& constraints) {
   bool any = false;
   for (std::size_t n = 0; n < pairs.count(); ++n) {
-    const double clearance_mm = pairs.clearance(n, end, -kProxyFeel.dip_mm);
-    if (clearance_mm >= -kProxyFeel.dip_mm) continue;
+    const double clearance_mm = pairs.clearance(n, end, -kProxyFeel.substep_penetration_mm);
+    if (clearance_mm >= -kProxyFeel.substep_penetration_mm) continue;
     constraints.add(pairs[n], pairs.step(n), end, clearance_mm);
     any = true;
   }
@@ -42,7 +42,8 @@ bool add_penetrated(PairSet& pairs, const Point<Patient>& end, ContactConstraint
 
 bool penetrates_any(PairSet& pairs, const Point<Patient>& at) {
   for (std::size_t n = 0; n < pairs.count(); ++n)
-    if (pairs.clearance(n, at, -kProxyFeel.dip_mm) < -kProxyFeel.dip_mm) return true;
+    if (pairs.clearance(n, at, -kProxyFeel.substep_penetration_mm) < -kProxyFeel.substep_penetration_mm)
+      return true;
   return false;
 }
 

@@ -15,7 +15,7 @@ double gather_constraints(PairSet& pairs, const Point<Patient>& proxy, ContactCo
 /// @return whether there is any
 bool add_penetrated(PairSet& pairs, const Point<Patient>& end, ContactConstraints& constraints);
 
-/// Whether the tool at a position penetrates any surface by more than ProxyFeel::dip_mm.
+/// Whether the tool at a position penetrates any surface by more than ProxyFeel::substep_penetration_mm.
 bool penetrates_any(PairSet& pairs, const Point<Patient>& at);
 
 }  // namespace palpate

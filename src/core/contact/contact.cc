@@ -139,7 +139,7 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
 
   // ramps begin at the boundary of the structure's own voxels
   if (model.ramp_width_mm > 0) {
-    site.level *= std::min(1.0, kTouchFeel.whole_viscosity_mm / model.ramp_width_mm);
+    site.level *= std::min(1.0, kTouchFeel.full_viscosity_mm / model.ramp_width_mm);
     site.depth_mm =
         has_direction ? walk.depth_in(site.label, outward) : std::numeric_limits<double>::quiet_NaN();
     return site;

@@ -33,7 +33,7 @@ struct DisplacementLimit {
 
   bool is_outside(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
   bool is_at_limit(const Point<Patient>& at) const {
-    return (at - middle).norm() > length_mm - kProxyFeel.still_mm;
+    return (at - middle).norm() > length_mm - kProxyFeel.at_rest_mm;
   }
   /// Largest fraction of a displacement that stays within the ball.
   double fraction_within(const Point<Patient>& from, const Vector<Patient>& displacement_mm) const {

@@ -107,7 +107,7 @@ double PairSet::middle_of_touching(std::size_t n, const Point<Patient>& proxy, i
   const ContactPair& pair = pairs_[n];
   if (pair.steps == 0) return 0;
   return palpate::middle_of_touching(*pair.surface, proxy + pair.shape.offset_mm, pair.shape, pair.steps,
-                                     step, kProxyFeel.beside_mm, queries_);
+                                     step, kProxyFeel.load_sharing_mm, queries_);
 }
 
 void PairSet::turn(std::span<const ToolSphere> spheres) {
@@ -161,7 +161,7 @@ void ContactConstraints::put(std::size_t place, const ContactPair& pair, int ste
 // index of a parallel half-space that is less restrictive, or kMaxHalfSpaces
 std::size_t ContactConstraints::place_of_weaker(const HalfSpace& plane) const {
   std::size_t n = 0;
-  while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(plane.normal) > kProxyFeel.parallel &&
+  while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(plane.normal) > kProxyFeel.min_parallel_cosine &&
                                  half_spaces_[n].offset < plane.offset))
     ++n;
   return n;

@@ -13,15 +13,15 @@ void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& 
     state.speed_mm_s = state.way_mm = state.time_s = 0;
   state.way_mm += along_mm;
   state.time_s += dt_s;
-  const bool told = std::abs(state.way_mm) >= kPassivityFeel.telling_steps * step_mm;
-  if (!told && state.time_s < kPassivityFeel.longest_untold_s) return;
+  const bool told = std::abs(state.way_mm) >= kPassivityFeel.min_velocity_steps * step_mm;
+  if (!told && state.time_s < kPassivityFeel.at_rest_s) return;
   state.speed_mm_s = told ? state.way_mm / state.time_s : 0;
   state.way_mm = state.time_s = 0;
 }
 
 // direction of the last motion along the force, at any speed
 void follow_direction(double along_mm, double step_mm, PassivityState& state) {
-  const double half_mm = 0.5 * kPassivityFeel.turn_steps * step_mm;
+  const double half_mm = 0.5 * kPassivityFeel.reversal_steps * step_mm;
   state.play_mm += along_mm;
   if (std::abs(state.play_mm) < half_mm) return;
   state.moves_with_force = state.play_mm > 0;
@@ -31,8 +31,8 @@ void follow_direction(double along_mm, double step_mm, PassivityState& state) {
 // Factor for a wall's stiffness while energy is owed.
 double softened(const PassivityInput& input, double step_mm, const PassivityState& state) {
   const double step_N = input.stiffness_N_per_mm * step_mm;
-  if (state.energy_mJ >= 0 || step_N <= kPassivityFeel.owing_step_N) return 1;
-  return std::max(kPassivityFeel.owing_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
+  if (state.energy_mJ >= 0 || step_N <= kPassivityFeel.max_deficit_step_N) return 1;
+  return std::max(kPassivityFeel.max_deficit_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
 }
 
 // Limit of the damping. A delayed damper makes a light tip oscillate, and the zero-order hold adds half a
@@ -83,7 +83,7 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
     return {};
   }
 
-  const double step_mm = input.step_mm > 0 ? input.step_mm : kPassivityFeel.coarse_step_mm;
+  const double step_mm = input.step_mm > 0 ? input.step_mm : kPassivityFeel.default_step_mm;
   const double along_mm = input.way_mm.dot(input.force_N) / force_N;
   follow_speed(along_mm, step_mm, input.dt_s, state);
   follow_direction(along_mm, step_mm, state);

@@ -42,7 +42,7 @@ namespace palpate {
 namespace {
 
 // upper bound of the distance by which a proxy inside surfaces, e.g. after a tool change, is pushed out
-constexpr double kMaxPushOut_mm = kProxyFeel.max_corrections * kProxyFeel.stride_mm();
+constexpr double kMaxPushOut_mm = kProxyFeel.max_corrections * kProxyFeel.substep_mm();
 
 /// Inputs of a tick that all layers share.
 struct TickInputs {
@@ -90,7 +90,7 @@ struct UpdateProgress {
   double steepest = 1;        ///< Maximum slope of the gathered distance fields
   int max_queries = 0;        ///< Surface queries after which no substep starts
 
-  double substep_mm() const { return kProxyFeel.stride_mm() / steepest; }
+  double substep_mm() const { return kProxyFeel.substep_mm() / steepest; }
 };
 
 /// Result of a position update.
@@ -119,10 +119,10 @@ bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer)
 // fewer pairs.
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
                   UpdateWorkspace& work) {
-  const double part_mm =
-      layer.contacts == 0 ? progress.ungathered_mm : std::min(progress.ungathered_mm, kProxyFeel.part_mm);
+  const double part_mm = layer.contacts == 0 ? progress.ungathered_mm
+                                             : std::min(progress.ungathered_mm, kProxyFeel.gathering_mm);
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position,
-                    part_mm + kProxyFeel.stride_mm());
+                    part_mm + kProxyFeel.substep_mm());
   work.friction.clear();
   progress.steepest = work.pairs.steepest();
   progress.left_mm = std::min(part_mm, work.pairs.reach_mm());
@@ -173,7 +173,7 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
   friction.begin_contact(layer.position);
   const auto solution = solve(in, layer, friction, work, cache.owners);
   if (solution && solution->nearest.count > 0 &&
-      (solution->goal - layer.position).norm() <= kProxyFeel.still_mm) {
+      (solution->goal - layer.position).norm() <= kProxyFeel.at_rest_mm) {
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.has_contacts = true;
@@ -207,11 +207,11 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
                   const UpdateWorkspace& work) {
   const Vector<Patient> to_tip = in.tip - layer.position;
   const double length_mm = to_tip.norm();
-  if (work.pairs.count() > 0 || layer.contacts > 0 || length_mm + kProxyFeel.still_mm >= progress.left_mm)
+  if (work.pairs.count() > 0 || layer.contacts > 0 || length_mm + kProxyFeel.at_rest_mm >= progress.left_mm)
     return false;
   progress.friction.anchored = progress.friction.sticking = false;
   layer.stretch_fraction = 1;
-  if (length_mm <= kProxyFeel.still_mm) return true;
+  if (length_mm <= kProxyFeel.at_rest_mm) return true;
   layer.position = in.tip;
   layer.last_displacement = to_tip;
   record_vertex(in, layer, layer.position);
@@ -231,7 +231,7 @@ bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& lay
   layer.last_displacement = displacement;
   record_vertex(in, layer, step.end);
   record_vertex(in, layer, step.position);
-  return displacement.norm() > kProxyFeel.still_mm;
+  return displacement.norm() > kProxyFeel.at_rest_mm;
 }
 
 // limit stage of a substep towards a goal
@@ -267,7 +267,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
   progress.at_limit = false;
   // a failed attempt must not release friction: each attempt starts with the friction state before the first
   const FrictionState friction = progress.friction;
-  for (int attempt = 0; attempt < kProxyFeel.max_tries; ++attempt) {
+  for (int attempt = 0; attempt < kProxyFeel.max_attempts; ++attempt) {
     progress.friction = friction;
     const auto solution = solve(in, layer, friction, work, cache.owners);
     if (!solution) {
@@ -277,7 +277,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.has_contacts = true;
-    if ((solution->goal - layer.position).norm() <= kProxyFeel.still_mm) {
+    if ((solution->goal - layer.position).norm() <= kProxyFeel.at_rest_mm) {
       const bool is_complete =
           attempt == 0 && layer.position == start && work.pairs.count() < kMaxPairs && !in.has_capsules;
       if (is_complete) cache_contacts_at_rest(in, layer, work, cache);
@@ -298,7 +298,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
 bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
                     UpdateWorkspace& work) {
   const SearchDirections search(in.tip - layer.position);
-  const double shortest_mm = kProxyFeel.stride_mm() / kProxyFeel.search_shortest_divisor;
+  const double shortest_mm = kProxyFeel.substep_mm() / kProxyFeel.search_shortest_divisor;
   for (double length_mm = std::min(progress.substep_mm(), progress.left_mm); length_mm > shortest_mm;
        length_mm *= 0.5)
     for (int cone = 0; cone < kProxyFeel.search_cones; ++cone)
@@ -318,22 +318,22 @@ bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& p
 bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, ProxyLayer& layer,
                       ProxyLayerCache& cache, UpdateProgress& progress, UpdateWorkspace& work) {
   progress.max_queries =
-      work.pairs.queries() + (in.has_capsules ? kProxyFeel.max_looks_of_capsules : kProxyFeel.max_looks);
+      work.pairs.queries() + (in.has_capsules ? kProxyFeel.max_queries_of_capsules : kProxyFeel.max_queries);
   int substeps = 0;
   bool moves = true;
   layer.stretch_fraction = 1;
   for (int search = 0;; ++search) {
-    while (moves && substeps < kProxyFeel.max_strides && work.pairs.queries() < progress.max_queries &&
-           progress.left_mm > kProxyFeel.still_mm) {
+    while (moves && substeps < kProxyFeel.max_substeps && work.pairs.queries() < progress.max_queries &&
+           progress.left_mm > kProxyFeel.at_rest_mm) {
       moves = advance_substep(in, start, layer, cache, progress, work);
       substeps += moves;
-      if (moves && progress.left_mm <= kProxyFeel.still_mm) gather_pairs(in, layer, progress, work);
+      if (moves && progress.left_mm <= kProxyFeel.at_rest_mm) gather_pairs(in, layer, progress, work);
     }
     if (moves || progress.wedged || is_slipping(layer, progress) || !is_blocked_without_contact(in, layer))
       break;
-    moves = search < kProxyFeel.max_feelings && search_substep(in, layer, progress, work);
+    moves = search < kProxyFeel.max_direction_searches && search_substep(in, layer, progress, work);
     if (!moves) break;
-    if (progress.left_mm <= kProxyFeel.still_mm) gather_pairs(in, layer, progress, work);
+    if (progress.left_mm <= kProxyFeel.at_rest_mm) gather_pairs(in, layer, progress, work);
   }
   return moves;
 }
@@ -453,14 +453,15 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   // Position. From free space the proxy covers any distance of the tip; in contact the path per tick is
   // limited.
   const double to_tip_mm = (tip - layer.position).norm() + kProxyFeel.slack_mm;
-  const double max_mm = layer.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.max_way_mm);
+  const double max_mm = layer.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.max_path_mm);
   const DisplacementLimit limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
   result.spring.tool_mm = tip_moved.norm() + turned_mm;
   result.spring.catch_up_mm = layer.catch_up_mm + result.spring.tool_mm;
   result.spring.max_change_mm = limit.length_mm;
   const bool capsules = has_capsules(spheres);
-  const double max_away =
-      capsules ? std::min(tick.options.max_away, kProxyFeel.away_of_capsules) : tick.options.max_away;
+  const double max_away = capsules
+                              ? std::min(tick.options.max_away, kProxyFeel.max_distance_increase_of_capsules)
+                              : tick.options.max_away;
   const PositionUpdate update =
       update_position({surfaces, held.spheres(), n, tip, max_mm, limit, result.spring.stretched_mm,
                        tick.options.friction, capsules, max_away, path},
@@ -497,7 +498,7 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   }
   const Vector<Patient> displacement = hand.tip - layer.position;
   layer.attitude = hand.attitude;
-  if (!layer.coupled || displacement.norm() > kProxyFeel.still_mm) {
+  if (!layer.coupled || displacement.norm() > kProxyFeel.at_rest_mm) {
     layer.position = hand.tip;
     layer.last_displacement = displacement;
   }

@@ -89,7 +89,7 @@ TEST(Proxy, RendersTissueStiffnessForAnyRadius) {
       ASSERT_EQ(run.state.contacts, 1);
       EXPECT_EQ(run.state.contact[0].surface, 0);
     }
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
   }
 }
 
@@ -126,7 +126,7 @@ TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
     for (int settle = 0; settle < 10; ++settle) run.at(Point<Patient>() - across * 3);
     EXPECT_GT(run.state.position.eigen().dot(across.eigen()), 0);
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm) << n;
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm) << n;
   }
 }
 
@@ -171,7 +171,7 @@ TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
                       Eigen::AngleAxisd(from_rad + (to_rad - from_rad) * n / 200, Eigen::Vector3d::UnitY())));
   };
   turn(0, 0.95);
-  EXPECT_LT(tip.z() - 5 * std::sin(0.95) + 0.5, -1 - kProxyFeel.back_clearance_mm) << "it is through";
+  EXPECT_LT(tip.z() - 5 * std::sin(0.95) + 0.5, -1 - kProxyFeel.withdrawal_clearance_mm) << "it is through";
   EXPECT_GT(run.result.force_N.norm(), 1);
   EXPECT_GE(run.state.contacts, 1);
   turn(0.95, 0);
@@ -208,7 +208,7 @@ TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
     EXPECT_NEAR(run.state.position.z(), radius_mm / std::sin(half), 0.35);
     // one contact suffices where the notch is narrower than the voxels
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
     // it stays at rest
     const Point<Patient> before = run.state.position;
     for (int n = 0; n < 100; ++n) run.at({0.2, 0, -2});
@@ -248,7 +248,7 @@ TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
     multiplier_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
                      run.state.contact[static_cast<std::size_t>(n)].multiplier_mm;
   EXPECT_LT((multiplier_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
 }
 
 TEST(Proxy, ToolWiderThanAGapStaysOutAndIsFlagged) {
@@ -265,7 +265,7 @@ TEST(Proxy, ToolWiderThanAGapStaysOutAndIsFlagged) {
   // centres of tool and balls are 5.5 mm apart
   EXPECT_NEAR(run.state.position.z(), std::sqrt(5.5 * 5.5 - 4.75 * 4.75), 0.08);
   EXPECT_GT(run.result.force_N.z(), 0);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
 }
 
 TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
@@ -289,7 +289,7 @@ TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
   run.at({0, 0, 1});
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, 1));
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
 }
 
 TEST(Proxy, SlightPenetrationByATurnIsCorrectedWithoutANewConstraint) {
@@ -305,7 +305,7 @@ TEST(Proxy, SlightPenetrationByATurnIsCorrectedWithoutANewConstraint) {
     run.spheres[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
     run.at({0, 0, 0.7});
     ASSERT_FALSE(run.result.wedged) << n;
-    ASSERT_LT(run.deepest_mm, kProxyFeel.max_dip_mm) << n;
+    ASSERT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm) << n;
   }
 }
 
@@ -486,7 +486,7 @@ TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
     ASSERT_EQ(run.result.path_segments, 1);
     EXPECT_EQ(run.result.path[0].structure, 1);
     EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
   }
 }
 
@@ -577,7 +577,7 @@ TEST(ProxyLayers, IntegrateStiffnessAlongTheEntryPath) {
                     depth_mm > -0.01 && depth_mm < 0.01 ? 2 : 1e-9)
             << depth_mm;
       }
-      EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+      EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
       run.lead({0.1, 0.2, radius_mm - c.thick_mm - 5}, {0.1, 0.2, radius_mm + 1}, 0.05);
       EXPECT_EQ(run.result.force_N, Vector<Patient>());
     }
@@ -858,7 +858,7 @@ TEST(Proxy, SlipOffAnEdgeIsRateLimited) {
         const Slip slip = slip_off_an_edge(dt_s, stiffness, radius_mm, 20);
         EXPECT_LT(slip.largest_N, 20 * dt_s);
         EXPECT_LT(slip.left_N, 0.01);
-        EXPECT_LT(slip.deepest_mm, kProxyFeel.max_dip_mm);
+        EXPECT_LT(slip.deepest_mm, kProxyFeel.max_penetration_mm);
         // the displacement alone would take as long as the operator needs for it
         EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.max_slip_N_per_s, 0.012);
       }
@@ -1163,7 +1163,7 @@ TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
   EXPECT_EQ(run.state.contact[0].axis_fraction, 1);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
 }
 
 // between two balls of one surface, one beside each of its ends: a single contact would let it slide off
@@ -1177,7 +1177,7 @@ TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
   run.spheres = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
   run.at({0, 0.3, 6});
   run.lead({0, 0.3, 6}, {0, 0, -1}, 0.02);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm + kProxyFeel.row_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm);
   // its axis is 3 mm from both centres
   const double up_mm = std::sqrt(9.0 - 1.0);
   EXPECT_NEAR(run.state.position.y(), 0, 0.03);
@@ -1224,7 +1224,7 @@ TEST(Proxy, MoreSurfacesThanTheTickBudgetStillConstrain) {
     run.at(Point<Patient>() + side * 8);
     run.lead(run.state.position, Point<Patient>() - side * 2, 0.4);
     for (int settle = 0; settle < 30; ++settle) run.at(Point<Patient>() - side * 2);
-    ASSERT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+    ASSERT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
     EXPECT_GT(run.result.force_N.norm(), 1);
   }
 }
@@ -1387,7 +1387,7 @@ TEST(Proxy, RandomPathsOverRandomSurfacesStayOutside) {
       tip += velocity_mm;
       run.at(tip);
       ASSERT_TRUE(run.result.force_N.all_finite());
-      ASSERT_LT(run.deepest_mm, kProxyFeel.max_dip_mm) << "scene " << scene << ", tick " << n;
+      ASSERT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm) << "scene " << scene << ", tick " << n;
     }
   }
 }

@@ -10,14 +10,15 @@ namespace {
 // evaluates a completed half cycle, from the last reversal to the extremum
 void end_half(double step_mm, OscillationState& state) {
   const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
-  const bool by_itself = length_mm >= std::max(kSwingFeel.min_mm, kSwingFeel.min_steps * step_mm) &&
-                         time_s <= kSwingFeel.longest_half_s &&
-                         length_mm >= kSwingFeel.min_speed_mm_s * time_s &&
-                         state.aside_mm.norm() <= length_mm;
-  const bool as_large = length_mm >= kSwingFeel.kept * state.before_mm;
+  const bool by_itself =
+      length_mm >= std::max(kSwingFeel.min_amplitude_mm, kSwingFeel.min_amplitude_steps * step_mm) &&
+      time_s <= kSwingFeel.max_half_cycle_s && length_mm >= kSwingFeel.min_speed_mm_s * time_s &&
+      state.aside_mm.norm() <= length_mm;
+  const bool as_large = length_mm >= kSwingFeel.min_amplitude_ratio * state.before_mm;
   state.halves = !by_itself ? 0 : as_large ? state.halves + 1 : 1;
-  if (state.halves >= kSwingFeel.halves)
-    state.extra_delay_s = std::min(kSwingFeel.max_later_s, state.extra_delay_s + kSwingFeel.later_s);
+  if (state.halves >= kSwingFeel.min_half_cycles)
+    state.extra_delay_s =
+        std::min(kSwingFeel.max_extra_delay_s, state.extra_delay_s + kSwingFeel.delay_increment_s);
   state.before_mm = length_mm;
 }
 
@@ -25,15 +26,15 @@ void end_half(double step_mm, OscillationState& state) {
 
 void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
                         double dt_s, OscillationState& state) {
-  state.extra_delay_s = std::max(0.0, state.extra_delay_s - kSwingFeel.forget_later * dt_s);
+  state.extra_delay_s = std::max(0.0, state.extra_delay_s - kSwingFeel.extra_delay_decay * dt_s);
   const double force = force_N.norm();
   state.free_s = force > 0 ? 0 : state.free_s + dt_s;
   if (force > 0) state.axis = force_N / force;
-  if (state.free_s > kSwingFeel.forgotten_s) {
+  if (state.free_s > kSwingFeel.reset_s) {
     const double extra_delay_s = state.extra_delay_s;
     state = {};
     state.extra_delay_s = extra_delay_s;
-    state.free_s = kSwingFeel.forgotten_s;
+    state.free_s = kSwingFeel.reset_s;
     return;
   }
 
@@ -46,7 +47,7 @@ void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_m
     state.farthest_s = state.time_s;
     return;
   }
-  if (std::abs(state.farthest_mm - state.way_mm) < kSwingFeel.turn_steps * step_mm) return;
+  if (std::abs(state.farthest_mm - state.way_mm) < kSwingFeel.reversal_steps * step_mm) return;
   end_half(step_mm, state);
   // the next half cycle began at the extremum of this one
   state.way_mm -= state.farthest_mm;

@@ -62,7 +62,8 @@ TEST(Swing, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
       EXPECT_GT(seen.found_s, 0);
       // the first quarter is not a half cycle, and a reversal is detected only after some displacement back
       EXPECT_LT(seen.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
-      EXPECT_GT(seen.extra_delay_s, kSwingFeel.max_later_s - kSwingFeel.later_s) << "as long as it goes on";
+      EXPECT_GT(seen.extra_delay_s, kSwingFeel.max_extra_delay_s - kSwingFeel.delay_increment_s)
+          << "as long as it goes on";
     }
 }
 
@@ -73,8 +74,8 @@ TEST(Swing, IsDetectedAtTheEndOfItsLastHalfPeriod) {
     return Vector<World>(-2 + kLeg_mm * (phase < 1 ? phase : 2 - phase), 0, 0);
   };
   const double found_s = look_at(to_and_fro, wall_N, 1).found_s;
-  EXPECT_GT(found_s, kSwingFeel.halves * kLeg_s);
-  EXPECT_LT(found_s, (kSwingFeel.halves + 0.25) * kLeg_s);
+  EXPECT_GT(found_s, kSwingFeel.min_half_cycles * kLeg_s);
+  EXPECT_LT(found_s, (kSwingFeel.min_half_cycles + 0.25) * kLeg_s);
 }
 
 TEST(Swing, HandMotionIsNoLimitCycle) {

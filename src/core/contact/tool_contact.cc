@@ -181,7 +181,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
   double& rendered = state.stiffness_N_per_mm;
   // deformable tissue stiffens with depth, without a filter
   rendered = rendered > 0 && !spring.deformable
-                 ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kTouchFeel.seam_s)
+                 ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kTouchFeel.stiffness_filter_s)
                  : stiffness;
   const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
   const double force_N = rendered * length_mm + damping_N_s_per_mm * speed_mm_s;
@@ -292,11 +292,11 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
                                 result.force_N - outermost.force_N * less);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any())
-    site = site_of(model, label_at(model, hand.tip), kTouchFeel.whole_viscosity_mm);
+    site = site_of(model, label_at(model, hand.tip), kTouchFeel.full_viscosity_mm);
   if (tick.viscosity && site.tissue >= 0)
     tool.strongest.force_N +=
         viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
-                      site.depth_mm / kTouchFeel.whole_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
+                      site.depth_mm / kTouchFeel.full_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
   tool.felt = path_of_proxy(model, result, tool.strongest);
   tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *

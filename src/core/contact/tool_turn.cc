@@ -19,13 +19,13 @@
 ///
 ///     (L (a r + p) - clearance) / 2
 ///
-/// A step is accepted if that is at most half a stride, which is less than ProxyFeel::max_dip_mm; otherwise
-/// it is retried with half the angle.
+/// A step is accepted if that is at most half a stride, which is less than ProxyFeel::max_penetration_mm;
+/// otherwise it is retried with half the angle.
 namespace palpate {
 namespace {
 
 // arc length that a step advances beyond the clearance: the push of a perpendicularly hit surface is as long
-constexpr double kArc_mm = kToolTurnFeel.arc_strides * kProxyFeel.stride_mm();
+constexpr double kArc_mm = kToolTurnFeel.arc_substeps * kProxyFeel.substep_mm();
 
 class Turn {
  public:
@@ -37,8 +37,8 @@ class Turn {
         attitude_(attitude),
         state_(state),
         path_(path),
-        left_queries_(has_capsules(spheres) ? kToolTurnFeel.max_looks_of_capsules : kToolTurnFeel.max_looks) {
-  }
+        left_queries_(has_capsules(spheres) ? kToolTurnFeel.max_queries_of_capsules
+                                            : kToolTurnFeel.max_queries) {}
 
   /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
   ToolTurn run() {
@@ -69,9 +69,9 @@ class Turn {
     const double leg_rad =
         whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
     PairSet pairs(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
-                  kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
+                  kToolTurnFeel.gathering_legs * leg_rad * farthest_mm_ + kProxyFeel.substep_mm());
     // the push of a step is at most a stride and is added to the arc
-    reach_mm_ = pairs.reach_mm() - kProxyFeel.stride_mm();
+    reach_mm_ = pairs.reach_mm() - kProxyFeel.substep_mm();
     double done_rad = 0;
     // beyond the work limit, the next tick continues
     max_queries_ = pairs.queries() + left_queries_;
@@ -109,7 +109,7 @@ class Turn {
           std::max(0.0, pairs.clearance(n, state_.position, std::max(kProxyFeel.skin_mm, slope * angle_rad)));
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
     }
-    const double stride_mm = kProxyFeel.stride_mm() / pairs.steepest();
+    const double stride_mm = kProxyFeel.substep_mm() / pairs.steepest();
     for (int tries = 0; tries <= kToolTurnFeel.max_halvings; ++tries, angle_rad *= 0.5) {
       // the first step of a tick is always completed, so that the rotation progresses however many surfaces
       // are near
@@ -134,7 +134,7 @@ class Turn {
   bool is_safe(const PairSet& pairs, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double length_mm = angle_rad * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)] + push_mm;
-      if (pairs[n].surface->steepest() * length_mm > clearance_mm_[n] + kProxyFeel.stride_mm()) return false;
+      if (pairs[n].surface->steepest() * length_mm > clearance_mm_[n] + kProxyFeel.substep_mm()) return false;
     }
     return true;
   }

@@ -55,7 +55,7 @@ TEST(ToolTurn, LeverPassesNoPlateAndGivesTorque) {
       run.at(tip, about_y(angle));
     for (int n = 0; n < 40; ++n) run.at(tip, about_y(end_rad));
     EXPECT_FALSE(run.result.lagging);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
 
     // the sphere lies on the plate in the operator's attitude, and the tip is pushed up by the difference
     const double pushed_mm = 3.25 + 1 + turned.radius_mm;
@@ -113,7 +113,7 @@ TEST(ToolTurn, BlockedAttitudeLagsBehind) {
   for (double angle = 0; angle < 1.4; angle += 0.02) run.at(tip, about_y(angle));
   EXPECT_TRUE(run.result.wedged);
   EXPECT_NEAR(run.state.attitude.angularDistance(about_y(0)), max_rad, 0.01);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
   // the operator's tool is free there, but the proxy's does not jump out of the gap
   for (int n = 0; n < 20; ++n) run.at({0, 0, 30}, about_y(1.4));
   EXPECT_LT(run.state.position.z(), 2);
@@ -122,7 +122,7 @@ TEST(ToolTurn, BlockedAttitudeLagsBehind) {
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, tip);
   EXPECT_EQ(run.state.attitude.angularDistance(about_y(0)), 0);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
 }
 
 TEST(ToolTurn, PointToolIgnoresTurns) {
@@ -156,7 +156,7 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   // the rotation pushes it farther than necessary in the end; the excess is released by slip
   for (int n = 0; n < 60 || (run.result.lagging && n < 1000); ++n) run.at(tip, about_y(end_rad));
   EXPECT_FALSE(run.result.lagging);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm + kProxyFeel.row_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm);
   EXPECT_EQ(run.state.attitude.coeffs(), about_y(end_rad).normalized().coeffs());
 
   // it touches the ball from above, one radius from it, and is pushed along its own normal
@@ -181,7 +181,7 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   run.lead(tip, {-20, 0, -5}, 0.05);
   EXPECT_NEAR(run.state.position.z(), 3, 0.02);
   EXPECT_NEAR(run.result.force_N.z(), 2 * 8, 0.1);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm + kProxyFeel.row_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm);
 }
 
 // surfaces met on the arcs of one to four spheres
@@ -231,8 +231,9 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
       attitude = (Eigen::AngleAxisd(angle, spin_rad.normalized().eigen()) * attitude).normalized();
       run.at(middle - Vector<Patient>(lever_mm, 0, 0), attitude);
       ASSERT_TRUE(run.result.force_N.all_finite());
-      const double max_mm =
-          scene < kWithoutCapsules ? kProxyFeel.max_dip_mm : kProxyFeel.max_dip_mm + kProxyFeel.row_dip_mm;
+      const double max_mm = scene < kWithoutCapsules
+                                ? kProxyFeel.max_penetration_mm
+                                : kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm;
       ASSERT_LT(run.deepest_mm, max_mm) << "scene " << scene << ", tick " << n;
       in_contact += run.state.contacts > 0;
       blocked += run.result.wedged;

@@ -148,7 +148,8 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   if (spot.is_known()) {
     const double told = spot.compliance_mm_per_N;
     const double on = told + spot.slope_per_N.dot(at - spot.at);
-    const double carried = std::clamp(on, kYieldFeel.min_carried * told, kYieldFeel.max_carried * told);
+    const double carried =
+        std::clamp(on, kYieldFeel.min_extrapolation * told, kYieldFeel.max_extrapolation * told);
     tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N() + (carried - told);
     if (carried == on) tissue.slope_per_N = spot.slope_per_N;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
@@ -188,7 +189,7 @@ YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_
   YieldForce force;
   if (!(depth_mm > 0)) return force;
   const DepthLaw law = law_of(tissue, radius_mm);
-  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_give_mm_per_N);
+  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_compliance_mm_per_N);
   const double max_s = law.max_s(min_give);
   if (std::isfinite(max_s) && depth_mm >= law.at(max_s)) {
     const double first_N = max_s * max_s * max_s, more_mm = depth_mm - law.at(max_s);
@@ -217,7 +218,7 @@ TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N) {
 double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm, double max_N_per_mm) {
   if (!(force_N > 0)) return 0;
   const DepthLaw law = law_of(tissue, radius_mm);
-  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_give_mm_per_N);
+  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_compliance_mm_per_N);
   const double max_s = law.max_s(min_give);
   const double s = std::min(cube_root(force_N), max_s);
   const double more_N = std::max(0.0, force_N - s * s * s);

@@ -94,7 +94,7 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const double min_give = std::max(1 / most, kYieldFeel.min_give_mm_per_N);
+    const double min_give = std::max(1 / most, kYieldFeel.min_compliance_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
     if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_give) tissue.stiffening_mm_per_N2 = -per_N;
     tissue.finite_N = 3 * unit(random) / own;

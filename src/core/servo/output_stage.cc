@@ -9,7 +9,7 @@
 
 namespace palpate {
 
-static_assert(kOutputFeel.stale_s == kCuttingFeel.motor_stops_s);
+static_assert(kOutputFeel.stale_s == kCuttingFeel.motor_timeout_s);
 namespace {
 
 Wrench scaled(const Wrench& w, double factor) {
@@ -74,7 +74,7 @@ double freshness_at(double age_s) {
 double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double slew_N_per_s,
                  double dt_s) {
   const auto part = [](double way, double most) { return way > most ? most / way : 1.0; };
-  const double swing = dt_s / kOutputFeel.full_swing_s;
+  const double swing = dt_s / kOutputFeel.full_range_s;
   return std::min(
       {part(magnitude(wanted.force_N - sent.force_N), slew_N_per_s * dt_s),
        part(magnitude(wanted.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
@@ -131,7 +131,7 @@ Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
 
 Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,
                    OutputState& state) {
-  dt_s = dt_s > 0 ? std::min(dt_s, kOutputFeel.longest_tick_s) : 0;
+  dt_s = dt_s > 0 ? std::min(dt_s, kOutputFeel.max_tick_s) : 0;
   Output out;
   out.flags = request.faults & kFaultFlags;
   if (!all_finite(request.asked)) out.flags |= kFlagNotFinite;

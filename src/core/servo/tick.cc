@@ -137,7 +137,7 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
   const DeviceParameters& own = in.own;
   const ToolContact& tool = contact.tool;
   const double dt_s = shared.tick.dt_s;
-  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
+  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.default_step_mm;
   detect_oscillation(request.asked.force_N, contact.displacement_mm, step_mm, dt_s, hand.swing);
   // a long tick holds the force longer, which counts as additional delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);

@@ -83,11 +83,11 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   for (std::size_t d = 0; d < devices.size(); ++d)
     held[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
   const Eigen::Quaterniond before = state.rotation_felt;
-  const double within_s = std::min(dt_s, kTurningFeel.longest_tick_s);
+  const double within_s = std::min(dt_s, kTurningFeel.max_tick_s);
   std::uint32_t holding = 0;
   double step_s = dt_s;
   Eigen::Quaterniond felt = felt_after(state, state.rotation_elapsed_s + step_s);
-  for (int tries = 0; tries < kTurningFeel.tries; ++tries) {
+  for (int tries = 0; tries < kTurningFeel.max_iterations; ++tries) {
     double part = 1;
     for (std::size_t d = 0; d < devices.size(); ++d) {
       if (!held[d].pushed) continue;

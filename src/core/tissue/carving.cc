@@ -432,7 +432,7 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
       for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
         const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
         const double now = sample_value(position, at), moved = now - sample_value(made.position(), at);
-        const double part = std::min(1.0, std::abs(moved) / kCuttingFeel.moved_mm);
+        const double part = std::min(1.0, std::abs(moved) / kCuttingFeel.stale_normal_mm);
         const double was = normal.steps().offset + normal.steps().scale * prepared[n];
         const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
         patch.values.push_back(

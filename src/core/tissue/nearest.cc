@@ -29,7 +29,7 @@ void NearestMeter::see(const TickRecord& tick) {
     const DeviceTick& device = tick.device[d];
     const Tool& tool = tools_[d];
     if (!tool.motor_is_on(switched_on, device.buttons)) continue;
-    if ((device.flags & kStill) != 0 || device.age_s >= kCuttingFeel.motor_stops_s) continue;
+    if ((device.flags & kStill) != 0 || device.age_s >= kCuttingFeel.motor_timeout_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
     const Sweep head{at, at, tool.radius_mm, 0, row_mm(*tool.burr, tick, device), tool.burr->end_radius_mm};

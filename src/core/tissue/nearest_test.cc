@@ -122,12 +122,12 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
     meter.see(tick);
   }
   tick = held_at(2);
-  tick.device[0].age_s = kCuttingFeel.motor_stops_s;
+  tick.device[0].age_s = kCuttingFeel.motor_timeout_s;
   meter.see(tick);
   EXPECT_TRUE(meter.nearest_mm().empty());
   // its pose is stale, and it keeps running
   NearestMeter late(model);
-  tick.device[0].age_s = 0.9 * kCuttingFeel.motor_stops_s;
+  tick.device[0].age_s = 0.9 * kCuttingFeel.motor_timeout_s;
   tick.device[0].flags = kFlagStale;
   late.see(tick);
   EXPECT_NEAR(late.nearest_mm().at(kBone), 0, 0.01);

@@ -12,9 +12,9 @@
 namespace palpate {
 namespace {
 
-// Depth of the sampling point in material from which an edge begins to count: half of ahead_mm, so that
+// Depth of the sampling point in material from which an edge begins to count: half of lookahead_mm, so that
 // next to a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
-constexpr double kCounts_mm = kCuttingFeel.ahead_mm / 2;
+constexpr double kCounts_mm = kCuttingFeel.lookahead_mm / 2;
 
 /// Pose of the burr's head as constrained by one layer.
 struct HeadPose {
@@ -97,13 +97,13 @@ class Ahead {
   Ahead(std::span<const ContactSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
         const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
       : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
-    const double near_mm = burr_.widest_mm() + kCuttingFeel.ahead_mm;
+    const double near_mm = burr_.widest_mm() + kCuttingFeel.lookahead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const ContactSurface& felt = surfaces[s];
       const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
       if (felt.layer != number || felt.surface == nullptr || layer.punctured[s] || covered) continue;
       if (is_known_beyond(*felt.surface, head, at_, near_mm) && felt.surface->outside_mm() > 0) continue;
-      if (is_farther(*felt.surface, head, at_, burr_.radius_mm + kCuttingFeel.ahead_mm)) continue;
+      if (is_farther(*felt.surface, head, at_, burr_.radius_mm + kCuttingFeel.lookahead_mm)) continue;
       near_[count_++] = static_cast<int>(s);
     }
     if (count_ == 0) return;
@@ -185,16 +185,16 @@ class Ahead {
     const Vector<Patient> axis = head_.along_mm / length_mm, side = perpendicular(axis),
                           up = axis.cross(side);
     const std::array ways{way.along[0] * way.part[0], way.along[1] * way.part[1]};
-    for (int n = 0; n < kCuttingFeel.side_places; ++n) {
+    for (int n = 0; n < kCuttingFeel.lateral_samples; ++n) {
       // spiral with even spacing along and around the axis
-      const double part = (n + 0.5) / kCuttingFeel.side_places, turn = n * kGoldenAngle;
+      const double part = (n + 0.5) / kCuttingFeel.lateral_samples, turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           axis * -slope + (side * std::cos(turn) + up * std::sin(turn)) * cosine;
       const double ahead = direction.dot(ways[0] * (1 - part) + ways[1] * part);
       if (!(ahead > 0)) continue;
       const double radius_mm = head_.radius_at_mm(part);
       const double share_mm2 =
-          2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kCuttingFeel.side_places;
+          2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kCuttingFeel.lateral_samples;
       add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, kCounts_mm, sum);
     }
   }
@@ -202,7 +202,7 @@ class Ahead {
   // @param counts_mm  depth in material at which a point begins to count
   void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
            double counts_mm, Sum& sum) const {
-    const Material material = before(middle + direction * (radius_mm + kCuttingFeel.ahead_mm), counts_mm);
+    const Material material = before(middle + direction * (radius_mm + kCuttingFeel.lookahead_mm), counts_mm);
     if (!(material.part > 0)) return;
     const double area_mm2 = share_mm2 * material.part;
     sum.area_mm2 += area_mm2;
@@ -261,10 +261,10 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
   if (state.sweeps > 0 && !state.closed) {
     Sweep& last = state.sweep[static_cast<std::size_t>(state.sweeps - 1)];
     const Sweep longer{last.from, to.at, burr->radius_mm, burr->stroke, axis_mm, last.end_radius_mm};
-    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kCuttingFeel.straight_mm &&
-        (to.at - last.from).norm() <= kCuttingFeel.longest_mm &&
-        distance_to_way_mm(longer, last.to) <= kCuttingFeel.straight_mm &&
-        (axis_mm - state.began_axis_mm).norm() <= kCuttingFeel.turned_mm) {
+    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kCuttingFeel.max_deviation_mm &&
+        (to.at - last.from).norm() <= kCuttingFeel.max_sweep_mm &&
+        distance_to_way_mm(longer, last.to) <= kCuttingFeel.max_deviation_mm &&
+        (axis_mm - state.began_axis_mm).norm() <= kCuttingFeel.max_turn_mm) {
       last = longer;
       return true;
     }
@@ -347,12 +347,12 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
 
 // Pose of a head after a displacement, corrected so that it enters no protected structure deeper than before:
 // moved next to the structure, so that it slides, or back to the start. A slight penetration, as rebuilt
-// surfaces can cause, is resolved at regained_mm per tick.
+// surfaces can cause, is resolved at recovery_mm per tick.
 HeadPose outside_protected(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
   if (burr->spared.empty()) return to;
   const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
   Point<Patient> place = to.at;
-  for (int n = 0; n < kCuttingFeel.max_tries; ++n) {
+  for (int n = 0; n < kCuttingFeel.max_iterations; ++n) {
     bool clear = true;
     for (const ProtectedStructure& structure : burr->spared) {
       const Surface& kept = *structure.surface;
@@ -361,9 +361,9 @@ HeadPose outside_protected(const HeldBurr& burr, const HeadPose& from, const Hea
       if (nearest.distance_mm >= burr->radius_mm) continue;
       const double min_mm =
           std::min(burr->radius_mm,
-                   nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kCuttingFeel.regained_mm);
+                   nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kCuttingFeel.recovery_mm);
       const double in_mm = min_mm - nearest.distance_mm;
-      if (in_mm <= kCuttingFeel.touching_mm) continue;
+      if (in_mm <= kCuttingFeel.contact_tolerance_mm) continue;
       clear = false;
       place += kept.outward(place + is.along_mm * nearest.axis_fraction) * in_mm;
     }
@@ -397,7 +397,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
   const HeldBurr held(burr, hand);
   state.open_s += options.dt_s;
-  if (state.open_s >= kCuttingFeel.longest_sweep_s) state.closed = true;
+  if (state.open_s >= kCuttingFeel.max_sweep_s) state.closed = true;
   // After a reset of the proxy, sweeps made so far are still to be carved but are not extended.
   if (!proxy.layer(std::max(state.layer, 0)).coupled) {
     state.penetration_mm = state.pressed_N = state.front_mm2 = 0;
@@ -416,7 +416,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
         sinking.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
     state.inset_mm =
         std::min(state.penetration_mm + std::min(feed_mm, kCuttingFeel.max_feed_mm),
-                 std::max(state.penetration_mm, kCuttingFeel.max_inset_part * burr.thinnest_mm()));
+                 std::max(state.penetration_mm, kCuttingFeel.max_inset_fraction * burr.thinnest_mm()));
   }
   // a burr that does not cut must be able to leave by the path on which it entered
   if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
@@ -433,7 +433,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions led = options;
   led.max_slip_N_per_s = std::numeric_limits<double>::infinity();
-  if (cuts) led.max_away = kCuttingFeel.away;
+  if (cuts) led.max_away = kCuttingFeel.max_distance_increase;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
@@ -469,7 +469,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const Vector<Patient> moved = to.at - from.at;
   const Vector<Patient> turned = held.head(to.attitude).along_mm - held.head(from.attitude).along_mm;
   const HeadWay way(moved, moved + turned);
-  if (was_in == is_in && way.length_mm > kCuttingFeel.still_mm) {
+  if (was_in == is_in && way.length_mm > kCuttingFeel.at_rest_mm) {
     const HeadPose middle = held.partway(from, to, 0.5);
     const Front swept =
         Ahead(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state).along(way);
@@ -514,8 +514,8 @@ void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, con
   state.sweeps -= gone;
   if (gone > 0) state.full = false;
   const double sunk = penetration_mm(surfaces, HeldBurr(burr, hand), proxy);
-  const bool fits = sunk > 0 && sunk + kCuttingFeel.rounding_mm < burr.thinnest_mm();
-  state.penetration_mm = state.inset_mm = fits ? sunk + kCuttingFeel.rounding_mm : 0;
+  const bool fits = sunk > 0 && sunk + kCuttingFeel.surface_error_mm < burr.thinnest_mm();
+  state.penetration_mm = state.inset_mm = fits ? sunk + kCuttingFeel.surface_error_mm : 0;
 }
 
 std::uint64_t finished_sweeps(const BurrState& state) {

@@ -482,7 +482,7 @@ TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
   std::uint64_t finished = finished_sweeps(burr.state_);
   ASSERT_GT(burr.state_.taken_mm3, 0);
   // with little pressure it sinks in by less than would start another sweep
-  constexpr int kTicks = static_cast<int>(kCuttingFeel.longest_sweep_s / 0.001);
+  constexpr int kTicks = static_cast<int>(kCuttingFeel.max_sweep_s / 0.001);
   for (int n = 0; n < 5; ++n) {
     burr.lead_to(burr.tip_, kTicks + 1);
     EXPECT_GT(finished_sweeps(burr.state_), finished) << n;

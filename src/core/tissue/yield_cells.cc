@@ -27,8 +27,8 @@ ElasticBox lattice_of(const Model& model) {
 
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward) {
   const ElasticBox lattice = lattice_of(model);
-  const double deeper_cells = kSolvingFeel.deeper_cells / model.tissue_coarsened;
-  return lattice.local_mm(at - outward * (deeper_cells * lattice.cell_mm)) / lattice.cell_mm;
+  const double depth_cells = kSolvingFeel.depth_cells / model.tissue_coarsened;
+  return lattice.local_mm(at - outward * (depth_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle) {
@@ -46,7 +46,7 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
   const std::array<int, 3> cells = cells_of_box(model);
   for (int axis = 0; axis < 3; ++axis)
     if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) >
-        kSolvingFeel.farthest_cells / model.tissue_coarsened)
+        kSolvingFeel.max_offset_cells / model.tissue_coarsened)
       return false;
   return true;
 }

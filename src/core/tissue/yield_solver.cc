@@ -127,7 +127,7 @@ struct YieldSolver::NeoHookeanBody {
   ElasticField turning_mm;     ///< y - F u1
   ElasticField u_mm, force_N;  ///< Scratch
   double give_mm = 0;          ///< s W of the last frame; 0: none
-  double max_give = kSolvingFeel.max_give;
+  double max_give = kSolvingFeel.max_indentation;
   double depth_mm = 0;   ///< Depth of the tool in the last frame; 0: none
   double failed_mm = 0;  ///< Depth of a resting tool at which more than max_give had no solution; 0: none
   double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Values last published
@@ -241,7 +241,7 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
   f.depth_mm = std::max(depth_mm, 0.0);
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
-  const HeldMeans surface = patch.columns(kSolvingFeel.min_bearing);
+  const HeldMeans surface = patch.columns(kSolvingFeel.min_load_fraction);
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
   ContactLaw tissue;
   tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N();
@@ -251,7 +251,7 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
   const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
   const double expected_mm = w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
-  const double give_mm = std::clamp(expected_mm, kSolvingFeel.min_give * rho_mm, f.max_give * rho_mm);
+  const double give_mm = std::clamp(expected_mm, kSolvingFeel.min_indentation * rho_mm, f.max_give * rho_mm);
   const double s = give_mm / w;
 
   // initial guess from the previous correction, which grows with the square of the depth
@@ -275,7 +275,7 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   const double stiffer = (force_N - s) / force_N;
   if (!(found.min_volume >= kSolvingFeel.min_volume) || found.stuck ||
       !(std::abs(stiffer) <= kYieldFeel.max_stiffening) || !(force_N > 0)) {
-    const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.min_give);
+    const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.min_indentation);
     if (at_rest && f.finite_N > 0) {
       // The previous result stays in effect, and no greater depth is attempted until the tool moves:
       // otherwise the force on a resting hand would oscillate with every attempt.
@@ -293,12 +293,12 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
   f.give_mm = give_mm;
-  if (f.failed_mm == 0) f.max_give = std::min(kFaster * f.max_give, kSolvingFeel.max_give);
+  if (f.failed_mm == 0) f.max_give = std::min(kFaster * f.max_give, kSolvingFeel.max_indentation);
 
   // forces in excess of the linear body's
   patch.add(-force_N, f.force_N);
-  solver.solve(f.force_N, f.turning_mm, anew ? kSolvingFeel.first_iterations : kSolvingFeel.aside_iterations,
-               kTolerance);
+  solver.solve(f.force_N, f.turning_mm,
+               anew ? kSolvingFeel.first_iterations : kSolvingFeel.tangential_iterations, kTolerance);
   spot.finite_N = f.finite_N = force_N;
   spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * stiffer / force_N;
   spot.stiffening_slope =

@@ -375,7 +375,8 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   const auto felt = ticks();
   for (std::size_t t = 1; t < felt.size(); ++t) {
     // a step of at most 1.3 N is blended in like a seam; a delayed thread renders none
-    const double max_N = 1.3 * felt[t].dt_s * (1 / kTouchFeel.seam_s + 1.5 / kOutputFeel.blend_s) + 0.005;
+    const double max_N =
+        1.3 * felt[t].dt_s * (1 / kTouchFeel.stiffness_filter_s + 1.5 / kOutputFeel.blend_s) + 0.005;
     const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
     if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
     EXPECT_LE(std::abs(sent_N(felt[t]) - sent_N(felt[t - 1])), max_N) << felt[t].tick;

@@ -368,7 +368,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     }
     const std::string path = "stability/pop-through/" + part_of_name(names[s]);
     const auto n = static_cast<std::uint64_t>(presses);
-    depths.push_back({path + "/deepest", all.deepest_mm, "mm", n, kProxyFeel.max_dip_mm});
+    depths.push_back({path + "/deepest", all.deepest_mm, "mm", n, kProxyFeel.max_penetration_mm});
     parts.push_back({path + "/missed", 100.0 * missed / presses, "percent", n, kMissedLimit_percent});
   }
   depths.insert(depths.end(), parts.begin(), parts.end());

@@ -190,8 +190,9 @@ Result<std::vector<Figure>> turning_figures(int turns, const Progress& progress)
   }
   const auto n = static_cast<std::uint64_t>(turns);
   return std::vector<Figure>{
-      {"stability/turning/deepest", deepest_mm, "mm", n, kProxyFeel.max_dip_mm},
-      {"stability/turning/shaft-deepest", shaft_deepest_mm, "mm", n, kProxyFeel.max_dip_mm + kShaftDip_mm},
+      {"stability/turning/deepest", deepest_mm, "mm", n, kProxyFeel.max_penetration_mm},
+      {"stability/turning/shaft-deepest", shaft_deepest_mm, "mm", n,
+       kProxyFeel.max_penetration_mm + kShaftDip_mm},
       {"stability/turning/through", static_cast<double>(through), "turns", n, 0},
       {"stability/turning/not-felt", static_cast<double>(missed), "turns", n, 0}};
 }

@@ -39,7 +39,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
   box.cells = {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
   const Point<Patient> pressed(0, 0, 0);
-  const Point<Patient> middle = pressed - Vector<Patient>(0, 0, kSolvingFeel.deeper_cells * box.cell_mm);
+  const Point<Patient> middle = pressed - Vector<Patient>(0, 0, kSolvingFeel.depth_cells * box.cell_mm);
   Eigen::Vector3d first = box.local_mm(middle) / box.cell_mm;
   for (int axis = 0; axis < 3; ++axis) first[axis] = std::floor(first[axis] - 0.5 * box.cells[axis]);
   box.corner = box.patient(first * box.cell_mm);
