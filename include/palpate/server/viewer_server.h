@@ -225,8 +225,9 @@ struct ViewedState : Settings {
   std::optional<Playback> playback;
   /// A teacher's choices.
   struct Lesson {
-    std::string learner;  ///< Pseudonym of the runs' learner; empty: none
-    std::string task;     ///< ViewedTask::name of the only task that may be begun; empty: any
+    std::string learner;   ///< Pseudonym of the runs' learner; empty: none
+    std::string task;      ///< ViewedTask::name of the only task that may be begun; empty: any
+    bool is_over = false;  ///< Whether a teacher has ended the session, which closes shortly
     /// Whether a run may be begun as that learner.
     bool is_for(const std::string& other) const { return learner.empty() || learner == other; }
   };
@@ -278,7 +279,9 @@ struct RearmRequest {
 struct LessonRequest {
   std::optional<std::string> learner, task;  ///< As in ViewedState::Lesson
   std::optional<bool> names;                 ///< Whether learners are shown what a quiz hides
-  bool end = false;                          ///< Ends the session
+  /// Pseudonym of the learner whose page gets the pointer; empty: whoever has it loses it
+  std::optional<std::string> pointer;
+  bool end = false;  ///< Ends the session
 };
 
 /// Playback control of a recording.
@@ -380,7 +383,7 @@ class LiveHost : public ViewerHost {
   virtual Result<void> train(const TaskRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "this session has no tasks", "", ""};
   }
-  /// Applies lesson settings, except for the names, which the server handles.
+  /// Applies lesson settings, except for the names and the pointer, which the server handles.
   virtual Result<void> teach(const LessonRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "there is no session for a lesson", "", ""};
   }

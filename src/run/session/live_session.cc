@@ -123,6 +123,7 @@ ViewedState LiveSession::state() const {
   state.motor_is_on = loop ? motor_was_on(*parts_.model, loop->snapshot()) : false;
   stop_.describe(state);
   if (parts_.training != nullptr) state.lesson = parts_.training->lesson();
+  state.lesson.is_over = is_over_;
   state.recording = parts_.recording;
   const auto nearest_mm = loop ? watch_->nearest_mm() : std::map<LabelId, double>();
   const Lock held = model_.lock();

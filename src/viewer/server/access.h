@@ -78,6 +78,8 @@ class Access {
   static std::string_view bearer(std::string_view authorization);
 
   bool has_learners() const { return tokens_.has(Role::kLearner); }
+  /// Pseudonyms of all learners that have a token.
+  std::vector<std::string> learners() const { return tokens_.learners(); }
   bool tls() const { return tls_; }
   int port() const { return port_; }
 

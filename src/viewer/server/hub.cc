@@ -200,6 +200,12 @@ void Hub::welcome(Viewer& viewer) {
   viewer.set_number(++greeted_);
   count();
   publish_state();
+  // the learner whose turn it is gets a free pointer
+  const std::string& learner = viewer.who().learner;
+  if (!pointer_ && viewer.who().role == Role::kLearner && learner == state_.lesson.learner) {
+    pass_pointer(&viewer);
+    publish_state();
+  }
   viewer.show_state();
   // a late viewer gets the current data, not what was last sent to others
   if (viewer.wants_yields()) publish_yields(Clock::now());
@@ -277,6 +283,7 @@ Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
 }
 
 Result<void> Hub::grant_lesson(const LessonRequest& request) {
+  if (auto fine = check_pointer(request); !fine) return fine;
   if (request.learner || request.task || request.end) {
     if (live_ == nullptr)
       return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
@@ -284,12 +291,64 @@ Result<void> Hub::grant_lesson(const LessonRequest& request) {
   }
   names_ = request.names.value_or(names_);
   publish_state();
-  // a viewer that is no longer permitted loses the pointer
-  if (pointer_ && !check_hand(*pointer_)) {
-    (void)live_->take_pointer(false, pointer_->identity());
-    pointer_ = nullptr;
-  }
+  // whoever is named gets the pointer, and a viewer that is no longer permitted loses it
+  const std::string& named = request.pointer ? *request.pointer : request.learner.value_or("");
+  if (request.pointer || !named.empty())
+    pass_pointer(page_of(named));
+  else if (pointer_ && !check_hand(*pointer_))
+    pass_pointer(nullptr);
+  publish_state();
   return {};
+}
+
+// whether the pointer can be passed on as a teacher asks
+Result<void> Hub::check_pointer(const LessonRequest& request) const {
+  if (!request.pointer) return {};
+  if (live_ == nullptr || host_.scene().input != "pointer")
+    return Error{ErrorKind::kUsage, "no page moves the tip here", "pointer",
+                 "start palpate explore with --device pointer"};
+  const ViewedTraining training = host_.training();
+  const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
+  const std::string& learner = is_run ? training.learner : request.learner.value_or(state_.lesson.learner);
+  if (!request.pointer->empty() && !learner.empty() && learner != *request.pointer)
+    return Error{ErrorKind::kUsage,
+                 is_run ? "the run under way is somebody else's" : "the lesson is somebody else's now",
+                 "pointer", is_run ? "end it first" : "choose that learner"};
+  if (!request.pointer->empty() && page_of(*request.pointer) == nullptr)
+    return Error{ErrorKind::kUsage, "no page of that learner is open", "pointer",
+                 "let the learner open the page and enter the token"};
+  return {};
+}
+
+// Makes a viewer, or nobody (null), the one that moves the tip. It is released first, so that the force fades
+// out under the old hand before it rises under the new one.
+void Hub::pass_pointer(const Viewer* to) {
+  if (pointer_ == to) return;
+  if (pointer_) (void)live_->take_pointer(false, pointer_->identity());
+  pointer_ = nullptr;
+  if (to != nullptr && host_.scene().input == "pointer" && live_->take_pointer(true, to->identity()))
+    pointer_ = to;
+}
+
+// Page of a learner: the one that has the pointer, or the one that came last; null: none is open.
+const Viewer* Hub::page_of(const std::string& learner) const {
+  const Viewer* found = nullptr;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->welcomed() || viewer->is_ending()) continue;
+    if (viewer->who().role != Role::kLearner || viewer->who().learner != learner) continue;
+    if (viewer.get() == pointer_) return pointer_;
+    if (found == nullptr || viewer->identity().number > found->identity().number) found = viewer.get();
+  }
+  return found;
+}
+
+std::vector<ListedLearner> Hub::listed_learners() const {
+  std::vector<ListedLearner> listed;
+  for (std::string& learner : site_.access().learners()) {
+    const Viewer* const page = page_of(learner);
+    listed.push_back({std::move(learner), page != nullptr, page != nullptr && page == pointer_});
+  }
+  return listed;
 }
 
 // the force is given back only to the viewer that moves the tip
@@ -331,7 +390,8 @@ std::uint32_t Hub::holder() const {
 std::string Hub::state_for(const Viewer& viewer) const {
   const Veil* veil = veil_of(viewer);
   return state_json(veil != nullptr ? veil->of(state_) : state_,
-                    {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, veil != nullptr});
+                    {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, veil != nullptr,
+                     viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
 }
 
 std::string Hub::welcome_for(const Who& who) const {
@@ -403,9 +463,11 @@ void Hub::publish_state() {
   whoever.holder = holder();
   whoever.viewers = welcomed_;
   whoever.names = names_;
+  whoever.learners = listed_learners();
   std::string text = state_json(state_, whoever), veiled_text;
   const Veil* const veil = active_veil();
   whoever.veiled = veil != nullptr;
+  whoever.learners.clear();
   if (veil != nullptr) veiled_text = state_json(veil->of(state_), whoever);
   const bool is_new = text != last_state_, is_new_veiled = veiled_text != last_veiled_state_;
   last_state_ = std::move(text);

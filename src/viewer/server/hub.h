@@ -8,12 +8,14 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "server/download_pace.h"
 #include "server/fault_log.h"
 #include "server/payload_store.h"
 #include "server/pose_message.h"
 #include "server/request.h"
+#include "server/scene_json.h"
 #include "server/site.h"
 #include "server/transport.h"
 #include "server/yield_message.h"
@@ -124,6 +126,10 @@ class Hub {
   Result<void> grant_task(Viewer& viewer, TaskRequest request);
   Result<void> grant_lesson(const LessonRequest& request);
   Result<void> check_hand(const Viewer& viewer) const;
+  Result<void> check_pointer(const LessonRequest& request) const;
+  void pass_pointer(const Viewer* to);
+  const Viewer* page_of(const std::string& learner) const;
+  std::vector<ListedLearner> listed_learners() const;
   void update_veil();
   void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);

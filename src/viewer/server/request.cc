@@ -183,9 +183,10 @@ LessonRequest read_lesson(Fields& fields) {
   request.learner = fields.name("learner", kMaxName_bytes);
   request.task = fields.name("task", kMaxTask_bytes);
   request.names = fields.flag("names");
+  request.pointer = fields.name("pointer", kMaxName_bytes);
   request.end = fields.flag("end").value_or(false);
   fields.end();
-  if (!request.learner && !request.task && !request.names && !request.end)
+  if (!request.learner && !request.task && !request.names && !request.pointer && !request.end)
     fields.refuse("", "the request is empty");
   return request;
 }

@@ -72,6 +72,7 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(lesson->learner, "L042");
   EXPECT_EQ(lesson->task, "");
   EXPECT_EQ(lesson->names, false);
+  EXPECT_FALSE(lesson->pointer);
   EXPECT_FALSE(lesson->end);
   EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9})"), "");
   EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "end": false})"), "");

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <functional>
 #include <map>
 #include <optional>
 
@@ -114,6 +115,7 @@ TEST(Rights, EveryCellIsKeptByTheServer) {
        {{{"type", "lesson"}, {"learner", "L042"}},
         {{"type", "lesson"}, {"task", "hold"}},
         {{"type", "lesson"}, {"names", false}},
+        {{"type", "lesson"}, {"pointer", ""}},
         {{"type", "lesson"}, {"end", true}}}}};
   for (const bool has_tasks : {true, false})
     for (const Role role : kRoles) {
@@ -202,12 +204,57 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["type"], "done");
   EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
   EXPECT_EQ(asked(*one, {{"type", "task"}, {"begin", "hold"}})["where"], "learner");
-  EXPECT_FALSE(school.test.host.pointer_taken) << "the hand is let go of";
+  EXPECT_TRUE(school.test.host.pointer_taken) << "whoever is named gets it";
+  EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["where"], "learner");
   EXPECT_EQ(asked(*other, {{"type", "pointer"}, {"take", true}})["type"], "done");
   EXPECT_EQ(asked(*teacher, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
   EXPECT_EQ(school.test.host.training().learner, "L007");
   EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"end", true}})["type"], "done");
   EXPECT_TRUE(school.test.host.ended());
+}
+
+/// Newest state of which something holds.
+Json state_when(TestViewer& viewer, const std::function<bool(const Json&)>& holds) {
+  Json state = viewer.text("state");
+  while (!state.is_null() && !holds(state)) state = viewer.text("state");
+  return state;
+}
+
+TEST(Rights, ThePointerGoesToWhomTheTeacherNames) {
+  School school;
+  // the teacher's page comes first, and takes the pointer
+  const auto teacher = school.comes(Role::kTeacher);
+  EXPECT_EQ(asked(*teacher, {{"type", "pointer"}, {"take", true}})["type"], "done");
+  // states that come before an answer are lost to whoever asks
+  const auto watch = school.comes(Role::kTeacher);
+  const auto one = school.comes(Role::kLearner);
+  EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["type"], "refused") << "the teacher has it";
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L042"}})["type"], "done");
+  EXPECT_FALSE(state_when(*one, [](const Json& state) { return state["pointer"] == true; }).is_null());
+  const Json listed =
+      state_when(*watch, [](const Json& state) { return state["lesson"]["learners"][1]["pointer"] == true; });
+  EXPECT_EQ(listed["lesson"]["learners"],
+            Json::parse(R"([{"learner": "L007", "here": false, "pointer": false},
+                            {"learner": "L042", "here": true, "pointer": true}])"));
+
+  // a learner that is named before the page is open gets the pointer with the hello
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
+  EXPECT_FALSE(school.test.host.pointer_taken) << "nobody has it meanwhile";
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"pointer", "L007"}})["where"], "pointer") << "not here";
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"pointer", "L042"}})["where"], "pointer") << "not meant";
+  const auto other = school.comes(kOtherLearner);
+  EXPECT_FALSE(state_when(*other, [](const Json& state) { return state["pointer"] == true; }).is_null());
+
+  // a teacher takes it from a learner, and passes it
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"pointer", ""}})["type"], "done");
+  EXPECT_FALSE(state_when(*other, [](const Json& state) { return state["pointer_by"].is_null(); }).is_null());
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", ""}, {"pointer", "L042"}})["type"], "done");
+  const Json passed = state_when(*one, [](const Json& state) { return state["pointer"] == true; });
+  ASSERT_FALSE(passed.is_null());
+  EXPECT_TRUE(passed["lesson"]["learners"].is_null()) << "only a teacher gets the list";
+
+  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"end", true}})["type"], "done");
+  EXPECT_FALSE(state_when(*one, [](const Json& state) { return state["lesson"]["over"] == true; }).is_null());
 }
 
 }  // namespace

@@ -166,11 +166,20 @@ void add_who(Json& json, const Who& who, bool has_tasks, bool keeps_runs) {
 Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
   const bool is_told = reader.who.role == Role::kTeacher ||
                        (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
+  Json learners;
+  if (reader.who.role == Role::kTeacher) {
+    learners = Json::array();
+    for (const ListedLearner& listed : reader.learners)
+      learners.push_back(
+          {{"learner", shown(listed.learner)}, {"here", listed.is_here}, {"pointer", listed.has_pointer}});
+  }
   return {{"learner", is_told && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
           {"of_another", reader.who.role == Role::kLearner && !lesson.is_for(reader.who.learner)},
           {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
           {"names", reader.names},
-          {"veiled", reader.veiled}};
+          {"veiled", reader.veiled},
+          {"learners", std::move(learners)},
+          {"over", lesson.is_over}};
 }
 
 Json playback_json(const ViewedState::Playback& playback) {

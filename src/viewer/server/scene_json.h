@@ -27,14 +27,22 @@ std::string hash_text(std::uint64_t hash);
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
                        const Who& who, bool keeps_runs);
 
+/// Learner with a token, as shown to a teacher.
+struct ListedLearner {
+  std::string learner;       ///< Pseudonym
+  bool is_here = false;      ///< Whether a page of this learner is connected
+  bool has_pointer = false;  ///< Whether that page moves the tip
+};
+
 /// Receiver of a state message, with the values that depend on it.
 struct StateReader {
   std::uint32_t number = 0;  ///< ViewerIdentity::number; 0: none
   Who who{Role::kTeacher, {}};
-  std::uint32_t holder = 0;  ///< Number of the viewer that moves the tip; 0: none
-  int viewers = 0;           ///< Number of viewers that have said hello
-  bool names = false;        ///< Whether learners are shown what a quiz hides
-  bool veiled = false;       ///< Whether this receiver is not shown it
+  std::uint32_t holder = 0;                  ///< Number of the viewer that moves the tip; 0: none
+  int viewers = 0;                           ///< Number of viewers that have said hello
+  bool names = false;                        ///< Whether learners are shown what a quiz hides
+  bool veiled = false;                       ///< Whether this receiver is not shown it
+  std::vector<ListedLearner> learners = {};  ///< Sent to a teacher only
 };
 std::string state_json(const ViewedState& state, const StateReader& reader);
 

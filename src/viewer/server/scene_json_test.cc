@@ -134,7 +134,8 @@ TEST(SceneJson, StateAndAnswers) {
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you",
-    "lesson": {"learner": null, "of_another": false, "task": null, "names": false, "veiled": false}})"));
+    "lesson": {"learner": null, "of_another": false, "task": null, "names": false, "veiled": false, "learners": null,
+               "over": false}})"));
   // the learner is disclosed to teachers and to that learner only
   cut.lesson = {"L042", "hold"};
   for (const auto& [who, learner, of_another] : {std::tuple(Who{Role::kTeacher, {}}, Json("L042"), false),

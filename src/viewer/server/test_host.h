@@ -261,7 +261,7 @@ class FakeHost : public LiveHost {
     const std::lock_guard lock(mutex_);
     state_.lesson.learner = request.learner.value_or(state_.lesson.learner);
     state_.lesson.task = request.task.value_or(state_.lesson.task);
-    ended_ = ended_ || request.end;
+    state_.lesson.is_over = state_.lesson.is_over || request.end;
     return {};
   }
   bool keeps_runs() const override { return keeps_runs_; }
@@ -272,7 +272,7 @@ class FakeHost : public LiveHost {
   void keep_runs() { keeps_runs_ = true; }
   bool ended() const {
     const std::lock_guard lock(mutex_);
-    return ended_;
+    return state_.lesson.is_over;
   }
   /// Advances the run.
   void train_on(double time_s) {
@@ -350,7 +350,7 @@ class FakeHost : public LiveHost {
   std::array<double, 3> tip_{};
   ViewerIdentity asked_by_;
   std::uint32_t stops_ = 0;
-  bool asks_ = false, ended_ = false, keeps_runs_ = false;
+  bool asks_ = false, keeps_runs_ = false;
   std::vector<LateAnswer> asked_, answers_;
 };
 
