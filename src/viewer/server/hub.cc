@@ -305,17 +305,17 @@ Result<void> Hub::grant_lesson(const LessonRequest& request) {
 Result<void> Hub::check_pointer(const LessonRequest& request) const {
   if (!request.pointer) return {};
   if (live_ == nullptr || host_.scene().input != "pointer")
-    return Error{ErrorKind::kUsage, "no page moves the tip here", "pointer",
+    return Error{ErrorKind::kUsage, "the tip of this session is not moved by a viewer", "pointer",
                  "start palpate explore with --device pointer"};
   const ViewedTraining training = host_.training();
   const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
   const std::string& learner = is_run ? training.learner : request.learner.value_or(state_.lesson.learner);
   if (!request.pointer->empty() && !learner.empty() && learner != *request.pointer)
     return Error{ErrorKind::kUsage,
-                 is_run ? "the run under way is somebody else's" : "the lesson is somebody else's now",
-                 "pointer", is_run ? "end it first" : "choose that learner"};
+                 is_run ? "the run in progress is another learner's" : "the lesson is another learner's",
+                 "pointer", is_run ? "end it first" : "choose that learner for the lesson first"};
   if (!request.pointer->empty() && page_of(*request.pointer) == nullptr)
-    return Error{ErrorKind::kUsage, "no page of that learner is open", "pointer",
+    return Error{ErrorKind::kUsage, "no page of that learner is connected", "pointer",
                  "let the learner open the page and enter the token"};
   return {};
 }
