@@ -18,17 +18,17 @@ class Progress {
   using Show = std::function<void(std::string_view stage, double fraction)>;
 
   Progress() = default;
-  /// @param stop   set to true (e.g. by a signal handler) to cancel; may be nullptr
-  /// @param heard  set to true once the work has noticed `stop`; may be nullptr
-  Progress(Show show, const std::atomic<bool>* stop, std::atomic<bool>* heard = nullptr)
-      : show_(std::move(show)), stop_(stop), applied_arming_(heard) {}
+  /// @param stop          set to true (e.g. by a signal handler) to cancel; may be nullptr
+  /// @param acknowledged  set to true once the work has noticed `stop`; may be nullptr
+  Progress(Show show, const std::atomic<bool>* stop, std::atomic<bool>* acknowledged = nullptr)
+      : show_(std::move(show)), stop_(stop), acknowledged_(acknowledged) {}
 
   void report(std::string_view stage, double fraction) const {
     if (show_) show_(stage, fraction);
   }
   bool stopped() const {
     if (stop_ == nullptr || !stop_->load(std::memory_order_relaxed)) return false;
-    if (applied_arming_ != nullptr) applied_arming_->store(true, std::memory_order_relaxed);
+    if (acknowledged_ != nullptr) acknowledged_->store(true, std::memory_order_relaxed);
     return true;
   }
 
@@ -38,7 +38,7 @@ class Progress {
  private:
   Show show_;
   const std::atomic<bool>* stop_ = nullptr;
-  std::atomic<bool>* applied_arming_ = nullptr;
+  std::atomic<bool>* acknowledged_ = nullptr;
 };
 
 /// Receiver of warnings for the user (never called from the servo tick). Default-constructed: warnings are

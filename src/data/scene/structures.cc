@@ -10,12 +10,12 @@ std::string told_structure(const Segment& segment) {
 }
 
 std::string structures_there(const Model& model) {
-  constexpr std::size_t kMaxStructuresReported = 30;
+  constexpr std::size_t kMaxListed = 30;
   std::string text = "its structures are ";
-  std::size_t told = 0;
+  std::size_t listed = 0;
   for (const Segment& segment : model.segments) {
-    if (told == kMaxStructuresReported) return text + ", ...";
-    text += (told++ ? ", " : "") + told_structure(segment);
+    if (listed == kMaxListed) return text + ", ...";
+    text += (listed++ ? ", " : "") + told_structure(segment);
   }
   return text;
 }

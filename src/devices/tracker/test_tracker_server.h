@@ -63,7 +63,7 @@ class TrackerServer {
   /// Input received from the last client.
   MessageBytes heard() const {
     const std::lock_guard lock(mutex_);
-    return applied_arming_;
+    return received_;
   }
   int connections() const { return connections_; }
 
@@ -75,7 +75,7 @@ class TrackerServer {
       if (client < 0 && ::poll(&waiting, 1, 5) > 0) {
         client = ::accept4(listening_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         const std::lock_guard lock(mutex_);
-        applied_arming_.clear();
+        received_.clear();
         ++connections_;
       }
       if (drops_.exchange(false) && client >= 0) {
@@ -97,7 +97,7 @@ class TrackerServer {
     const std::lock_guard lock(mutex_);
     std::uint8_t buffer[256];
     for (ssize_t got; (got = ::recv(client, buffer, sizeof buffer, 0)) > 0;)
-      applied_arming_.insert(applied_arming_.end(), buffer, buffer + got);
+      received_.insert(received_.end(), buffer, buffer + got);
     MessageBytes all;
     // one frame every hundredth of a second
     for (const auto& [name, tool] : tools_) {
@@ -117,7 +117,7 @@ class TrackerServer {
   mutable std::mutex mutex_;
   std::map<std::string, Tool> tools_;
   std::optional<MessageBytes> instead_;
-  MessageBytes applied_arming_;
+  MessageBytes received_;
   std::thread thread_;
 };
 

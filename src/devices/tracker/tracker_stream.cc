@@ -33,7 +33,7 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kRetry_ns = kSecond_ns / 5, kConnecting_ns = 3 * kSecond_ns,
                        kSilent_ns = 5 * kSecond_ns;
 constexpr std::int64_t kUnseen_ns = static_cast<std::int64_t>(TrackerStream::kUnseen_s * 1e9);
-constexpr std::size_t kMaxHeard = 64, kLongestHeard = 128;
+constexpr std::size_t kMaxNames = 64, kMaxNameLength = 128;
 // size of a device name field in a message
 constexpr std::size_t kShortName = 20;
 
@@ -128,7 +128,7 @@ class TrackerStream::Core {
   std::vector<std::string> heard() const {
     const std::lock_guard lock(mutex_);
     std::vector<std::string> names;
-    for (const std::string& name : applied_arming_) names.push_back(printable_name(name));
+    for (const std::string& name : received_names_) names.push_back(printable_name(name));
     return names;
   }
 
@@ -150,15 +150,15 @@ class TrackerStream::Core {
     const std::int64_t now_ns = monotonic_ns();
     if (!is_connected_) return unavailable(why_not_, why_not_cure_ + continues);
     if (now_ns - pose_ns_ <= kUnseen_ns) return std::nullopt;
-    if (applied_arming_.empty())
+    if (received_names_.empty())
       return unavailable("sends no transforms",
                          "make its server send TRANSFORM messages, and start tracking");
     for (const std::string& wanted : {settings_.transform, settings_.reference}) {
       if (wanted.empty()) continue;
-      if (std::ranges::none_of(applied_arming_,
+      if (std::ranges::none_of(received_names_,
                                [&](const std::string& name) { return is_called(name, wanted); })) {
         std::string all;
-        for (const std::string& name : applied_arming_)
+        for (const std::string& name : received_names_)
           all += (all.empty() ? "" : ", ") + printable_name(name);
         return unavailable("sends no " + printable_name(wanted), "it sends: " + all);
       }
@@ -182,7 +182,7 @@ class TrackerStream::Core {
   }
   bool has_what_is_awaited() const {
     const std::lock_guard lock(mutex_);
-    return is_connected_ && (settings_.transform.empty() ? !applied_arming_.empty() : pose_ns_ > 0);
+    return is_connected_ && (settings_.transform.empty() ? !received_names_.empty() : pose_ns_ > 0);
   }
   void not_connected(std::string why, std::string cure) {
     const std::lock_guard lock(mutex_);
@@ -251,7 +251,7 @@ class TrackerStream::Core {
     {
       const std::lock_guard lock(mutex_);
       is_connected_ = true;
-      applied_arming_.clear();
+      received_names_.clear();
       tool_ = {};
       reference_ = {};
     }
@@ -281,7 +281,7 @@ class TrackerStream::Core {
     MarkersPose told;
     {
       const std::lock_guard lock(mutex_);
-      if (applied_arming_.size() < kMaxHeard) applied_arming_.insert(message.name.substr(0, kLongestHeard));
+      if (received_names_.size() < kMaxNames) received_names_.insert(message.name.substr(0, kMaxNameLength));
       if (!message.seen) return;
       const bool is_tool = !settings_.transform.empty() && is_called(message.name, settings_.transform),
                  is_reference = !settings_.reference.empty() && is_called(message.name, settings_.reference);
@@ -317,7 +317,7 @@ class TrackerStream::Core {
   bool is_connected_ = false;
   std::string why_not_ = "is not connected yet",
               why_not_cure_ = "check the address, and whether the tracking server is running";
-  std::set<std::string> applied_arming_;
+  std::set<std::string> received_names_;
   Seen tool_, reference_;
   std::int64_t pose_ns_ = 0;  // time of the last pose passed on; 0: none yet
   std::thread reader_;

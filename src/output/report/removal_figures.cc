@@ -107,7 +107,7 @@ void RemovalMeter::hear(std::span<const RecordingEvent> events) {
     if (event.kind == RecordingEvent::Kind::kSweep ||
         (event.kind == RecordingEvent::Kind::kModel &&
          (event.change.tissue == ModelChange::kCut || event.change.is_of_stroke())))
-      applied_arming_.push_back(event);
+      pending_events_.push_back(event);
 }
 
 void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
@@ -127,9 +127,9 @@ void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
 }
 
 void RemovalMeter::see(const TimedTick& now) {
-  for (; !applied_arming_.empty() && applied_arming_.front().tick <= now.tick.tick;
-       applied_arming_.pop_front())
-    hear(applied_arming_.front(), now.begin_s);
+  for (; !pending_events_.empty() && pending_events_.front().tick <= now.tick.tick;
+       pending_events_.pop_front())
+    hear(pending_events_.front(), now.begin_s);
   nearest_.see(now.tick);
   if (motor_was_on(model_, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
 }

@@ -104,7 +104,7 @@ class RemovalMeter {
   NearestMeter nearest_;
   StrokeHistory<std::size_t> strokes_;         // stroke numbers in their order
   std::map<LabelId, double> volumes_mm3_;      // current
-  std::deque<RecordingEvent> applied_arming_;  // sweeps and cuts that precede the next tick
+  std::deque<RecordingEvent> pending_events_;  // sweeps and cuts that precede the next tick
   std::vector<Cut> waiting_;                   // sweeps for the next cut version
   std::vector<Structure> structure_;           // by label; empty until something is cut
   std::vector<const Surface*> surface_;        // in the order of figures_.structures; null: none

@@ -9,7 +9,7 @@ namespace palpate {
 void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
   for (const RecordingEvent& event : part.events) {
     if (event.kind == RecordingEvent::Kind::kModel) laws_.hear(event.change);
-    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMaxStructuresReported)
+    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMaxPending)
       told_.push_back({event.number, event.input_tick, event.frame_hash != RecordingEvent::kUnsolved});
   }
   // a solution is reported with ticks that follow its input tick

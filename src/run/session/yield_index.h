@@ -45,7 +45,7 @@ class YieldIndex {
 
  private:
   // bound on pending solutions; a few are normal
-  static constexpr std::size_t kMaxStructuresReported = 10'000;
+  static constexpr std::size_t kMaxPending = 10'000;
   struct Told {
     std::uint32_t number;
     std::uint64_t input_tick;
