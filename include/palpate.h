@@ -365,8 +365,7 @@ PLP_API void plp_session_destroy(plp_session* session);
 /// Advances by one tick.
 /// @param poses     one for each device; the first one's size is that of all
 /// @param dt_s      duration since the last tick; not finite or negative: PLP_BAD_INPUT, zero wrenches, and
-/// the
-///                  session is as it was
+///                  the session is unchanged
 /// @param wrenches  one for each device, each of the size of the first
 PLP_API plp_status plp_session_tick(plp_session* session, const plp_pose* poses, double dt_s,
                                     plp_wrench* wrenches);

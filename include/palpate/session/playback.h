@@ -34,8 +34,8 @@ struct PlayedTaskOptions {
 /// while a block is being read the previous tick stays visible. Requests that only a live session can fulfil
 /// are refused; a stop pauses playback, since no force is rendered.
 /// @param modality  modality that the scene declares
-/// @param task      task whose progress at the displayed position is shown, and whose debriefing follows its
-/// end
+/// @param task      task whose progress at the displayed position is shown, and whose debriefing follows at
+///                  its end
 /// @param plan      plan shown along with the recording; may be null
 /// Errors: those of look_up() and TaskEvaluator::see(); kBadInput if the run contains no tick, if the
 /// recording is of another scene, has no ticks, or its clock is not monotonic; those of

@@ -21,7 +21,7 @@ namespace palpate {
 class SharedPlan {
  public:
   /// @param may_change  whether viewers may edit; if so the file need not exist: the plan is empty and saving
-  /// creates it
+  ///                    creates it
   /// Errors: those of load_plan and resolve_plan; kOutput if the file is missing and cannot be created.
   static Result<std::shared_ptr<SharedPlan>> open(const std::filesystem::path& file, const Model& model,
                                                   bool may_change);

@@ -26,15 +26,12 @@
 /// 1. Turn: the proxy's tool takes the operator's attitude, swept around its tip (tool_turn.h).
 /// 2. Gather: each touched surface is a half-space that excludes the proxy (constraint_gathering.h).
 /// 3. Solve: the goal is the point nearest to the tip in all half-spaces, or behind it where friction holds
-/// the
-///    proxy (constraint_solver.h).
+///    the proxy (constraint_solver.h).
 /// 4. Limit: a substep leads towards the goal. Its length is bounded by the clearance, by the curvature of
-/// the
-///    surfaces and by the slip that force continuity permits (substep.h, force_continuity.h). A surface that
-///    it would penetrate joins the constraints, and the goal is solved again.
+///    the surfaces and by the slip that force continuity permits (substep.h, force_continuity.h). A surface
+///    that it would penetrate joins the constraints, and the goal is solved again.
 /// 5. Validate: the end of the substep is projected out of all surfaces; a substep that leads away from the
-/// tip
-///    is rejected (substep.h). Steps 2 to 5 repeat until the proxy rests or the work limit of a tick is
+///    tip is rejected (substep.h). Steps 2 to 5 repeat until the proxy rests or the work limit of a tick is
 ///    reached.
 /// 6. Force: a spring from the tip to the proxy, whose stretch and stiffness change continuously
 ///    (contact_springs.h), and puncture of the structures on which it exceeds their limit (puncture.h).

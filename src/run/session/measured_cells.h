@@ -23,10 +23,10 @@ struct MeasuredCells {
 /// of processor time. Takes at most the time of about 40 frames. A model whose tissue is not elastic, or that
 /// already has a factor, is returned unchanged.
 /// @param model         prepared for the proxy
-/// @param devices       number of devices that press simultaneously, each with a solver box of its own; 1 ...
-/// kMaxDevices
-/// @param max_frame_s  processor time available per frame; by default three quarters of the frame period,
-/// which leaves some to other threads
+/// @param devices       number of devices that press simultaneously, each with a solver box of its own;
+///                      1 ... kMaxDevices
+/// @param max_frame_s   processor time available per frame; by default three quarters of the frame period,
+///                      which leaves some to other threads
 MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
                                   double max_frame_s = 0.75 * kYieldFrame_s);
 

@@ -1,4 +1,4 @@
-// List of structures by tissue: appearance of each structure, contact properties of each tissue.
+// Panel of the structures by tissue: controls of each structure's look and of each tissue's contact properties.
 
 import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
 import { byId, element, press, write } from "../base/dom.js";
@@ -13,9 +13,10 @@ import { says, words, type MessageAbout } from "../words/words.js";
 const hex = (colour: Rgb): string => "#" + colour.map((x) => x.toString(16).padStart(2, "0")).join("");
 const fromHex = (text: string): Rgb => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16)) as Rgb;
 
-/** Slider position, 0 to 1, of a stiffness; logarithmic, because stiffness is perceived by ratios. */
+/** Slider position, 0 to 1, of a stiffness; logarithmic, because equal ratios of stiffness feel equally different. */
 export const toSlider = (value: number, [low, high]: [number, number]): number =>
   Math.log(Math.max(value, low) / low) / Math.log(high / low);
+/** Inverse of toSlider(), rounded to three digits. */
 export const fromSlider = (place: number, [low, high]: [number, number]): number =>
   Number((low * (high / low) ** place).toPrecision(3));
 
@@ -26,32 +27,34 @@ export const isFound = (name: string, wanted: string): boolean =>
     .split(/\s+/)
     .every((word) => readable(name).toLowerCase().includes(word));
 
+/** Controls of a tissue's contact properties, and the texts of their values. */
 interface TissueRow {
   stiffness: HTMLInputElement;
   stiffnessValue: HTMLElement;
   friction: HTMLInputElement;
   frictionValue: HTMLElement;
 }
-/** Group of the structures of one tissue, or of all without contact, which are folded and switched together. */
+/** Structures of one tissue, or all structures without a tissue; folded and switched on and off together. */
 interface Group {
-  tissue: number;
-  places: number[];
+  tissue: number; // index in the scene; -1: none
+  places: number[]; // indices of its structures in the scene
   box: HTMLElement;
   fold: HTMLElement;
   eye: HTMLElement;
   rows: HTMLElement;
 }
-const FRICTION_OF_STATIC = 0.75; // default ratio of dynamic to static friction for a tissue that had none
+/** Ratio of kinetic to static friction for a tissue without friction, whose own ratio is undefined. */
+const FRICTION_OF_STATIC = 0.75;
 
 export class StructuresPanel {
-  private rows: TissueRow[] = [];
-  private readonly lines = new Map<number, HTMLElement>();
-  // controls of each structure, by index
+  private rows: TissueRow[] = []; // by index of the tissue; sparse
+  private readonly lines = new Map<number, HTMLElement>(); // row of each structure, by label
+  // controls of each structure, by index in the scene
   private controls: { eye: HTMLButtonElement; colour: HTMLInputElement; opacity: HTMLInputElement }[] = [];
   private groups: Group[] = [];
   private readonly folded = new Set<number>(); // indices of folded tissues
-  private entered: HTMLElement | null = null; // row that is in the tab order
-  // structure that is shown alone, and the visibility of all before
+  private entered: HTMLElement | null = null; // row whose controls are in the tab order; null: none is visible
+  // structure that is shown alone, and the visibility of each structure before that; null: none
   private alone: { place: number; before: boolean[] } | null = null;
 
   constructor(
@@ -79,6 +82,7 @@ export class StructuresPanel {
     byId("hide-all").addEventListener("click", () => this.setShown(session.looks.map(() => false)));
   }
 
+  /** Rebuilds the panel for a scene. */
   build(scene: Scene): void {
     const { session } = this;
     this.rows = [];
@@ -104,8 +108,10 @@ export class StructuresPanel {
   }
 
   /**
-   * Group of a tissue's structures; empty if there are none.
-   * @param name  name of the tissue; null: structures without contact
+   * Builds the group of a tissue; empty if the tissue has no structures.
+   * @param tissue  index of the tissue; -1: structures without a tissue
+   * @param name    name of the tissue; null: structures without a tissue
+   * @param feel    controls of the contact properties, or a note in their place; null: nothing
    */
   private groupOf(scene: Scene, tissue: number, name: string | null, feel: HTMLElement | null): Group[] {
     const places = scene.structures.flatMap((structure, place) =>
@@ -143,6 +149,7 @@ export class StructuresPanel {
     });
     return [{ tissue, places, box, fold, eye, rows }];
   }
+  /** Updates the visibility buttons of the groups: all, some or none of the structures are visible. */
   private showGroups(): void {
     const { looks } = this.session;
     for (const { places, eye } of this.groups) {
@@ -153,7 +160,7 @@ export class StructuresPanel {
     }
   }
 
-  /** Hides rows that do not match the search; without a search, the rows of folded groups. */
+  /** Hides rows that do not match the search. Groups are folded only while the search is empty. */
   private find(): void {
     const wanted = byId<HTMLInputElement>("find").value.trim();
     for (const structure of this.session.scene?.structures ?? []) {
@@ -168,7 +175,10 @@ export class StructuresPanel {
     this.enter(this.entered);
   }
 
-  /** Puts a row into the tab order, in which the list is one stop; arrow keys move between rows. */
+  /**
+   * Makes a row the only one whose controls are in the tab order; if it is hidden, the first visible row instead. Arrow
+   * keys move between rows (roving tabindex).
+   */
   private enter(wanted: HTMLElement | null): void {
     const shown = [...this.lines.values()].filter((line) => line.closest("[hidden]") === null);
     this.entered = wanted && shown.includes(wanted) ? wanted : (shown[0] ?? null);
@@ -176,10 +186,11 @@ export class StructuresPanel {
       for (const control of line.children) (control as HTMLElement).tabIndex = line === this.entered ? 0 : -1;
     }
   }
+  /** Moves the focus to the same control of another visible row. */
   private goByKey(event: KeyboardEvent): void {
     const target = event.target as HTMLElement;
     const line = target.closest<HTMLElement>(".structure");
-    // a slider uses the arrow keys itself
+    // arrow keys change the value of a slider
     if (!line || target.matches("input[type=range]") || event.ctrlKey || event.metaKey || event.altKey) return;
     const shown = [...this.lines.values()].filter((one) => one.closest("[hidden]") === null);
     const place = shown.indexOf(line);
@@ -197,7 +208,7 @@ export class StructuresPanel {
     (to.children[[...line.children].indexOf(target)] as HTMLElement).focus();
   }
 
-  /** Fills the menu of presets that apply to this scene. It keeps no selection, because a preset is an action. */
+  /** Fills the menu with the presets that apply to this scene. A preset is an action: nothing stays selected. */
   offerPresets(): void {
     const { scene } = this.session;
     if (!scene) return;
@@ -209,13 +220,14 @@ export class StructuresPanel {
   }
 
   /**
-   * Changes looks, undoably.
+   * Changes looks as an undo step.
    * @param key  changes with equal key in one gesture are one undo step
    */
   private change(key: string, looks: Look[]): void {
     this.history.note(key, { before: this.session.looks, after: looks, go: (_, to) => this.setLooks(to) });
     this.setLooks(looks);
   }
+  /** Sets and stores the looks of all structures. Returns true: an undo of looks cannot be refused. */
   private setLooks(looks: Look[]): boolean {
     const before = this.session.looks;
     this.alone = null;
@@ -227,6 +239,7 @@ export class StructuresPanel {
     keepScene<KeptScene>(scene.volume.hash, { looks: keptLooks(scene, looks) });
     return true;
   }
+  /** Shows a look in the controls of a structure. */
   private showLook({ colour, opacity, visible }: Look, place: number): void {
     const controls = this.controls[place]!;
     press(controls.eye, visible);
@@ -241,6 +254,7 @@ export class StructuresPanel {
       this.session.looks.map((one, other) => (other === place ? { ...one, ...look } : one)),
     );
   }
+  /** Sets the visibility of every structure as one undo step. */
   private setShown(shown: boolean[], alone: StructuresPanel["alone"] = null): void {
     this.history.gesture += 1;
     this.change(
@@ -249,7 +263,7 @@ export class StructuresPanel {
     );
     this.alone = alone;
   }
-  /** Shows only one structure, or restores the previous visibility if it is already shown alone. */
+  /** Hides all other structures, or restores their visibility if the structure is already shown alone. */
   private toggleAlone(place: number): void {
     const shown = this.session.looks.map((look) => look.visible);
     if (this.alone?.place === place) this.setShown(this.alone.before);
@@ -260,9 +274,10 @@ export class StructuresPanel {
       );
   }
 
+  /** Sliders of a tissue's stiffness and static friction. */
   private feelOf(scene: Scene, place: number): HTMLElement {
     const { stiffness_N_per_mm: range, friction } = scene.limits;
-    // range of the slider: useful stiffness, within the valid range
+    // range of the slider, N/mm: useful stiffnesses, as far as they are valid
     const limits: [number, number] = [Math.max(range[0], 0.01), Math.min(range[1], 10)];
     const name = readable(scene.tissues[place]!.name);
     const slider = (label: MessageAbout, max: number, step: number) =>
@@ -317,6 +332,7 @@ export class StructuresPanel {
     );
   }
 
+  /** Row of a structure: colour, name, opacity, visibility. */
   private lineOf(scene: Scene, structure: Structure): HTMLElement {
     const place = scene.structures.indexOf(structure);
     const { session } = this;
@@ -345,9 +361,12 @@ export class StructuresPanel {
     return line;
   }
 
-  /** Moves sliders to the current values, except one that is being dragged. */
+  /**
+   * Sets the sliders to the current values, except one that is being dragged.
+   * @param isAllowed  whether this viewer may change them
+   */
   show(state: State, isAllowed: boolean): void {
-    // sparse: tissues without structures have no row
+    // visits existing rows only: tissues without contact or structures have none
     this.rows.forEach((row, place) => {
       const tissue = state.tissues[place];
       if (!tissue) return;
@@ -364,7 +383,7 @@ export class StructuresPanel {
     });
   }
 
-  /** Highlights the row of the structure in contact. */
+  /** Highlights the row of the structure in contact; 0: none. */
   touched(label: number): void {
     for (const [own, line] of this.lines) line.classList.toggle("touched", own === label && label > 0);
   }

@@ -1,4 +1,5 @@
-// Picture of one section: oblique, through the tip, or axial, sagittal or coronal.
+// Picture of one section, oblique or anatomical: the pose of its plane, progressive drawing, overlays, and the mouse,
+// touch and keyboard input on it.
 
 import {
   add,
@@ -47,26 +48,28 @@ import type { AnySlicer } from "./plain_slicer.js";
 import { drawStrainLegend } from "../drawing/strain.js";
 import { words } from "../words/words.js";
 
-/** View of a section: extent and pan within the plane, offset along its normal. */
+/** Undoable view of a section: `across_mm`, `pan` and `offset_mm` of SectionView. */
 export interface SectionStand {
   across_mm: number;
   pan: [number, number];
   offset_mm: number;
 }
-/** Direction that the oblique plane contains: tool axis, force, or none. */
+/** Direction that the oblique plane contains: tool axis or force. "fixed": none, it is an anatomical plane. */
 export type Along = "tool" | "force" | "fixed";
 export const ALONG: Along[] = ["tool", "force", "fixed"];
-/** Width of the slider at the right edge; CSS pixels. */
+/** Width of the slice slider at the right edge, which overlays leave free; CSS pixels. */
 const SLIDER_PIXELS = 26;
 /** Displacement of the tip per arrow key press; CSS pixels. */
 const KEY_STEP_PIXELS = 2;
+/** Unit normals of the anatomical planes; patient frame (LPS). */
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
-const SMOOTHING = 0.2; // fraction of the remaining rotation towards the target plane per frame
-/** Rotation towards the target plane below which the plane snaps to it, rad: less than a pixel at a picture's edge. */
+const SMOOTHING = 0.2; // fraction of the difference to the target normal that one frame removes
+/** Angle to the target normal, rad, below which the plane snaps to it: under a pixel at the edge of any picture. */
 const LEAST_STEP = 1e-5;
 /**
- * Progressive refinement: time without changes after which a coarse picture is redrawn at full resolution, in bands;
- * maximum reduction of the resolution; minimum number of rows of a band.
+ * Progressive refinement. A picture that would exceed the time allowed per frame is drawn at a resolution reduced by a
+ * factor of at most COARSEST per axis. After STILL_AFTER_MS without changes it is redrawn at full resolution, one band
+ * of at least LEAST_ROWS rows per frame.
  */
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
@@ -74,36 +77,40 @@ const LEAST_ROWS = 4;
 /** Drag distance of the window tool that doubles the window's width; CSS pixels. */
 const WINDOW_PIXELS = 200;
 
+/** Scale after zooming in by a factor, in mm per CSS pixel; clamped. */
 const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.max(0.005, mmPerPixel / factor));
 
 export class SectionView {
   readonly picture: Picture;
   along: Along = "tool";
-  /** Anatomical plane to whose normal the oblique plane's is as close as possible. */
+  /** Anatomical plane whose normal the oblique plane's normal is as close to as its direction allows. */
   like: Anatomical = "sagittal";
-  offset_mm = 0; // offset along the normal from the session's anchor
+  offset_mm = 0; // offset of the plane from the session's anchor, along `normal`
   mmPerPixel = 0.25; // mm per CSS pixel
-  pan: [number, number] = [0, 0]; // displacement of the picture's centre, right and down, mm
-  normal: Vec3 = [1, 0, 0]; // unit normal of the plane
-  private hanging: Hanging | undefined;
+  pan: [number, number] = [0, 0]; // displacement of the picture's centre to the right and down, mm
+  normal: Vec3 = [1, 0, 0]; // unit normal of the plane, patient frame; for the oblique plane smoothed
+  private hanging: Hanging | undefined; // display convention of the previous frame
+  /** Plane as drawn last. */
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
-  private byKeys = false;
-  private held: Vec3 | null = null; // target of the tip, a point of the plane, while it is moved here; null: else
-  private mouse: { clientX: number; clientY: number } | null = null; // mouse position on this picture
-  private drawn = "";
+  private byKeys = false; // the tip is held by a key
+  /** Target of the tip while this picture moves it; the plane then contains it. null: not moved here. */
+  private held: Vec3 | null = null;
+  private mouse: { clientX: number; clientY: number } | null = null; // mouse over this picture
+  private drawn = ""; // key of the current contents
   private drawn_ms = -Infinity; // time at which the current contents were first drawn
-  private isAwaited = false; // current contents are not drawn yet, for lack of a compiled shader
-  private sharpTo = Infinity; // number of rows at full resolution during refinement; Infinity: all
+  private isAwaited = false; // the picture still shows the previous contents, because the shader is being compiled
+  private sharpTo = Infinity; // number of rows, from the top, that are at full resolution; Infinity: all
   private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
-  private readonly pointers = new Map<number, [number, number]>();
-  private gesture = 0; // undo group of changes to the view
+  private readonly pointers = new Map<number, [number, number]>(); // pressed pointers: canvas position by id
+  private gesture = 0; // undo group of the current drag
   private readonly chooser = new SliceChooser(
     (slice) => this.goTo(slice),
     () => (this.history.gesture += 1),
   );
-  private plans = false; // the current press creates or moves a trajectory
-  private measure: Pick<Measure, "kind" | "points"> | null = null; // measurement in progress
-  private restsAt: Vec3 | null = null; // fixed anchor of the plane during a measurement
+  private plans = false; // the current press edits a trajectory of the plan
+  /** Measure in progress; its last point follows the mouse. */
+  private measure: Pick<Measure, "kind" | "points"> | null = null;
+  private restsAt: Vec3 | null = null; // anchor of the plane while a measure is in progress; null: the session's
 
   constructor(
     readonly kind: PlaneKind,
@@ -123,6 +130,7 @@ export class SectionView {
     this.listen();
   }
 
+  /** Shows 0.68 of the volume's size across the shorter side, without pan and offset. */
   reset(): void {
     const volumes = this.session.volumes;
     const { clientWidth, clientHeight } = this.picture.surface;
@@ -135,13 +143,13 @@ export class SectionView {
     this.session.touch();
   }
 
-  /** Extent across the shorter side of the picture, mm; 0: never shown. */
+  /** Extent across the shorter side of the picture, mm. 0: the picture was never shown. */
   get across_mm(): number {
     return this.mmPerPixel * this.size;
   }
   set across_mm(mm: number) {
     const { clientWidth, clientHeight } = this.picture.surface;
-    // a hidden picture has no size: keeps the previous one
+    // a hidden picture has size 0: keep the previous one
     this.size = Math.min(clientWidth, clientHeight) || this.size;
     if (this.size > 0 && mm > 0) this.mmPerPixel = mm / this.size;
   }
@@ -154,13 +162,14 @@ export class SectionView {
     this.session.touch();
   }
   /**
-   * Changes the view, undoably.
+   * Changes the view as an undo step.
+   * @param by       name of the change
    * @param gesture  changes with equal `by` and gesture are one undo step
    */
   private change(by: string, act: () => void, gesture = this.history.gesture): void {
     this.history.change(`${by} ${this.kind}`, act, gesture);
   }
-  /** Keeps the extent when the picture's size changes. */
+  /** Adapts the scale to a changed size of the picture, so that the extent stays the same. */
   private keepShown(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
     const size = Math.min(clientWidth, clientHeight);
@@ -169,11 +178,15 @@ export class SectionView {
     this.size = size;
   }
 
-  /** A point of the target plane. */
+  /** Point that the target plane contains; patient frame. */
   private through(): Vec3 {
     return this.held ?? add(this.restsAt ?? this.session.anchor(), scale(this.normal, this.offset_mm));
   }
-  /** Plane for the current state, smoothed towards its target orientation; patient frame. */
+  /**
+   * Plane to draw in this frame; patient frame. An oblique normal approaches its target by exponential smoothing. It
+   * does not change while the tip is moved here, during a measure, for stale poses, and without a sufficient force if
+   * the plane follows that.
+   */
   private place(): Plane {
     const { session, kind } = this;
     const through = this.through();
@@ -194,8 +207,9 @@ export class SectionView {
       else if (length(device.force) > 0.03)
         normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
       if (normal) {
+        // a plane has two unit normals: take the nearer one
         const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
-        // snaps to the target: exponential smoothing would cause redraws for ever
+        // snap at the end: exponential smoothing never arrives, so every frame would be a redraw
         const isThere = length(sub(same, this.normal)) < LEAST_STEP;
         this.normal = isThere ? same : normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
       }
@@ -204,7 +218,7 @@ export class SectionView {
     this.hanging = hanging;
     return this.centred(plane);
   }
-  /** The plane with its centre at the projection of the volume's centre, displaced by the pan. */
+  /** The same plane, centred on the projection of the volume's centre and displaced by the pan. */
   private centred(plane: Plane): Plane {
     const middle = this.session.volumes?.centre ?? plane.centre;
     const n = normalOf(plane);
@@ -212,6 +226,7 @@ export class SectionView {
     return { ...plane, centre: add(onPlane, add(scale(plane.right, this.pan[0]), scale(plane.down, this.pan[1]))) };
   }
 
+  /** Point of the plane at a canvas position; patient frame. */
   patientAt([x, y]: [number, number]): Vec3 {
     const { width, height, ratio } = this.picture.frame();
     const mm = this.mmPerPixel / ratio;
@@ -220,18 +235,20 @@ export class SectionView {
       add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)),
     );
   }
-  /** Position under the mouse, patient frame, at the centre of its pixel, where the section is sampled. */
+  /** Point of the plane under the mouse, at the centre of the pixel, where the section is sampled; patient frame. */
   private readonly pointed = (): Vec3 | null => {
     if (!this.mouse || !this.picture.isShown) return null;
     const [x, y] = this.picture.at(this.mouse);
     return this.patientAt([Math.floor(x) + 0.5, Math.floor(y) + 0.5]);
   };
+  /** Canvas position of the projection of a point on the plane. */
   pixelOf(p: Vec3): [number, number] {
     const { width, height, ratio } = this.picture.frame();
     const d = sub(p, this.plane.centre);
     const mm = this.mmPerPixel / ratio;
     return [width / 2 + dot(d, this.plane.right) / mm, height / 2 + dot(d, this.plane.down) / mm];
   }
+  /** Distance of a point from the plane. */
   farness_mm(p: Vec3): number {
     return Math.abs(dot(sub(p, this.plane.centre), normalOf(this.plane)));
   }
@@ -239,13 +256,14 @@ export class SectionView {
     return this.plane;
   }
 
-  /** Whether the picture is not yet drawn at full resolution. */
+  /** Whether the current contents are not yet drawn at full resolution everywhere. */
   get isCoarse(): boolean {
     return this.picture.isShown && (this.isAwaited || this.sharpTo < this.picture.base.canvas.height);
   }
   /**
    * Draws the section, if it has changed or can be refined, and its overlays.
-   * @param max_ms  maximum time to block the page
+   * @param now     current time, ms
+   * @param max_ms  time that the section may take; Infinity: drawn at full resolution, whatever it takes
    */
   draw(now: number, max_ms: number): void {
     const { session, picture } = this;
@@ -258,7 +276,7 @@ export class SectionView {
     const frame = picture.frame();
     const mm = this.mmPerPixel / frame.ratio;
 
-    // key of all that the section's pixels depend on
+    // everything that determines the section's pixels
     const key = JSON.stringify([
       this.plane,
       mm,
@@ -280,12 +298,13 @@ export class SectionView {
       slab: session.slab,
     };
     const isOther = key !== this.drawn;
+    // estimated drawing time at full resolution, relative to the time allowed
     const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / max_ms;
-    // keeps the previous picture until the shader of another kind is compiled
+    // another kind of section needs another shader, which compiles in the background
     this.isAwaited =
       isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
     if (this.isAwaited) {
-      // keeps the previous picture
+      // keep the previous contents
     } else if (isOther || (this.isCoarse && most < 1)) {
       const reduction = Math.min(COARSEST, Math.sqrt(Math.max(1, most)));
       this.slicer.draw(picture.base, this.plane, mm, style, { reduction, from: 0, to: Infinity });
@@ -351,13 +370,13 @@ export class SectionView {
     this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
   }
 
-  /** Moves to a slice: the tip while it is held here, else the planes, which stop following. */
+  /** Moves to a slice, from 1: the tip if it is held here, otherwise the planes, which then stop following it. */
   private goTo(slice: number): void {
     const { session } = this;
     if (!session.volumes) return;
     const normal = normalOf(this.plane);
     const { first_mm, step_mm } = slicesAlong(session.volumes, normal);
-    // relative to the target plane, because the drawn one lags behind
+    // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
     if (this.held) {
       this.held = add(this.held, by);
@@ -373,10 +392,10 @@ export class SectionView {
     session.touch();
   }
 
-  /** Pans the picture when the tip leaves it. */
+  /** Pans the picture so that a followed tip stays out of the outer 8 % on each side. */
   private keepInView(): void {
     const tip = this.session.pose?.devices[0]?.tip;
-    // not during a press or a measurement
+    // the picture must not move under a press or a measure in progress
     if (!tip || !this.session.follow || this.session.holding || this.pointers.size > 0 || this.restsAt) return;
     const { width, height, ratio } = this.picture.frame();
     const [x, y] = this.pixelOf(tip);
@@ -388,7 +407,7 @@ export class SectionView {
     this.plane = this.centred(this.plane);
   }
 
-  /** Moves along the normal by a number of slices: the tip while it is held here, else the plane. */
+  /** Moves along the normal by a number of slices: the tip if it is held here, otherwise the plane. */
   private step(count: number, by = "keys"): void {
     if (!this.session.volumes) return;
     const normal = normalOf(this.plane);
@@ -402,6 +421,7 @@ export class SectionView {
     }
     this.session.touch();
   }
+  /** Zooms in by a factor about the picture's centre. */
   private zoom(factor: number, by = "keys"): void {
     this.change(by, () => (this.mmPerPixel = zoomed(this.mmPerPixel, factor)));
     this.session.touch();
@@ -477,7 +497,7 @@ export class SectionView {
       "wheel",
       (event) => {
         event.preventDefault();
-        // successive wheel events are one undo step
+        // successive wheel events share a gesture and are one undo step
         if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300), "zoom");
         else this.step(Math.sign(event.deltaY), "wheel");
       },
@@ -502,7 +522,7 @@ export class SectionView {
       const action = actions[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
-      // the repeats of a key are one undo step
+      // a key press and its repeats are one undo step
       if (!event.repeat) this.history.gesture += 1;
       action();
     });
@@ -511,8 +531,9 @@ export class SectionView {
     surface.addEventListener("blur", keyUp);
   }
 
+  /** Makes a point the target of the tip. */
   private holdAt(p: Vec3): void {
-    // without an offset, a following plane does not jump when the tip is released
+    // an offset would take effect again at the release, and a plane that follows the tip would jump
     if (this.session.follow) this.offset_mm = 0;
     this.held = p;
   }
@@ -522,6 +543,7 @@ export class SectionView {
     this.plans = false;
     this.session.plans.drop();
   }
+  /** Releases the tip if it is held here. */
   private release(): void {
     if (!this.held) return;
     this.held = null;
@@ -530,8 +552,8 @@ export class SectionView {
   }
 
   /**
-   * Moves the tip by an arrow or page key, with a pointer as device; the tip is held until the key is released.
-   * @returns false if the key or the state do not permit it
+   * Moves the tip by an arrow or page key if this viewer has the pointer; the tip is held until the key is released.
+   * @returns whether the key has moved the tip
    */
   private moveTipByKey(key: string): boolean {
     const { right, down } = this.plane;
@@ -555,6 +577,7 @@ export class SectionView {
     return true;
   }
 
+  /** Handles the movement of a pressed pointer, from canvas position `before` to `at`. */
   private drag(event: PointerEvent, before: [number, number], at: [number, number]): void {
     const { session } = this;
     const { ratio } = this.picture.frame();
@@ -584,7 +607,7 @@ export class SectionView {
     this.pointers.set(event.pointerId, at);
   }
 
-  /** Distance, CSS pixels, between a canvas position and the projection of a point. */
+  /** Function that gives the distance, in CSS pixels, of a point's projection from a canvas position. */
   private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
     const { ratio } = this.picture.frame();
     return (p) => {
@@ -594,12 +617,12 @@ export class SectionView {
   }
   private addMeasurePoint(p: Vec3): void {
     if (!this.measure) {
-      // fixes the plane, so that all points of the measure lie on it
+      // hold the plane in place, so that it contains every point of the measure
       this.restsAt = sub(this.plane.centre, scale(this.normal, this.offset_mm));
       this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
       return;
     }
-    // a touch has no preceding hover, which would have placed this point
+    // sets the point that follows the mouse: a touch is not preceded by a hover
     this.measure.points[this.measure.points.length - 1] = p;
     if (isWhole(this.measure)) this.finishMeasure();
     else this.measure.points.push(p);
