@@ -12,13 +12,15 @@ namespace palpate {
 /// Convergence of a linear solution.
 struct ElasticSolution {
   int iterations = 0;
-  /// |f - K u| / (|f| + norm of the forces caused by prescribed displacements alone); 0 without a load.
+  /// |f - K u| / (|f| + norm of the forces caused by prescribed displacements alone), over the free
+  /// components. If both terms of the denominator are 0: |K u|, N.
   double residual = 0;
   bool converged = false;  ///< The residual is within the tolerance
 };
 
-/// Weighted means of a field's values that are constrained to 0. No value belongs to two means. A mean is a
-/// node's component (one value, weight 1) or the point at which an edge between two nodes crosses a surface.
+/// Linear constraints on a field: weighted means of its values that are kept at 0. No value belongs to two
+/// means. A mean represents one component of a node (one value, weight 1), or of the point at which an edge
+/// between nodes crosses a surface.
 class HeldMeans {
  public:
   struct Weight {
@@ -28,9 +30,9 @@ class HeldMeans {
   /// Adds a mean.
   /// @param weights  not all 0
   void add(std::span<const Weight> weights);
-  /// Changes a field by the least amount (in the Euclidean norm) that makes the means 0.
+  /// Projects a field orthogonally (in the Euclidean norm) onto the fields whose means are 0.
   void take_out(ElasticValues& of) const;
-  /// Norm of the component that take_out() removes.
+  /// Euclidean norm of the component that take_out() removes.
   double norm(const ElasticValues& of) const;
 
  private:
@@ -42,31 +44,36 @@ class HeldMeans {
 struct FiniteSolution {
   int steps = 0;       ///< Newton steps
   int iterations = 0;  ///< Conjugate gradient iterations in all steps
+  /// As ElasticSolution::residual, with the norm of the initial constraint forces of the HeldMeans added to
+  /// the denominator.
   double residual = 0;
-  bool converged = false;
-  /// Least det F of all cells: the remaining volume fraction of the most compressed one.
+  bool converged = false;  ///< The residual is within the tolerance
+  /// Least det F of all cells, F being the deformation gradient: the remaining volume fraction of the most
+  /// compressed one.
   double min_volume = 1;
-  /// The last step failed: at the shortest length it would still have inverted a cell or not reduced the
-  /// residual.
+  /// The line search of the last step failed: even the shortest step would have compressed a cell below
+  /// FiniteSettings::min_volume or not reduced the residual along the step.
   bool stuck = false;
 };
 /// Limits of a neo-Hookean solution.
 struct FiniteSettings {
   int max_steps = 1;
   int max_iterations = 8;   ///< Conjugate gradient iterations per step
-  double tolerance = 1e-3;  ///< Residual at which it stops
-  /// Relative residual at which the conjugate gradients of a step stop.
+  double tolerance = 1e-3;  ///< FiniteSolution::residual at which Newton's method stops
+  /// Residual at which the conjugate gradients of a step stop, relative to the residual before the step.
   double step_tolerance = 0.1;
-  /// No step may leave a cell with less than this volume fraction, unless the least volume grows.
+  /// A step that leaves a cell with less than this volume fraction is rejected, unless it increases the least
+  /// volume.
   double min_volume = 0.1;
 };
 
 /// Linear elasticity of a grid: solves K u = f by conjugate gradients, preconditioned by a multigrid V-cycle.
-/// All memory is allocated by the constructor; solves allocate nothing. One instance per thread.
-/// Bit-identical on every SIMD target.
+/// Solves do not allocate. One instance per thread. Bit-identical on every SIMD target.
+///
+/// A component of a node's displacement is either held (prescribed) or free.
 class ElasticSolver {
  public:
-  /// Copies the necessary data of the grid and holds its loose parts.
+  /// Copies what it needs from the grid, and holds loose parts (ElasticGrid::hold_loose_parts()).
   explicit ElasticSolver(const ElasticGrid& grid);
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
@@ -74,24 +81,29 @@ class ElasticSolver {
 
   const ElasticLayout& layout() const;
 
-  /// Updates the solver after ElasticGrid::set_cells changed some cells, in place. Cost and memory are
-  /// proportional to their box. Later solutions equal those of a new solver for the grid, though the number
-  /// of iterations may differ.
-  /// @param other  return value of set_cells()
+  /// Updates the solver in place after ElasticGrid::set_cells() changed some cells. Solutions converge to
+  /// those of a new solver for the grid, though the number of iterations may differ, because the eigenvalue
+  /// bounds of the smoothers never decrease. Operators are updated in the box of the changed cells only; the
+  /// coarsest grid is factorised again.
+  /// @param cells  box passed to set_cells()
+  /// @param other  return value of set_cells(): the set of soft cells or of held nodes has changed. If true,
+  ///               loose parts are found again, which visits the whole grid
   void change(const ElasticGrid& grid, const CellBox& cells, bool other);
   /// Sets the displacements of all held components to 0.
   void zero_held(ElasticField& displacement_mm) const;
 
-  /// Solves with `displacement_mm` as initial guess; its held components are prescribed.
+  /// Solves for the free components of `displacement_mm`, whose values are the initial guess. Its held
+  /// components are the prescribed displacements and do not change.
   /// @param force_N    forces on all nodes; ignored where components are held
-  /// @param tolerance  residual at which it stops
+  /// @param tolerance  ElasticSolution::residual at which it stops
   ElasticSolution solve(const ElasticField& force_N, ElasticField& displacement_mm, int max_iterations,
                         double tolerance);
-  /// Solves the same body as neo-Hookean, which equals linear elasticity for small strains, by Newton's
-  /// method from `displacement_mm`. If prescribed displacements have changed, first add the linear response
-  /// (`solve` from 0 for the change), so that no cell next to them is inverted.
-  /// @param held  constraints besides the nodes held by the grid; a few, for which the solver need not be
-  ///              rebuilt
+  /// Solves the same body under the neo-Hookean law, which equals linear elasticity for small strains, by
+  /// Newton's method with `displacement_mm` as initial guess. If prescribed displacements have changed since
+  /// the guess was computed, add the linear response to the change (`solve` from 0) to it first: otherwise
+  /// cells next to these nodes may be inverted.
+  /// @param held  constraints in addition to the held components. They are projected out in every iteration,
+  ///              so the operators need not be rebuilt
   FiniteSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
                                    const FiniteSettings& settings, const HeldMeans& held = {});
   /// Nodal forces of the neo-Hookean body, like forces().

@@ -10,7 +10,9 @@ using internal::elastic::dot;
 using internal::elastic::Operator;
 
 ElasticSolver::State::State(const ElasticGrid& grid)
-    : held(grid.held()), multigrid([&] {
+    : held(grid.held()),
+      // members are initialised in the order of declaration: `loose` and `held` precede the multigrid
+      multigrid([&] {
         loose.hold(grid, held);
         return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), held);
       }()) {
@@ -26,7 +28,8 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
   if (other) {
     s.held = grid.held();
     s.loose.hold(grid, s.held);
-    // constraints of loose parts can change beyond the cells that were replaced
+    // Replacing cells can detach or reattach tissue at any distance from them. The box is extended to all
+    // cells at nodes whose constraints changed.
     const ElasticLayout& layout = grid.layout();
     for (int c = 0; c <= layout.cells[2]; ++c)
       for (int b = 0; b <= layout.cells[1]; ++b)
@@ -79,7 +82,7 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
   ElasticSolution told;
 
-  // initial residual, and the norm that it is relative to
+  // initial residual, and the load that it is relative to
   double scale = s.held_norm(displacement_mm);
   k.apply(u, s.q);
   double load = 0;
@@ -94,12 +97,13 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
     return scale > 0 ? norm / scale : norm;
   };
 
+  // preconditioned conjugate gradients
   double rz = 0;
   for (told.residual = part(); !(told.residual <= tolerance) && told.iterations < max_iterations;
        told.residual = part()) {
     s.multigrid.cycle(s.r, s.z);
     const double next = dot(s.r, s.z);
-    // fails only where the residual is rounding error
+    // the V-cycle is positive definite, so this fails only if the residual is rounding error or not finite
     if (!(next > 0) || !std::isfinite(next)) break;
     const float beta = told.iterations == 0 ? 0.0f : static_cast<float>(next / rz);
     rz = next;

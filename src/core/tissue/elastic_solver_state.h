@@ -10,14 +10,17 @@ namespace palpate {
 
 struct ElasticSolver::State {
   explicit State(const ElasticGrid& grid);
-  /// Norm |K u| of the free nodal forces caused by the prescribed displacements alone.
+  /// Norm |K u| over the free components, with u set to 0 there: the forces caused by the prescribed
+  /// displacements alone. Overwrites p and q.
   double held_norm(const ElasticField& u);
 
   ElasticGrid::LooseParts loose;
   std::vector<std::uint8_t> held;  ///< Constraints of the grid and of loose parts
   internal::elastic::Multigrid multigrid;
-  ElasticValues r, z, p, q;   ///< Conjugate gradients
-  ElasticValues step, tried;  ///< Newton's method: step and trial displacement
+  /// Conjugate gradients: residual, preconditioned residual, search direction, and K times that direction.
+  ElasticValues r, z, p, q;
+  /// Newton's method: step, and trial displacement.
+  ElasticValues step, tried;
 };
 
 }  // namespace palpate

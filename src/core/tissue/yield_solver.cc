@@ -17,6 +17,8 @@
 namespace palpate {
 namespace {
 
+/// Residual (ElasticSolution::residual) at which linear solves stop before their maximum number of
+/// iterations.
 constexpr double kTolerance = 1e-4;
 
 template <class Tagged>
@@ -24,13 +26,14 @@ Tagged tagged(const std::array<double, 3>& v) {
   return {v[0], v[1], v[2]};
 }
 
-// point on the outermost surfaces
+// point on an outermost surface, with the surface's unit normal
 struct OnSurface {
   Point<Patient> at;
   Vector<Patient> outward;
 };
 
-// nearest point of the outermost surfaces within reach_mm
+// Nearest point of the outermost surfaces, if it is within reach_mm. The sampled distance is not exact away
+// from the surface, so the point is projected along the normal several times.
 std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& near) {
   constexpr int kSteps = 3;
   OnSurface found{near, {}};
@@ -53,7 +56,8 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
   return found;
 }
 
-// contact point at the time when the solution will be used
+// contact point predicted lead_frames ahead of the tick: displaced along the surface while in contact,
+// otherwise nearest to the predicted tip
 std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& felt) {
   const auto tip = tagged<Point<Patient>>(felt.tip_patient_mm);
   Vector<Patient> way =
@@ -71,7 +75,8 @@ bool presses(const DeviceTick& felt) {
   return felt.contact_label[0] != 0 && felt.depth_mm > 0;
 }
 
-// depth at that time; not above 0: no contact
+// Depth predicted lead_frames ahead of the tick, mm; not above 0: no contact. Only the increase is limited to
+// max_lead_mm.
 double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm) {
   const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
   const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
@@ -80,7 +85,9 @@ double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, doubl
   return now_mm + std::min(sinks_mm, kSolvingFeel.max_lead_mm);
 }
 
-// Contact radius at a depth: Hertz's, and while in contact no more than the force implies.
+// Contact radius at a predicted depth: sqrt(R d) (Hertz). While in contact, at most the radius implied by
+// the force, (3 F R / 4 E*)^(1/3), scaled from the current depth in proportion to sqrt(d): the part of the
+// depth by which the surroundings yield does not widen the contact.
 // @param force_N  YieldSolver::displacing_force_N
 double radius_at_depth_mm(const DeviceTick& felt, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
@@ -114,26 +121,38 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
   return YieldBox{first_cell_around(model, middle), contact->at};
 }
 
-/// Neo-Hookean body around a device's tool.
+/// Neo-Hookean body around a device's tool (docs/decisions/archive/0039-neo-hookean-in-the-tick.md).
 ///
-/// The surface under the patch is constrained to the displacement of the linear body under a force s on the
-/// patch (PressurePatch::columns), and all other nodes equilibrate, so that nothing is pinched; for small
-/// strains the solution is the linear one, u = s u1. With E(s) its energy, the patch is pushed with the force
-/// F = E'(s) / W at a depth of s W. E'(s) = u1 . f(u) over all nodes; where they are not in equilibrium yet,
-/// the error of u1 . K u is of second order. Along the surface E changes by s (dJ) y with K y = f(u), in the
-/// same way as J, from which u1 follows.
+/// u1: displacement of the linear body under 1 N on the patch; W = J u1 its mean displacement there, J the
+/// patch's row of the contact Jacobian (PressurePatch); f(u): nodal forces of the neo-Hookean body.
+///
+/// The surface under the patch is constrained to s u1, the displacement of the linear body under a force s
+/// (PressurePatch::columns). All other nodes equilibrate. A displacement is prescribed, because the pressure
+/// of the patch as a dead load would pinch the tissue. For small strains the solution is the linear one,
+/// u = s u1.
+///
+/// With E(s) the energy of the body, the patch bears the force F = E'(s) / W at a displacement of s W.
+/// E'(s) = u1 . f(u), summed over all nodes. A deviation e from equilibrium causes an error of F of second
+/// order only: its means under the patch are 0, so u1 . K e = J e = 0.
+///
+/// Moving the patch along the surface changes J, thereby u1, and E by s (dJ) y, where K y = f(u).
 struct YieldSolver::NeoHookeanBody {
   ElasticField correction_mm;  ///< u - s u1; its means under the patch are 0
-  ElasticField turning_mm;     ///< y - F u1
+  ElasticField turning_mm;     ///< y - F u1: response of the linear body to the excess forces
   ElasticField u_mm, force_N;  ///< Scratch
-  double give_mm = 0;          ///< s W of the last frame; 0: none
+  double give_mm = 0;          ///< Displacement of the patch, s W, in the last frame; 0: none
+  /// Upper limit of give_mm as a fraction of the patch's radius: reduced when a solution fails, raised again
+  /// after each success.
   double max_give = kSolvingFeel.max_indentation;
-  double depth_mm = 0;   ///< Depth of the tool in the last frame; 0: none
-  double failed_mm = 0;  ///< Depth of a resting tool at which more than max_give had no solution; 0: none
-  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Values last published
+  double depth_mm = 0;  ///< Predicted depth of the tool in the last frame; 0: no contact
+  /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_give is not raised.
+  /// 0: none.
+  double failed_mm = 0;
+  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Last published C and F (LocalCompliance)
 
   explicit NeoHookeanBody(const ElasticLayout& layout)
       : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
+  // discards the solution; max_give and depth_mm are kept
   void forget() {
     for (ElasticField* field : {&correction_mm, &turning_mm})
       std::fill(field->values.begin(), field->values.end(), 0.0f);
@@ -141,20 +160,21 @@ struct YieldSolver::NeoHookeanBody {
   }
 };
 
-/// Box of cells around a device's tool, with its solver.
+/// Box of cells around a device's tool, with its solver and the state from which the next frame starts.
 struct YieldSolver::Region {
   std::vector<ElasticMaterial> by_label;  ///< Materials that the cells were made with
   YieldBox box;
   CarvedCells cells;
   ElasticSolver solver;
+  /// u1, the displacements under 1 N on the patch, and the patch's nodal forces.
   ElasticField unit_mm, load_N;
-  std::optional<RelaxationWeights> shares;  ///< If any tissue relaxes
+  std::optional<RelaxationWeights> shares;  ///< Unset: no tissue of the model relaxes
   double modulus = 0;                       ///< Contact modulus under the patch in the last frame
-  double radius_mm = 0;                     ///< Radius of the tool
-  bool is_new = true;                       ///< Nothing has been solved in it yet
-  std::unique_ptr<NeoHookeanBody> finite;   ///< For the neo-Hookean law
+  double radius_mm = 0;                     ///< Radius of the tool in the last frame
+  bool is_new = true;                       ///< The next solve counts as the first one in this box
+  std::unique_ptr<NeoHookeanBody> finite;   ///< null: the law is linear
 
-  /// @param before  box that it replaces; may be null
+  /// @param before  region that this one replaces, whose solution is reused where both overlap; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
          const Region* before)
       : by_label(std::move(materials)),
@@ -174,27 +194,27 @@ struct YieldSolver::Region {
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
-  // same labels before removal, and same materials
+  // whether the cells were made from these labels (before removal) and materials
   bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
     return labels.made == cells.labels().made && by_label == materials;
   }
-  // the same, and the same law and relaxation
+  // whether the region can be used for a model: its labels, materials, law and relaxation are unchanged
   bool is_of(const Model& model, const CarvedLabels& labels,
              const std::vector<ElasticMaterial>& materials) const {
     return is_of(labels, materials) && (finite != nullptr) == (model.tissue_law == TissueLaw::kNeoHookean) &&
            shares.has_value() == model.relaxation_times.any() && (!shares || shares->is_of(model));
   }
-  // same removal, with all cells at their target
+  // whether all cells have reached the state that corresponds to the removal in `labels`
   bool stands_at(const CarvedLabels& labels) const {
     return labels.taken == cells.labels().taken && cells.changing_cells().empty();
   }
 
-  // offset from one of its cells' index to that of the same cell in another box
+  // offset that added to a cell's index in this box gives its index in the box of `other`
   std::array<int, 3> way_from(const Region& other) const {
     const auto &here = box.first_cell, &there = other.box.first_cell;
     return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
   }
-  // copies the solution where both boxes overlap
+  // copies the solution where both boxes overlap, as initial guess
   void copy_overlap(const Region& before) {
     if (before.grid().layout().cells != grid().layout().cells) return;
     copy_overlap(before, before.unit_mm, unit_mm);
@@ -220,7 +240,7 @@ struct YieldSolver::Region {
         }
     solver.zero_held(to);
   }
-  // follows material that was removed or restored since the last frame
+  // updates cells and solver after material was removed or restored since the last frame
   void follow(const CarvedLabels& labels) {
     if (cells.follow(labels, solver).empty()) return;
     solver.zero_held(unit_mm);
@@ -229,12 +249,17 @@ struct YieldSolver::Region {
     solver.zero_held(finite->turning_mm);
   }
 
-  /// Solves the neo-Hookean body at the tool's expected depth and adds its parameters to the linear spot.
+  /// Solves the neo-Hookean body at the tool's predicted depth, and adds F, C and grad C to the spot of the
+  /// linear solution.
+  /// @param anew  whether this is the first solve in the box, with more iterations
   void solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew, LocalCompliance& spot);
 };
 
 void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew,
                                             LocalCompliance& spot) {
+  // factors of max_give after a failure and after a success; maximum ratio of the displacements of
+  // consecutive frames by which the last correction is extrapolated; relative change of depth below which the
+  // tool is at rest
   constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2, kAtRest = 0.05;
   NeoHookeanBody& f = *finite;
   const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRest * mm; };
@@ -242,6 +267,8 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   f.depth_mm = std::max(depth_mm, 0.0);
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
   const HeldMeans surface = patch.columns(kSolvingFeel.min_load_fraction);
+
+  // displacement of the patch at the predicted depth, by the last published contact law
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
   ContactLaw tissue;
   tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N();
@@ -249,12 +276,13 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
   tissue.finite_N = f.finite_N;
   const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
+  // W F - C F^2, continued linearly beyond finite_N (ContactLaw)
   const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
   const double expected_mm = w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
   const double give_mm = std::clamp(expected_mm, kSolvingFeel.min_indentation * rho_mm, f.max_give * rho_mm);
   const double s = give_mm / w;
 
-  // initial guess from the previous correction, which grows with the square of the depth
+  // initial guess: the previous correction, which grows with the square of the displacement
   const double grown = f.give_mm > 0 ? std::min(give_mm / f.give_mm, kFarthest) : 0;
   const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
   for (float& value : f.turning_mm.values) value *= by;
@@ -263,7 +291,8 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.u_mm.values[n] = force_by * unit_mm.values[n] + f.correction_mm.values[n];
 
-  // load_N is the linear load of 1 N; it acts on nodes of the patch that are not constrained
+  // load_N is the patch's load of 1 N, here scaled to s; it only matters at nodes of the patch that are not
+  // constrained, because their column bears less than min_load_fraction
   for (float& value : load_N.values) value *= force_by;
   FiniteSettings settings;
   settings.max_steps = kSolvingFeel.finite_steps;
@@ -277,14 +306,14 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
       !(std::abs(stiffer) <= kYieldFeel.max_stiffening) || !(force_N > 0)) {
     const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.min_indentation);
     if (at_rest && f.finite_N > 0) {
-      // The previous result stays in effect, and no greater depth is attempted until the tool moves:
-      // otherwise the force on a resting hand would oscillate with every attempt.
+      // The previous result stays in effect, and no greater displacement is attempted until the tool moves:
+      // otherwise the force on a resting tool would oscillate with every attempt.
       spot.finite_N = f.finite_N;
       spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
       f.give_mm = give_mm;
       f.failed_mm = depth_mm;
     } else {
-      // falls back to the linear law; the next attempt is shallower and starts from it
+      // falls back to the linear law; the next attempt is shallower and starts from the linear solution
       f.forget();
     }
     f.max_give = less;
@@ -295,7 +324,7 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   f.give_mm = give_mm;
   if (f.failed_mm == 0) f.max_give = std::min(kFaster * f.max_give, kSolvingFeel.max_indentation);
 
-  // forces in excess of the linear body's
+  // K (y - F u1) = f(u) - F J^T: the response to the forces that exceed those of the linear body under F
   patch.add(-force_N, f.force_N);
   solver.solve(f.force_N, f.turning_mm,
                anew ? kSolvingFeel.first_iterations : kSolvingFeel.tangential_iterations, kTolerance);
@@ -316,7 +345,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     const DeviceTick& device = felt.device[d];
-    // based on the previous frame
+    // computed first, because it reads the previous frame's spot
     const double force_N = displacing_force_N(d, device);
     LocalCompliance& spot = frame_.spot[d];
     spot = {};
@@ -354,7 +383,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
                          anew ? kSolvingFeel.first_iterations : kSolvingFeel.iterations, kTolerance);
     spot.at = contact->at;
     spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
-    // the patch both applies the load and measures the displacement, so W is quadratic in it
+    // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;

@@ -8,12 +8,14 @@
 namespace palpate::volume_io {
 namespace {
 
+// by the magic number of gzip (RFC 1952), whatever the extension
 Result<Encoding> encoding_of(const std::filesystem::path& file) {
   const auto front = read_front(file, Encoding::kRaw, 2);
   if (!front) return front.error();
   return *front == "\x1f\x8b" ? Encoding::kDeflate : Encoding::kRaw;
 }
 
+// grid of a transform from voxel index to RAS mm; its directions need not be orthogonal
 GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::array<int, 3>& dims) {
   // RAS to LPS
   const Eigen::Matrix<double, 3, 4> lps = Eigen::Vector3d(-1, -1, 1).asDiagonal() * affine;
@@ -27,8 +29,8 @@ GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::a
   return geometry;
 }
 
-// Note for the user if the two transforms of a file differ by a mirror or by more than a voxel; otherwise
-// empty.
+// Note for the user if the two transforms of a file differ in handedness, or by more than the smallest voxel
+// spacing at any corner of the volume; otherwise empty.
 std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform) {
   const bool mirrored = sform.right_handed() != qform.right_handed();
   double max_mm = 0;
@@ -54,12 +56,14 @@ std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform)
          reading(qform) + " (LPS); choose one with --form q or s (in a scene file: nifti_form)";
 }
 
-// label names from the file's extensions; an unreadable table is noted
+// Reads label names from a CaretExtension, if the file has one. A malformed table adds a note; only a file
+// that cannot be read is an error.
 Result<void> read_label_names_of(const std::filesystem::path& file, Encoding encoding,
                                  const NiftiHeader& header, VolumeFile& volume) {
   constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 20;
-  // extensions of a separate header end with the file
+  // extensions lie between header and voxels; in a separate header they extend to the end of the file
   const std::uint64_t end = header.separate ? kMaxBytes : std::min(header.voxels.skip, kMaxBytes);
+  // four bytes after the header state whether extensions follow
   if (end <= header.header_bytes + 4) return {};
   const auto bytes = read_front(file, encoding, static_cast<std::size_t>(end));
   if (!bytes) return bytes.error();
@@ -106,14 +110,16 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
     volume.voxels.encoding = *data_encoding;
   }
 
-  // ITK takes voxel sizes from pixdim even if the sform contradicts them, and then prefers the qform;
-  // nibabel, FSL and FreeSurfer use the sform if there is one, and so does palpate.
+  // If there is an sform, palpate uses it for the geometry, as nibabel, FSL and FreeSurfer do, unless the
+  // qform was requested. ITK would take voxel sizes from pixdim even if the sform contradicts them, and
+  // prefer the qform in that case. ITK only reads the geometry of NIfTI-1 files without an sform.
   const auto geometry = header->affine ? checked(from_affine(*header->affine, *dims), source)
                                        : itk_geometry(ItkFormat::kNifti, file, *dims);
   if (!geometry) return geometry.error();
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;
   volume.header.meaning = header->meaning;
+  // an invalid qform is ignored here, because the sform takes precedence
   if (header->other_affine)
     if (const auto other = checked(from_affine(*header->other_affine, *dims), source); other) {
       volume.header.placement_doubt = doubt_of_forms(*geometry, *other);
