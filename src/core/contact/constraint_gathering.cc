@@ -6,11 +6,12 @@
 namespace palpate {
 namespace {
 
-// distance within which there is no surface
+// Displacement that reaches no surface. It ends half a skin before the nearest one, so that the next substep
+// gathers it as a constraint. Clearances are divided by the slope of the distance field.
 double free_distance_mm(PairSet& pairs, const Point<Patient>& proxy) {
   double free_mm = std::numeric_limits<double>::infinity();
   for (std::size_t n = 0; n < pairs.count(); ++n) {
-    // for a touched surface without a normal, half of the remaining clearance
+    // a surface within the skin that has no normal is no constraint: half of its clearance
     const double clearance_mm = pairs.clearance(n, proxy);
     const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxyFeel.skin_mm, 0.5 * clearance_mm});
     free_mm = std::min(free_mm, leaves_mm / pairs[n].surface->steepest());

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// friction of a constraint; on a common surface, evaluated where the constraint is first met in this tick
+// friction coefficients of a constraint; on a common surface, averaged over the owners of the contact point
 const Friction& friction_of(std::size_t constraint, const ContactProblem& problem, PairFriction& coefficients,
                             OwnerCache& owners) {
   const ContactPair& pair = problem.constraints.pair(constraint);
@@ -25,7 +25,7 @@ const Friction& friction_of(std::size_t constraint, const ContactProblem& proble
   return coefficients.store(index, friction);
 }
 
-// component in the tangent space of the active constraints
+// component of a displacement along all active constraints: in a plane, along an edge, or zero in a corner
 Vector<Patient> tangential(const Vector<Patient>& displacement, const ClosestPoint& nearest,
                            const ContactConstraints& constraints) {
   if (nearest.count == 3) return {};
@@ -36,7 +36,9 @@ Vector<Patient> tangential(const Vector<Patient>& displacement, const ClosestPoi
   return edge * edge.dot(displacement);
 }
 
-// applies the friction cone to the frictionless goal of a solution that has active constraints
+// Applies the friction cone to the frictionless goal of a solution with at least one active constraint. The
+// radius of the cone at this depth is the coefficient, averaged by multiplier, times the depth. A sliding
+// proxy sticks within the kinetic radius; a sticking one is released beyond the static radius.
 void apply_friction(const ContactProblem& problem, PairFriction& coefficients, OwnerCache& owners,
                     Solution& solution) {
   const ClosestPoint& nearest = solution.nearest;
@@ -49,8 +51,7 @@ void apply_friction(const ContactProblem& problem, PairFriction& coefficients, O
     sliding += multiplier_mm * friction.sliding;
     all_mm += multiplier_mm;
   }
-  // with one constraint the multiplier is the depth; in a corner the depth is less than the sum of
-  // multipliers
+  // with one constraint the depth equals the multiplier; in a corner it is less than the sum of multipliers
   const double depth_mm = (nearest.point - problem.tip).norm();
   const Vector<Patient> behind =
       tangential(solution.friction.anchor - nearest.point, nearest, problem.constraints);
@@ -96,6 +97,8 @@ void store_contacts(const ClosestPoint& nearest, const PairSet& pairs, const Con
   layer.contacts = 0;
   for (int n = 0; n < nearest.count; ++n) {
     const HalfSpace& active = constraints.half_space(static_cast<std::size_t>(nearest.active[n]));
+    // linear in the clearance, so that a constraint takes over load without a step: 1 at contact, 0 from
+    // load_sharing_mm on
     std::array<double, kMaxHalfSpaces> weight{};
     double all = 0;
     for (std::size_t c = 0; c < constraints.count(); ++c) {

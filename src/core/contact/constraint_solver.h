@@ -10,14 +10,15 @@
 #include "contact/uninitialised_array.h"
 #include "palpate/contact/proxy.h"
 
-/// Solve stage of a substep: the goal of the proxy under the gathered constraints.
+/// Solve stage of a substep: goal of the proxy under half-space constraints and friction.
 namespace palpate {
 
-/// Friction coefficients of the gathered pairs. Each is evaluated once, where its constraint is first met.
+/// Friction coefficients of the gathered pairs, cached. Each pair is evaluated once per gathering, at the
+/// contact point of its first active constraint.
 class PairFriction {
  public:
   void clear() { evaluated_.reset(); }
-  /// Coefficients of a pair; nullptr: not evaluated yet.
+  /// Coefficients of pair `pair`; nullptr: not evaluated yet.
   const Friction* find(std::size_t pair) const { return evaluated_[pair] ? &friction_[pair] : nullptr; }
   const Friction& store(std::size_t pair, const Friction& friction) {
     evaluated_[pair] = true;
@@ -31,10 +32,13 @@ class PairFriction {
 
 /// Friction state of a proxy during its update.
 struct FrictionState {
+  /// Whether `anchor` is valid, i.e. the proxy is in contact; whether static rather than kinetic friction
+  /// applies.
   bool anchored = false, sticking = false;
-  Point<Patient> anchor;  ///< Position at which friction holds the proxy; valid if anchored
+  /// Proxy position at the beginning of the update or of the contact; friction displaces the goal towards it.
+  Point<Patient> anchor;
 
-  /// Sets the anchor when contact begins.
+  /// Sets the anchor if contact begins in this update.
   void begin_contact(const Point<Patient>& proxy) {
     if (anchored) return;
     anchor = proxy;
@@ -43,7 +47,7 @@ struct FrictionState {
   }
 };
 
-/// Constraints of a proxy, whose goal is the allowed point nearest to the tip.
+/// Inputs of the solver: the tip's position and the constraints of its proxy.
 struct ContactProblem {
   std::span<const ContactSurface> surfaces;
   const PairSet& pairs;
@@ -52,12 +56,13 @@ struct ContactProblem {
   bool friction = true;  ///< Whether friction is rendered
 };
 
-/// Goal of a proxy.
+/// Result of the solver.
 struct Solution {
   ClosestPoint nearest;    ///< Goal without friction, with its active set and multipliers
   Point<Patient> goal;     ///< Goal with friction
   FrictionState friction;  ///< Friction state at the goal
-  /// Distance released because static friction changed to kinetic; it is exempt from the displacement limit.
+  /// Decrease of the friction cone's radius if static friction changed to kinetic: the distance that the
+  /// proxy may slip at once, beyond its displacement limit. Empty: no such change.
   std::optional<double> released_mm;
 };
 
@@ -65,15 +70,15 @@ struct Solution {
 /// 1995, with the tool's size as in Ruspini et al. 1997), displaced towards the friction anchor by at most
 /// the friction cone's radius at this depth (Harwin & Melder 2002).
 /// @param before        friction state before the substep
-/// @param coefficients  friction of the problem's pairs, completed
+/// @param coefficients  friction coefficients of the problem's pairs; missing ones are evaluated and added
 /// @return empty if the half-spaces have no common point
 std::optional<Solution> solve_constraints(const ContactProblem& problem, const FrictionState& before,
                                           PairFriction& coefficients, OwnerCache& owners);
 
-/// Origin of a contact: index of its sphere-surface pair, and the sphere in the capsule's row.
+/// Origin of a contact in the gathered pairs.
 struct ContactOrigin {
-  std::size_t pair = 0;
-  int step = 0;
+  std::size_t pair = 0;  ///< Index of the sphere-surface pair
+  int step = 0;          ///< Index of the sphere in a capsule's row
 };
 using ContactOrigins = UninitialisedArray<ContactOrigin, kMaxContacts>;
 
@@ -81,8 +86,8 @@ using ContactOrigins = UninitialisedArray<ContactOrigin, kMaxContacts>;
 void add_contact(const PairSet& pairs, const ContactOrigin& origin, const Vector<Patient>& normal,
                  double multiplier_mm, ProxyLayer& layer, ContactOrigins& origins);
 
-/// Replaces a layer's contacts by the active constraints. Parallel constraints share the multiplier, e.g. two
-/// spheres on one plane.
+/// Replaces a layer's contacts by the active constraints. Constraints parallel to an active one and within
+/// ProxyFeel::load_sharing_mm of the goal, e.g. of a second sphere on the same plane, share its multiplier.
 void store_contacts(const ClosestPoint& nearest, const PairSet& pairs, const ContactConstraints& constraints,
                     ProxyLayer& layer, ContactOrigins& origins);
 

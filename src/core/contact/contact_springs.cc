@@ -25,7 +25,7 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
 double LayerStiffness::contribution(const ContactSurface& surface, const ContactSurface& structure) const {
   const double own = std::min(structure.stiffness_N_per_mm, max_N_per_mm_);
   const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
-  // tolerance for rounding
+  // relative tolerance: rounding of the sum must not count as a shortfall
   const bool less = given_N_per_mm_ && *given_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
   return up_to - std::min(own, less ? *given_N_per_mm_ : surface.from_N_per_mm);
 }
@@ -76,7 +76,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   // rigid structures
   const Vector<Patient> stretched_mm = (in.layer.position - tip_) * in.layer.stretch_fraction;
   double stiffness = mean.stiffness, own_stiffness = mean.own_stiffness;
-  // deformable tissue has its own time constants
+  // stiffness of deformable tissue is not limited here: its solution has time constants of its own
   if (!pressed.any())
     stiffness = limit_stiffness(stiffness, in.layer.spring_N_per_mm, stretched_mm, in.slip_N, in.motion);
   force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();

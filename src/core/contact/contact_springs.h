@@ -14,49 +14,54 @@
 /// Force stage of the proxy: a virtual spring from the tip to each layer's proxy.
 namespace palpate {
 
-/// Torque about the tip of a layer's force. The part of the force that the normal forces do not explain is
-/// friction, and is distributed over the contacts by their multipliers.
+/// Torque about the tip of a layer's force. Each contact contributes its normal force (stiffness times
+/// multiplier). The remainder of the force is friction, distributed over the contacts in proportion to their
+/// multipliers.
+/// @param spheres  tool parts in the proxy's attitude
 Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolSphere> spheres,
                           const Vector<Patient>& force_N, double stiffness_N_per_mm);
 
-/// Stiffness that a layer contributes for a structure, clamped to the device's limit: the structure's
-/// stiffness up to the layer's upper bound, minus the part already provided by the outer layers. That part is
-/// the layer's lower bound, or the sum actually given if the surrounding structures are softer than their own
-/// layer's upper bound; the difference would otherwise be missing from every layer within.
+/// Division of a structure's stiffness, clamped to the device's limit, among the layers. A layer contributes
+/// the stiffness from the sum provided by the outer layers to its own upper bound; the structure's own layer
+/// has no upper bound. The outer layers nominally provide the layer's lower bound. They provide less where
+/// the structures that they touch are softer than that bound; the actual sum then applies, since the
+/// difference would otherwise be missing from the total.
 class LayerStiffness {
  public:
   explicit LayerStiffness(double max_N_per_mm) : max_N_per_mm_(max_N_per_mm) {}
 
   /// Contribution of a layer's `surface` for `structure`; N/mm.
   double contribution(const ContactSurface& surface, const ContactSurface& structure) const;
-  /// Adds the mean contribution of a layer, from outside to inside.
+  /// Adds a layer's mean contribution to the sum provided by the outer layers. Layers are added from outside
+  /// to inside.
   void add(double mean_N_per_mm) {
     if (given_N_per_mm_) *given_N_per_mm_ += mean_N_per_mm;
   }
-  /// Reverts to the layers' lower bounds, after a layer without contact or with a deformable structure.
+  /// Makes the layers' lower bounds apply from now on: after a layer without contact, or with a deformable
+  /// structure, the sum is unknown.
   void forget() { given_N_per_mm_.reset(); }
 
  private:
   double max_N_per_mm_;
-  std::optional<double> given_N_per_mm_ = 0;
+  std::optional<double> given_N_per_mm_ = 0;  // sum provided by the outer layers; empty: unknown
 };
 
-/// A layer's proxy at the end of its update, for the force of its spring.
+/// Inputs of one layer's spring force, after the update of the layer's proxy.
 struct SpringInputs {
   const ProxyLayer& layer;
   std::span<const ToolSphere> spheres;  ///< Tool parts in the proxy's attitude
   const SpringMotion& motion;
-  /// Whether the proxy has reached its goal. Otherwise the spring does not measure the operator's force, and
-  /// nothing may be punctured by it.
+  /// Whether the proxy has reached its goal. Otherwise the spring force is not the operator's, and punctures
+  /// nothing.
   bool has_arrived = false;
-  double slip_N = 0;  ///< Permitted force change in this tick beyond the tip's displacement
+  double slip_N = 0;  ///< Permitted force change in this tick beyond that caused by the tool's displacement
 
   std::span<const ProxyContact> contacts() const {
     return std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
   }
 };
 
-/// Spring forces, summed over layers.
+/// Spring forces of one tick, with the totals over all layers.
 class ContactSprings {
  public:
   ContactSprings(std::span<const ContactSurface> surfaces, const Point<Patient>& tip,
@@ -79,7 +84,9 @@ class ContactSprings {
     advance_relaxation(*options_.relaxation_times, 0, nullptr, options_.dt_s, relaxation);
   }
 
+  /// Force-weighted mean of the contact normals; zero without contact.
   Vector<Patient> normal() const { return normals_N_.normalized(); }
+  /// Force-weighted mean of the friction coefficients in effect; 0 without contact or friction.
   double friction() const { return options_.friction && normal_N_ > 0 ? friction_N_ / normal_N_ : 0; }
   const PunctureForces& puncture_forces() const { return puncture_forces_; }
   const PenetrationPath& path() const { return path_; }
@@ -87,11 +94,11 @@ class ContactSprings {
  private:
   // contact properties of a layer, averaged over its contacts by their multipliers and ownership shares
   struct LayerMean {
-    double multiplier_mm = 0;  // sum over the contacts
-    double stiffness = 0;      // contributed by rigid structures, clamped to the device's limit
-    double own_stiffness = 0;  // the same, not clamped
-    double friction = 0;       // weighted by the multipliers
-    DeformableContact pressed;
+    double multiplier_mm = 0;   // sum over the contacts
+    double stiffness = 0;       // contributed by rigid structures, clamped to the device's limit
+    double own_stiffness = 0;   // the same, not clamped; it determines puncture
+    double friction = 0;        // sum of the coefficients, weighted by the multipliers
+    DeformableContact pressed;  // contact with deformable structures
   };
   LayerMean average(const SpringInputs& in, OwnerCache& owners);
   void forget_outer_layers() {
@@ -103,12 +110,13 @@ class ContactSprings {
   std::span<const ContactSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
+  // clamped to the device's limit, and not clamped
   LayerStiffness rendered_, own_;
   UninitialisedArray<OwnerShares, kMaxContacts> owners_;  // by contact of the layer that was added last
   PenetrationPath path_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, normal_N_ = 0;
-  bool relaxed_ = false;
+  bool relaxed_ = false;  // whether a layer's contact has advanced the relaxation state
   PunctureForces puncture_forces_;
 };
 

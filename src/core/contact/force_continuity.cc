@@ -5,7 +5,8 @@
 namespace palpate {
 namespace {
 
-// force change of a layer that is not slip: explained by the tool's displacement, or exempt from the limit
+// force change of a layer that is not slip: caused by the tool's displacement, or, where infinite, exempt
+// from the limit (last force unknown, deformable contact that begins, puncture)
 double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const SpringMotion& motion) {
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kAll;
@@ -25,7 +26,8 @@ DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patie
 double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const Vector<Patient>& stretched_mm,
                         double max_change_mm) {
   const double length_mm = away_mm.norm();
-  // the last stretch, projected onto the new direction to the proxy
+  // Lengths along the new direction whose spring vector lies in a ball around the last one: the projection
+  // of the last vector, plus or minus half of the chord that the direction cuts from the ball.
   const double before_mm = stretched_mm.dot(away_mm) / length_mm;
   const double turned_squared = stretched_mm.squared_norm() - before_mm * before_mm;
   const double change_mm = std::sqrt(std::max(0.0, max_change_mm * max_change_mm - turned_squared));
@@ -36,11 +38,12 @@ double limit_stiffness(double wanted, std::optional<double> before, const Vector
                        double slip_N, const SpringMotion& motion) {
   const double length_mm = stretched_mm.norm();
   if (!before || !(length_mm > 0)) return wanted;
-  // the spring was inactive and may already be long
+  // a spring that was inactive may already be longer than the tool's displacement explains
   const double beyond_mm = length_mm - motion.catch_up_mm;
   if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
   if (!std::isfinite(motion.max_change_mm)) return wanted;
-  // stiffnesses whose force lies in a ball around the last force
+  // Stiffnesses whose force lies in a ball around the last force; its radius is the last stiffness times
+  // max_change_mm. Lengths are relative to the current spring.
   const double along = motion.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
   const double across = motion.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
   const double change = motion.max_change_mm / length_mm;
@@ -64,7 +67,7 @@ double ProxyRelease::fade(double max_N) {
 void ProxyRelease::limit(double max_N) {
   const double before_N = force_N.norm();
   if (!(before_N > max_N)) return;
-  // exactly zero at the end
+  // a zero limit clears the torque and the energy exactly
   if (!(max_N > 0)) {
     *this = {};
     return;

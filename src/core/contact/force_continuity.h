@@ -8,10 +8,10 @@
 
 #include "palpate/contact/proxy.h"
 
-/// Force continuity of the proxy: the part of a force change that the tool's own displacement does not
-/// explain, i.e. slip, is limited to ProxyOptions::max_slip_N_per_s (docs/decisions/0033). Slip moves the
-/// proxy along or off a surface, changes the stiffness in contact, and changes the fraction of the tip's
-/// distance that stretches the spring; each has its limit here.
+/// Force continuity of the proxy. Slip is the part of a force change that is not caused by the tool's own
+/// displacement; its rate is limited to ProxyOptions::max_slip_N_per_s (docs/decisions/0033). It has three
+/// sources, each with its limit here: displacement of the proxy along or off a surface (DisplacementLimit),
+/// change of the spring's stretched fraction (limit_stretch_mm) and change of stiffness (limit_stiffness).
 namespace palpate {
 
 /// Motion of a layer's spring in one tick.
@@ -24,18 +24,19 @@ struct SpringMotion {
   double max_change_mm = std::numeric_limits<double>::infinity();
 };
 
-/// Displacement limit of a proxy in one tick: a ball around the position to which the tip's displacement
-/// alone would have carried it. It bounds the change of the spring's stretch to the tip's displacement plus
-/// the permitted slip.
+/// Displacement limit of a proxy in one tick: a ball around its position displaced by the tip's displacement,
+/// where the spring vector would be unchanged. The radius, i.e. the tool's displacement plus the permitted
+/// slip, therefore bounds the change of the spring vector.
 struct DisplacementLimit {
-  Point<Patient> middle;  ///< Proxy position after the tool's rotation, plus the tip's displacement
-  double length_mm = std::numeric_limits<double>::infinity();
+  Point<Patient> middle;  ///< Centre: proxy position after the tool's rotation, plus the tip's displacement
+  double length_mm = std::numeric_limits<double>::infinity();  ///< Radius
 
   bool is_outside(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
+  /// Whether a position is on the boundary, within the displacement that counts as rest, or outside.
   bool is_at_limit(const Point<Patient>& at) const {
     return (at - middle).norm() > length_mm - kProxyFeel.at_rest_mm;
   }
-  /// Largest fraction of a displacement that stays within the ball.
+  /// Maximum fraction, 0 ... 1, of a displacement whose end is within the ball.
   double fraction_within(const Point<Patient>& from, const Vector<Patient>& displacement_mm) const {
     if (!is_outside(from + displacement_mm)) return 1;
     const Vector<Patient> out = from - middle;
@@ -47,46 +48,48 @@ struct DisplacementLimit {
   }
 };
 
-/// Displacement limit of a layer's proxy. None without contact, nor after a puncture: that releases the proxy
-/// at once.
-/// @param layer        after the tool's rotation, which has already pushed the proxy
+/// Displacement limit of a layer's proxy. Infinite without contact and after a puncture, which releases the
+/// proxy at once.
+/// @param layer        proxy after the tool's rotation, which may have pushed it
 /// @param tip_moved    displacement of the tip in this tick, mm
-/// @param turned_mm    arc length of that rotation
+/// @param turned_mm    arc length of the rotation (arc_of_rotation_mm)
 /// @param max_slip_mm  permitted slip
 DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
                                      double turned_mm, double max_slip_mm);
 
-/// Length of the spring, which changes from that of the last tick by at most the displacement limit.
-/// @param away_mm         vector from the tip to the proxy; not 0
+/// Rate-limited length of the spring: the length nearest to `wanted_mm` for which the spring vector differs
+/// from that of the last tick by at most max_change_mm. If the direction alone changes by more, the last
+/// length projected onto the new direction.
+/// @param away_mm         vector from the tip to the proxy, the direction of the spring; not 0
 /// @param wanted_mm       length for the current contacts
 /// @param stretched_mm    spring vector of the last tick, tip to proxy
 /// @param max_change_mm   radius of the displacement limit; finite
-/// @return length in mm; 0 or less: inactive
+/// @return length in mm, at most that of away_mm; 0 or less: the spring is inactive
 double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const Vector<Patient>& stretched_mm,
                         double max_change_mm);
 
-/// Rate-limited spring stiffness. The stiffness depends on position and contacts and may change only as fast
-/// as the proxy may slip: the force change that is not explained by the tip's displacement is at most that of
-/// a slip.
+/// Rate-limited spring stiffness. The stiffness depends on position and contacts. Its change is limited so
+/// that the force changes by at most the displacement limit times the last stiffness. A spring that was
+/// inactive starts with a stiffness at which its length beyond motion.catch_up_mm causes at most `slip_N`.
 /// @param wanted        stiffness of the current contacts, N/mm
 /// @param before        stiffness of the last tick, N/mm; empty: unknown, no limit
 /// @param stretched_mm  current spring vector, tip to proxy
-/// @param slip_N        permitted force change in this tick beyond the tip's displacement
+/// @param slip_N        permitted force change in this tick beyond that caused by the tool's displacement
 double limit_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
                        double slip_N, const SpringMotion& motion);
 
-/// Force change that slip may still cause in this tick. Layers use it from outside to inside.
+/// Slip budget of one tick, spent by the layers from outside to inside.
 struct SlipBudget {
-  double left_N = 0;
-  /// Stiffness on which slip of the current layer acts: that of this layer and those within, in the last
-  /// tick.
+  double left_N = 0;  ///< Force change that slip may still cause in this tick
+  /// Stiffness by which slip of the current layer's proxy changes the force: sum over this layer and those
+  /// within, in the last tick.
   double stiffness_N_per_mm = 0;
 
-  /// Slip that the current layer's proxy may make.
+  /// Maximum slip of the current layer's proxy; infinite if that stiffness is 0.
   double max_slip_mm() const {
     return stiffness_N_per_mm > 0 ? left_N / stiffness_N_per_mm : std::numeric_limits<double>::infinity();
   }
-  /// Subtracts the slip that a layer's force change contains.
+  /// Subtracts the slip contained in a layer's force change.
   /// @param before_N_per_mm  spring stiffness of the layer in the last tick; empty: unknown
   /// @param now              force of the layer in this tick
   void spend(std::optional<double> before_N_per_mm, const ProxyForce& now, const SpringMotion& motion);

@@ -20,25 +20,30 @@
 #include "contact/withdrawal.h"
 #include "palpate/contact/proxy_path.h"
 
-/// A tick advances the proxy of every layer, from outside to inside. The method is the god-object of Zilles &
-/// Salisbury (1995), for a tool of finite size as in Ruspini, Kolarov & Khatib (1997):
+/// One tick advances the proxy of every layer, from outside to inside. The method is the god-object of Zilles
+/// & Salisbury (1995), for a tool of finite size as in Ruspini, Kolarov & Khatib (1997):
 ///
-/// 1. Turn: the proxy's tool takes the operator's attitude, swept around its tip (tool_turn.h).
-/// 2. Gather: each touched surface is a half-space that excludes the proxy (constraint_gathering.h).
-/// 3. Solve: the goal is the point nearest to the tip in all half-spaces, or behind it where friction holds
-///    the proxy (constraint_solver.h).
-/// 4. Limit: a substep leads towards the goal. Its length is bounded by the clearance, by the curvature of
-///    the surfaces and by the slip that force continuity permits (substep.h, force_continuity.h). A surface
-///    that it would penetrate joins the constraints, and the goal is solved again.
-/// 5. Validate: the end of the substep is projected out of all surfaces; a substep that leads away from the
-///    tip is rejected (substep.h). Steps 2 to 5 repeat until the proxy rests or the work limit of a tick is
-///    reached.
-/// 6. Force: a spring from the tip to the proxy, whose stretch and stiffness change continuously
-///    (contact_springs.h), and puncture of the structures on which it exceeds their limit (puncture.h).
+/// 1. Turn: the proxy's tool is rotated about its tip to the operator's attitude, in collision-checked steps
+///    (tool_turn.h).
+/// 2. Gather: the tangent plane of each surface in contact becomes a half-space constraint of the proxy's
+///    position (constraint_gathering.h).
+/// 3. Solve: the goal is the point nearest to the tip in the intersection of all half-spaces, shifted by
+///    friction towards the position at which the proxy sticks (constraint_solver.h).
+/// 4. Limit: a substep moves the proxy towards the goal. In free space its length is bounded by the
+///    clearance, in contact by the penetration permitted between its ends, and always by the slip that force
+///    continuity permits (substep.h, force_continuity.h). A surface that it would penetrate is added to the
+///    constraints, and the goal is solved again.
+/// 5. Validate: the end of the substep is projected out of all surfaces; a substep that increases the
+///    distance to the tip by more than a tolerance is rejected (substep.h). Steps 2 to 5 repeat until the
+///    proxy is at rest or a work limit of the tick is reached.
+/// 6. Force: a spring from the tip to the proxy, whose stretch and stiffness are rate-limited
+///    (contact_springs.h), and puncture of each structure whose share of the spring force exceeds its
+///    puncture force (puncture.h).
 namespace palpate {
 namespace {
 
-// upper bound of the distance by which a proxy inside surfaces, e.g. after a tool change, is pushed out
+// upper bound of the distance by which push_out() moves a proxy, e.g. after a change to a larger tool: every
+// projection step has its maximum length
 constexpr double kMaxPushOut_mm = kProxyFeel.max_corrections * kProxyFeel.substep_mm();
 
 /// Inputs of a tick that all layers share.
@@ -59,7 +64,7 @@ struct UpdateInputs {
   int layer;
   Point<Patient> tip;
   double max_mm;                 ///< Maximum path length
-  DisplacementLimit limit;       ///< Before friction releases any displacement
+  DisplacementLimit limit;       ///< Displacement limit without the distance that static friction releases
   Vector<Patient> stretched_mm;  ///< Spring vector of the last tick, tip to proxy
   bool friction;                 ///< Whether friction is rendered
   bool has_capsules;
@@ -81,12 +86,13 @@ struct UpdateProgress {
   DisplacementLimit limit;
   bool at_limit = false;      ///< The last substep was shortened by the displacement limit
   bool wedged = false;        ///< The half-spaces have no common point
-  bool has_contacts = false;  ///< The contacts are those of this update, not of the last tick
-  double ungathered_mm;       ///< Path length left beyond the part for which surfaces are gathered
-  double left_mm = 0;         ///< Path length left in that part
-  double steepest = 1;        ///< Maximum slope of the gathered distance fields
+  bool has_contacts = false;  ///< The layer's contacts are from this update; false: from the last tick
+  double ungathered_mm;       ///< Path length left after the current part, the one with gathered surfaces
+  double left_mm = 0;         ///< Path length left in the current part
+  double steepest = 1;        ///< Maximum slope of the gathered distance fields, mm/mm; at least 1
   int max_queries = 0;        ///< Surface queries after which no substep starts
 
+  /// Maximum length of a substep in contact.
   double substep_mm() const { return kProxyFeel.substep_mm() / steepest; }
 };
 
@@ -96,24 +102,24 @@ struct PositionUpdate {
   bool inside = false;  ///< The proxy started inside surfaces and could not be pushed out of them
 };
 
-// records a vertex of the path
+// appends a vertex to the path, if one is recorded
 void record_vertex(const UpdateInputs& in, const ProxyLayer& layer, const Point<Patient>& vertex) {
   if (in.path != nullptr) in.path->add(vertex, layer.attitude);
 }
 
-// whether the displacement limit stopped the proxy on its way to another position
+// whether the proxy stopped at the displacement limit before it reached its goal
 bool is_slipping(const ProxyLayer& layer, const UpdateProgress& progress) {
   return progress.at_limit && progress.limit.is_at_limit(layer.position);
 }
 
-// whether the proxy has stopped away from the tip without a contact (blocked_proxy.h)
+// whether the proxy is away from the tip although it has no contact (blocked_proxy.h)
 bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer) {
   return layer.contacts == 0 && (in.tip - layer.position).norm() > kProxyFeel.arrived_mm;
 }
 
-// Gathers the surfaces within reach of the next part of the path. In free space that is the whole path; in
-// contact the proxy usually covers only a small part of the distance to the tip, and a shorter reach has
-// fewer pairs.
+// Gathers the surfaces within reach of the next part of the path. In free space this is the whole path. In
+// contact it is at most ProxyFeel::gathering_mm, because the proxy usually moves only a small fraction of the
+// distance to the tip and a shorter reach yields fewer pairs.
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
                   UpdateWorkspace& work) {
   const double part_mm = layer.contacts == 0 ? progress.ungathered_mm
@@ -126,7 +132,8 @@ void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgres
   progress.ungathered_mm -= part_mm;
 }
 
-// pushes the proxy out of surfaces that it starts in
+// Pushes a proxy that starts inside surfaces out of them, at most by kMaxPushOut_mm, and gathers again at the
+// new position. Returns false if there is no position outside within that distance.
 bool push_out(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress, UpdateWorkspace& work) {
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position, kMaxPushOut_mm);
   progress.steepest = work.pairs.steepest();
@@ -137,21 +144,22 @@ bool push_out(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progres
   return true;
 }
 
-// solve stage for the gathered constraints
+// goal under the current constraints; empty if they have no common point
 std::optional<Solution> solve(const UpdateInputs& in, const ProxyLayer& layer, const FrictionState& friction,
                               UpdateWorkspace& work, OwnerCache& owners) {
   return solve_constraints({in.surfaces, work.pairs, work.constraints, in.tip, layer.position, in.friction},
                            friction, work.friction, owners);
 }
 
-// takes over the friction state of a solution
+// Adopts the friction state of a solution. Where static friction has released the proxy, the displacement
+// limit grows by the released distance, which is exempt from the slip limit.
 void take_friction(const UpdateInputs& in, const Solution& solution, UpdateProgress& progress) {
   progress.friction = solution.friction;
   if (solution.released_mm) progress.limit.length_mm = in.limit.length_mm + *solution.released_mm;
 }
 
-// Checks the cached contacts of a proxy at rest. If the proxy still does not move (the common case), no
-// surface is queried; otherwise the state is left unchanged.
+// Whether the proxy remains at rest under its cached contacts, the common case; this queries no surface. If
+// not, layer and progress are unchanged and the constraints are empty.
 bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& cache,
                    UpdateProgress& progress, UpdateWorkspace& work) {
   const auto cached = cache.at_rest.find(layer.position, layer.punctured, in.spheres);
@@ -181,7 +189,8 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
   return false;
 }
 
-// Caches the active contacts for the next tick. Requires that all pairs were gathered at this position.
+// Caches the constraints of a proxy at rest for the next tick. Precondition: the constraints are complete,
+// i.e. gathered at the current position from all surfaces in reach.
 void cache_contacts_at_rest(const UpdateInputs& in, const ProxyLayer& layer, const UpdateWorkspace& work,
                             ProxyLayerCache& cache) {
   const ContactConstraints& constraints = work.constraints;
@@ -198,8 +207,8 @@ void cache_contacts_at_rest(const UpdateInputs& in, const ProxyLayer& layer, con
                       std::span(cached).first(constraints.count()));
 }
 
-// Moves straight to the tip if the proxy is in free space with no surface nearby: the common case for most
-// layers.
+// Moves the proxy straight to the tip if no surface is in reach, the common case for most layers. Returns
+// false, without a change, if a surface is in reach or the proxy was in contact.
 bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
                   const UpdateWorkspace& work) {
   const Vector<Patient> to_tip = in.tip - layer.position;
@@ -215,7 +224,8 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
   return true;
 }
 
-// validates a substep and takes it; false if it is rejected or the proxy has come to rest
+// Validate stage: moves the proxy to the projected end of a substep. Returns false if the substep is rejected
+// or too short to count as motion.
 bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& layer, UpdateProgress& progress,
               UpdateWorkspace& work) {
   const ValidatedStep step = validate_step(work.pairs, layer.position, end,
@@ -231,7 +241,7 @@ bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& lay
   return displacement.norm() > kProxyFeel.at_rest_mm;
 }
 
-// limit stage of a substep towards a goal
+// limit stage: end of a substep towards a goal
 Point<Patient> limited_end(const Point<Patient>& goal, double max_mm, const ProxyLayer& layer,
                            UpdateProgress& progress, const UpdateWorkspace& work) {
   const LimitedStep step = limit_step(layer, goal, std::min(max_mm, progress.left_mm),
@@ -240,7 +250,8 @@ Point<Patient> limited_end(const Point<Patient>& goal, double max_mm, const Prox
   return step.end;
 }
 
-// constraints turn faster than a substep can follow: retries with shorter ones
+// Fallback where each attempt hits a further surface, because the normals change within one substep: halves
+// the substep until its end penetrates no surface. Returns false if there is no such substep.
 bool retry_shorter(const UpdateInputs& in, ProxyLayer& layer, OwnerCache& owners, UpdateProgress& progress,
                    UpdateWorkspace& work) {
   const auto solution = solve(in, layer, progress.friction, work, owners);
@@ -256,13 +267,14 @@ bool retry_shorter(const UpdateInputs& in, ProxyLayer& layer, OwnerCache& owners
   return false;
 }
 
-// one substep: gather, solve, limit, validate; false when the proxy has come to rest
+// One substep: gather, solve, limit, validate. Returns false when the proxy has come to rest, the substep was
+// rejected or the constraints have no common point.
 bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyLayer& layer,
                      ProxyLayerCache& cache, UpdateProgress& progress, UpdateWorkspace& work) {
   const double free_mm = gather_constraints(work.pairs, layer.position, work.constraints);
   if (work.constraints.count() > 0) progress.friction.begin_contact(layer.position);
   progress.at_limit = false;
-  // a failed attempt must not release friction: each attempt starts with the friction state before the first
+  // a discarded attempt must not release static friction: every attempt starts from this state
   const FrictionState friction = progress.friction;
   for (int attempt = 0; attempt < kProxyFeel.max_attempts; ++attempt) {
     progress.friction = friction;
@@ -282,7 +294,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
     }
     const double max_mm = work.constraints.count() == 0 ? free_mm : progress.substep_mm();
     const Point<Patient> end = limited_end(solution->goal, max_mm, layer, progress, work);
-    // a surface first hit by this substep becomes a constraint, and the goal is solved again
+    // a surface that this substep would penetrate is added to the constraints, and the goal is solved again
     if (add_penetrated(work.pairs, end, work.constraints)) continue;
     return try_step(in, end, layer, progress, work);
   }
@@ -290,8 +302,9 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
   return retry_shorter(in, layer, cache.owners, progress, work);
 }
 
-// Searches for a substep of a blocked proxy that decreases the distance to the tip and stays outside. Returns
-// false if there is none.
+// Searches the directions of blocked_proxy.h, longest substeps first, for a substep that decreases the
+// distance to the tip, penetrates no surface and stays within the displacement limit. Takes the first one;
+// returns false if there is none or the work limit is reached.
 bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
                     UpdateWorkspace& work) {
   const SearchDirections search(in.tip - layer.position);
@@ -311,7 +324,9 @@ bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& p
   return false;
 }
 
-// moves in substeps; true if the work limit was reached before the goal
+// Moves in substeps until the proxy is at rest, or until the limit of substeps, queries or path length is
+// reached. A proxy that stops without contact before the tip continues with a direction search. Returns
+// whether a limit stopped a proxy that was still moving.
 bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, ProxyLayer& layer,
                       ProxyLayerCache& cache, UpdateProgress& progress, UpdateWorkspace& work) {
   progress.max_queries =
@@ -335,7 +350,8 @@ bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, Proxy
   return moves;
 }
 
-// gives a blocked proxy the contact that explains it
+// Replaces the contacts of a blocked proxy by the one with the surface that blocks it, and stretches the
+// spring by the depth of the tip only.
 void add_blocking_contact(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
                           UpdateWorkspace& work) {
   const auto blocking = blocking_contact(work.pairs, layer.position, in.tip);
@@ -347,8 +363,8 @@ void add_blocking_contact(const UpdateInputs& in, ProxyLayer& layer, UpdateProgr
   layer.stretch_fraction = blocking->multiplier_mm / (layer.position - in.tip).norm();
 }
 
-// Places the contact of a capsule that lies along a surface at the middle of the touching interval, which
-// does not jump between voxels as the nearest point does.
+// Places the contact of a capsule that lies along a surface at the middle of the touching interval. The
+// nearest point would jump along the axis from voxel to voxel.
 void centre_capsule_contacts(ProxyLayer& layer, UpdateWorkspace& work) {
   for (int n = 0; n < layer.contacts; ++n) {
     const ContactOrigin& origin = work.origins[static_cast<std::size_t>(n)];
@@ -357,8 +373,11 @@ void centre_capsule_contacts(ProxyLayer& layer, UpdateWorkspace& work) {
   }
 }
 
-// Rate limit of the spring's stretch, also if the target is zero or less than the distance to the proxy.
-// @param through_free_space   the proxy slips through free space, and the spring stays stretched
+// Limits the change of the spring's stretch to the displacement limit. The target is the layer's fraction of
+// the distance to the proxy if there is a contact or the proxy slips through free space, otherwise zero. A
+// spring that is still stretched without a contact keeps the first contact of the last tick, with the normal
+// along the spring, so that its stiffness and structure are defined.
+// @param through_free_space   the proxy is at the displacement limit without a contact
 // @param first_contact_before  first contact of the last tick
 void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool through_free_space,
                    const ProxyContact& first_contact_before, ProxyLayer& layer) {
@@ -381,7 +400,7 @@ void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool 
   layer.contact[0].multiplier_mm = now_mm;
 }
 
-// moves one layer's proxy towards the tip along the surfaces
+// moves one layer's proxy towards the tip along the surfaces, with its attitude fixed
 PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& cache,
                                UpdateWorkspace& work) {
   const Point<Patient> start = layer.position;
@@ -403,14 +422,14 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
     record_vertex(in, layer, layer.position);
     moves =
         !moves_freely(in, layer, progress, work) && advance_substeps(in, start, layer, cache, progress, work);
-    // a blocked proxy gets a contact before it has arrived, too: a tick at zero force would be felt
+    // also while the proxy is still advancing, because a single tick at zero force is perceptible
     const bool is_blocked = is_blocked_without_contact(in, layer);
     through_free_space = is_slipping(layer, progress) && is_blocked;
     if (!progress.wedged && !through_free_space && is_blocked)
       add_blocking_contact(in, layer, progress, work);
   }
   layer.sticking = progress.friction.sticking;
-  // contacts of the last tick are centred already
+  // contacts from the last tick have been centred
   if (progress.has_contacts) centre_capsule_contacts(layer, work);
   limit_stretch(in, progress, through_free_space, first_contact_before, layer);
   return {progress.wedged, moves || is_slipping(layer, progress), false};
@@ -447,8 +466,8 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   const ProxySpheres held(spheres, tick.hand.attitude, layer.attitude);
   const double turned_mm = arc_of_rotation_mm(spheres, attitude_before, layer.attitude);
 
-  // Position. From free space the proxy covers any distance of the tip; in contact the path per tick is
-  // limited.
+  // Position. Without contact the path may be as long as the distance to the tip; in contact its length per
+  // tick is limited.
   const double to_tip_mm = (tip - layer.position).norm() + kProxyFeel.slack_mm;
   const double max_mm = layer.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.max_path_mm);
   const DisplacementLimit limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
@@ -464,7 +483,8 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
                        tick.options.friction, capsules, max_away, path},
                       layer, cache, work);
 
-  // a proxy inside surfaces, or stuck without a constraint, is reset to the tip where the tip is free
+  // A proxy is reset to a tip in free space at once if it is inside surfaces, and after lost_s if it has
+  // stopped far from the tip without a contact.
   const bool far = !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxyFeel.lost_mm;
   const bool lost = layer.contacts == 0 && (update.inside || far) &&
                     is_free(surfaces, spheres, n, layer.punctured, {}, tip);
@@ -478,9 +498,10 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   return result;
 }
 
-// Resets a layer whose covering layer has released the tool: the proxy takes the operator's pose without
-// collision checks. The force of its spring in the last tick becomes a residual force, minus the part
-// explained by the tip's displacement since: a tool lifted off within one tick leaves none.
+// Resets a layer whose covering layer no longer constrains the tool: the proxy takes the operator's pose
+// without collision checks. Its last spring force becomes a residual force, with the stretch reduced by the
+// tip's displacement in this tick: there is no residual force if the tip moved at least as far as the spring
+// was stretched.
 void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& release) {
   const ToolPose& hand = tick.hand;
   const Vector<Patient> stretched_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
@@ -508,13 +529,15 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   layer.punctured = still_open(tick.surfaces, tick.spheres, hand, layer);
 }
 
-// spring stiffness of a layer and those within it, in the last tick
+// sum of the spring stiffnesses of layer `first` and all layers within it; those of the last tick for layers
+// that have not been advanced in this one
 double stiffness_from(const ProxyState& state, int first) {
   double stiffness = 0;
   for (int n = first; n < kMaxLayers; ++n) stiffness += state.layer(n).spring_N_per_mm.value_or(0);
   return stiffness;
 }
 
+// adds the force of layer n to the total
 void add_layer(int n, const ProxyForce& force, ProxyResult& result) {
   result.of_layer[static_cast<std::size_t>(n)] = force;
   result.force_N += force.force_N;
@@ -525,6 +548,7 @@ void add_layer(int n, const ProxyForce& force, ProxyResult& result) {
   result.deformable = result.deformable || force.deformable;
 }
 
+// adds the residual force of released layers to the total
 void add_release(const ProxyRelease& release, ProxyResult& result) {
   result.release = release;
   result.force_N += release.force_N;
@@ -546,6 +570,8 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   slip.left_N -= state.release.fade(slip.left_N);
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
+  // whether the covering layer still constrains the tool; for the outermost layer, whether the tool has not
+  // returned to free space
   bool covered = !has_withdrawn(surfaces, spheres, hand, state);
   if (!covered) state.yield = {};
   for (int n = 0; n < layer_count(surfaces); ++n) {
@@ -566,7 +592,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     result.wedged = result.wedged || advance.wedged;
     result.lagging = result.lagging || advance.lagging;
     if (!state.coupled) {
-      // the side from which the tip entered is unknown
+      // no force: the side of the surfaces on which the tip belongs is unknown
       state.reset_inner_layers();
       state.release = {};
       springs.recover(state.relaxation);
@@ -584,7 +610,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     layer.catch_up_mm = layer.contacts == 0 && advance.lagging ? advance.spring.catch_up_mm : 0;
     add_layer(n, force, result);
 
-    // slip that this layer has not used is left to the layers within
+    // the layers within may use the slip that this layer has not used
     slip.spend(before_N_per_mm, force, advance.spring);
     slip.stiffness_N_per_mm = stiffness_from(state, n + 1);
   }

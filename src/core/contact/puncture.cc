@@ -9,13 +9,13 @@
 namespace palpate {
 namespace {
 
-// whether the puncture of a structure opens a surface
+// whether the puncture of a structure opens a surface: its own, an additional one, or a common one
 bool opens(const ContactSurface& surface, std::size_t index, int structure) {
   return static_cast<int>(index) == structure || surface.structure == structure ||
          std::find(surface.opened_by.begin(), surface.opened_by.end(), structure) != surface.opened_by.end();
 }
 
-// visits every contact, in any layer, whose largest owner is the structure
+// visits the contacts of all layers, outermost first, at which the structure has the largest ownership share
 template <class Visit>
 void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                          int structure, const ToolPose& hand, const ProxyState& state, const Visit& visit) {
@@ -36,7 +36,8 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
   }
 }
 
-// extends the permanent holes that the tool is in, and lets the tool into those that it fits
+// Extends the permanent holes of punctured structures along the tool. A structure that is not punctured is
+// opened without force if all its contacts fit into its holes.
 void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                  const ToolPose& hand, ProxyState& state, Holes& holes) {
   std::array<int, Holes::kMost> structures;
@@ -74,7 +75,7 @@ void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSp
   std::bitset<kMaxToolSpheres> done;
   for_each_contact_of(surfaces, spheres, structure, hand, state,
                       [&](const ProxyContact& contact, const Point<Patient>& middle, double radius_mm) {
-                        // a tool part in contact in several layers makes one hole, in the outermost
+                        // one hole per tool part, at its contact in the outermost layer
                         if (done[static_cast<std::size_t>(contact.sphere)]) return;
                         done[static_cast<std::size_t>(contact.sphere)] = true;
                         holes.add({structure, middle, -contact.normal, 0, radius_mm});

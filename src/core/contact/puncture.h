@@ -6,24 +6,26 @@
 
 #include "palpate/contact/proxy.h"
 
-/// Puncture of structures by the tool, and the permanent holes that some of them keep.
+/// Puncture of structures by the tool, and permanent holes in structures with stays_open.
 namespace palpate {
 
-/// Punctured surfaces of a layer that are still open: a surface closes when both the operator's and the
-/// proxy's tool have left it. Both count because the tip may emerge from a deeper layer while the proxy is
-/// still inside it.
+/// Punctured surfaces of a layer that are still open. A surface closes when the tool is farther than
+/// ProxyFeel::closing_mm from it both in the operator's pose and in the proxy's: a tip may have emerged from
+/// the surface while its proxy is still inside.
 SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                       const ToolPose& hand, const ProxyLayer& layer);
 
-/// Whether a contact of the last tick was punctured; its proxy is released without a rate limit.
+/// Whether the surface of any contact of the last tick was punctured, so that the proxy is released without a
+/// rate limit.
 bool is_contact_punctured(const ProxyLayer& layer);
 
-/// Marks a structure as punctured, and with it every surface that it is part of.
+/// Marks every surface that belongs to a structure, or is opened by its puncture, as punctured.
 void open_structure(std::span<const ContactSurface> surfaces, int structure, ProxyState& state);
 
 /// Spring force that acts on each structure that can be punctured, summed over layers.
 class PunctureForces {
  public:
+  /// Adds to the force on a structure; ignored if the capacity is used up.
   void add(int structure, double force_N) {
     std::size_t n = 0;
     while (n < count_ && structure_[n] != structure) ++n;
@@ -39,15 +41,16 @@ class PunctureForces {
   double force_N(std::size_t n) const { return force_N_[n]; }
 
  private:
-  // capacity; structures beyond it, which do not occur in tissue, are punctured in later ticks
+  // Capacity, more than the number of puncturable structures that a tool touches at once. A structure beyond
+  // it is punctured in a later tick, when others are no longer in contact.
   static constexpr std::size_t kMost = 16;
   std::array<int, kMost> structure_;
   std::array<double, kMost> force_N_;
   std::size_t count_ = 0;
 };
 
-/// Lets the tool into permanent holes that it fits, then punctures every structure whose force exceeds its
-/// puncture force. One with stays_open keeps a hole.
+/// Opens structures at permanent holes that the tool fits, then punctures every structure on which the spring
+/// force exceeds puncture_N. A punctured structure with stays_open keeps a permanent hole.
 /// @param holes  permanent holes of all tools; null: every puncture closes
 /// @return whether any structure was punctured
 bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,

@@ -27,7 +27,7 @@ ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Po
     if (!project_out(pairs, kProxyFeel.max_corrections, substep_mm, step.position)) return step;
     step.at_limit = true;
   }
-  // after a projection in several steps the end points no longer bound the penetration in between
+  // the ends of a longer projection do not bound the penetration between them
   if ((step.position - step.end).norm() > substep_mm) return step;
   const double away_mm = conditions.max_away * (step.position - from).norm();
   step.accepted = !((conditions.tip - step.position).norm() > (conditions.tip - from).norm() + away_mm);

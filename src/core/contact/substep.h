@@ -7,16 +7,16 @@
 /// Limit and validate stages of a substep.
 namespace palpate {
 
-/// End of a substep as far as its limits allow.
+/// Result of the limit stage.
 struct LimitedStep {
   Point<Patient> end;
-  bool at_limit = false;  ///< Whether the displacement limit shortened it
+  bool at_limit = false;  ///< Whether the displacement limit shortened the substep
 };
 
-/// Limit stage: the goal, or the point towards it at the maximum substep length or at the displacement limit.
-/// In contact the length is halved where the direction reversed, which occurs on concave surfaces whose
-/// radius of curvature is less than the depth.
-/// @param layer   position and last displacement of the proxy
+/// Limit stage: shortens the displacement to the goal to the maximum substep length and to the displacement
+/// limit. In contact the length is halved if the direction has reversed since the last substep: on concave
+/// surfaces whose radius of curvature is less than the depth, full substeps would oscillate around the goal.
+/// @param layer   proxy, of which the position and the last displacement are used
 /// @param max_mm  maximum substep length
 LimitedStep limit_step(const ProxyLayer& layer, const Point<Patient>& goal, double max_mm, bool in_contact,
                        const DisplacementLimit& limit);
@@ -24,7 +24,7 @@ LimitedStep limit_step(const ProxyLayer& layer, const Point<Patient>& goal, doub
 /// Conditions of a valid substep.
 struct StepConditions {
   Point<Patient> tip;
-  double substep_mm = 0;  ///< Substep length along the surfaces
+  double substep_mm = 0;  ///< Maximum length of a substep in contact
   double max_away = 0;    ///< Maximum fraction of the substep by which the distance to the tip may increase
 };
 
@@ -36,9 +36,12 @@ struct ValidatedStep {
   Point<Patient> position;  ///< End projected out of all surfaces
 };
 
-/// Validate stage: projects the end of a substep back outside the surfaces. The substep is rejected if there
-/// is no position outside, if it could have penetrated deeper between its ends, or if it increases the
-/// distance to the tip, so that the proxy comes to rest where constraints turn within one substep.
+/// Validate stage: projects the end of a substep out of the surfaces. The substep is rejected if
+/// - no position outside is found,
+/// - the projection is longer than a substep, so that its ends no longer bound the penetration between them,
+/// - or the distance to the tip increases by more than max_away times its length. The proxy therefore comes
+/// to
+///   rest instead of oscillating where the normals change within one substep.
 ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Point<Patient>& end,
                             const StepConditions& conditions, const DisplacementLimit& limit);
 

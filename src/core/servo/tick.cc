@@ -10,12 +10,18 @@
 #include "servo/tool_tick.h"
 #include "servo/turning.h"
 
-/// One tick, in order: object pose -> tip in the patient -> velocity -> contact -> surface effects -> no-go
-/// regions -> blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or throws.
+/// One tick.
+///
+/// - All devices: rotation of the object, change of force source, match of surfaces to the last model's.
+/// - Each device: faults -> tip in the patient -> velocity -> contact -> no-go regions -> blend -> recovery
+///   damping -> passivity -> output stage -> record.
+///
+/// Nothing here allocates, locks, logs or throws.
 namespace palpate {
 namespace {
 
-// faults of a device's state, as bits of kFaultFlags
+// Faults of a device's state, as bits of kFaultFlags. A jump is a displacement that is implausible both as a
+// distance and as a speed; the limits are device mm and are scaled to the world.
 std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
                         const SessionState::Hand& hand) {
   std::uint32_t faults = 0;
@@ -31,8 +37,8 @@ std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters,
   return faults;
 }
 
-// Pushes the tip's displacement in the patient, whose frame includes the object's rotation, and returns the
-// tip's velocity relative to the object.
+// Updates the tip's history and returns its velocity relative to the object; the patient frame rotates with
+// the object. A jump does not count as motion.
 Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip, double dt_s, bool jumped,
                            SessionState::Hand& hand) {
   if (jumped) hand.velocity.clear();
@@ -43,9 +49,11 @@ Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip,
   return hand.velocity.velocity_mm_s();
 }
 
-// After a change of force source (method, model, switches) the difference between old and new force at that
-// moment is added to the new force and fades out. The blend is relative to the current force, so that the
-// operator's motion takes effect at once.
+// Blends over a change of force source (method, model, switches, gains): the difference between the old and
+// the new wrench at the change is added to the new wrench and fades out over kOutputFeel.blend_s. Because
+// only the difference fades, the operator's motion takes effect at once.
+// @param asked    wrench of the current force source
+// @param changed  whether the force source differs from the last tick's
 Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Hand& hand) {
   if (!asked.force_N.all_finite() || !asked.torque_Nmm.all_finite()) {
     hand.asked = hand.difference = {};
@@ -55,14 +63,14 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
     hand.difference = {hand.asked.force_N - asked.force_N, hand.asked.torque_Nmm - asked.torque_Nmm};
     hand.blend_elapsed_s = 0;
   }
-  // The blend advances in the tick of the change already: if changes follow each other faster than they are
-  // blended, the force lags but is never frozen. A late tick must not complete the blend in one step.
+  // The blend already advances in the tick of the change, so that a change in every tick delays the force but
+  // does not freeze it; by at most a tenth, so that a late tick does not complete it.
   const double on_s = changed ? std::min(dt_s, 0.1 * kOutputFeel.blend_s) : dt_s;
   hand.blend_elapsed_s = std::min(kOutputFeel.blend_s, hand.blend_elapsed_s + on_s);
   hand.asked = asked;
   if (hand.blend_elapsed_s >= kOutputFeel.blend_s) return asked;
   const double rest = 1 - hand.blend_elapsed_s / kOutputFeel.blend_s;
-  const double left = rest * std::sqrt(rest);  // decreases from 1 to 0 and reaches 0 with zero slope
+  const double left = rest * std::sqrt(rest);  // from 1 to 0, with zero slope at 0
   hand.asked.force_N += hand.difference.force_N * left;
   hand.asked.torque_Nmm += hand.difference.torque_Nmm * left;
   return hand.asked;
@@ -71,23 +79,23 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 /// Change of surfaces between two versions of the model.
 struct SurfaceChange {
   std::span<const SurfaceCorrespondence> before;  // correspondence to the previous surfaces; empty: unknown
-  bool layers = false;                            // structures belong to other layers
+  bool layers = false;                            // whether structures were assigned to other layers
 };
 
 /// Inputs of a tick that all devices share.
 struct SharedInputs {
   const TickContext& tick;
   const Parameters& parameters;
-  bool changed;  // the force source differs from the last tick's
-  std::uint32_t stroke;
+  bool changed;          // whether the force source differs from the last tick's
+  std::uint32_t stroke;  // number of the current or last stroke of the cutting tools
 };
 
 /// Inputs of one device in a tick.
 struct DeviceInputs {
-  std::size_t number;
+  std::size_t number;  // index of the device
   const DeviceState& state;
   const DeviceParameters& own;
-  SurfaceChange surfaces;  // since the device's proxy was advanced last
+  SurfaceChange surfaces;  // change since the last advance of the device's proxy
   double max_force_N;      // lesser of the user's and the scene's limit
 };
 
@@ -95,12 +103,12 @@ struct DeviceInputs {
 struct RenderedContact {
   const ToolContact& tool;
   Vector<World> displacement_mm;  // displacement of the tip relative to the object in this tick, device mm
-  Vector<World> velocity_mm_s;    // mean velocity of the tip relative to the object, device mm/s
+  Vector<World> velocity_mm_s;    // windowed mean velocity of the tip relative to the object, device mm/s
 };
 
-// Prepares contact for this tick. After a jump, or while the output is off and faded out, the tip's path is
-// unknown and so is the side of each surface on which it lies: the proxy is reset. While the force still
-// fades out the path is known.
+// Changes since the proxy's last tick. Resets the proxy after a jump, or once the force of a paused or
+// clutched device has faded out: the path of the tip is then unknown, and with it the side of each surface on
+// which the tip lies. While the force is still fading out, the proxy is advanced as usual.
 ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const OutputRequest& request,
                             SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
@@ -113,9 +121,9 @@ ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const Ou
   return change;
 }
 
-// Factor for the force, 0 ... 2, that adds a damper along the force while it recovers from a short dropout; 1
-// at any other time. The unsupported hand accelerates towards the surface meanwhile: the damper stops it
-// sooner than the contact stiffness alone and prevents a rebound.
+// Damper along the force during recovery from a short dropout, as a factor for the force: 0 ... 2, and 1 at
+// any other time. The operator's hand, without support during the dropout, has accelerated towards the
+// surface. The damper stops it sooner than the contact stiffness alone and prevents a rebound.
 double recovery_damping_factor(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
                                const SessionState::Hand& hand, const OutputRequest& request) {
   const double force_N = request.asked.force_N.norm();
@@ -130,8 +138,8 @@ double recovery_damping_factor(const DeviceParameters& own, const Vector<World>&
 }
 
 // Passivity: reduces the requested force so that it returns no more energy than the operator has put in.
-// @param max_factor  factor that another damper leaves of the force; the smaller factor applies, not the
-// product
+// @param max_factor  factor of the recovery damper, 0 ... 1; of it and the controller's, the smaller applies,
+//                    not the product
 void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const RenderedContact& contact,
                      double max_factor, SessionState::Hand& hand, OutputRequest& request, DeviceTick& out) {
   const DeviceParameters& own = in.own;
@@ -139,11 +147,11 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
   const double dt_s = shared.tick.dt_s;
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.default_step_mm;
   detect_oscillation(request.asked.force_N, contact.displacement_mm, step_mm, dt_s, hand.swing);
-  // a long tick holds the force longer, which counts as additional delay
+  // a long tick holds the force for longer; half of the excess counts as delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
   const double device_delay_s = own.delay_s + hand.swing.extra_delay_s, delay_s = device_delay_s + held_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
-  // a force that has faded out ends the energy account
+  // a force that is not rendered does no work: the energy balance starts again from zero
   const bool faded_out = request.off && hand.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.asked.force_N.all_finite()) {
     hand.passivity = {};
@@ -170,6 +178,7 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
   out.flags |= kFlagPassivity;
 }
 
+// whether a point is outside the volume, which extends half a voxel beyond the outermost voxel centres
 bool outside(const Field& field, const Point<Patient>& x) {
   const Point<Voxel> p = field.X_VoxelPatient() * x;
   for (int axis = 0; axis < 3; ++axis)
@@ -177,7 +186,8 @@ bool outside(const Field& field, const Point<Patient>& x) {
   return false;
 }
 
-// A motor runs only while the force is rendered in full, so that the operator can feel the tool.
+// State of a burr's motor. It runs only while the force is rendered in full, so that no tissue is removed
+// without haptic feedback.
 MotorState motor_of(const SharedInputs& shared, const DeviceInputs& in, const Tool& tool,
                     const OutputRequest& request, const OutputState& output) {
   if (!tool.burr) return {};
@@ -187,7 +197,7 @@ MotorState motor_of(const SharedInputs& shared, const DeviceInputs& in, const To
   return {is_on && is_rendered, limit_N / in.own.force_gain, shared.stroke};
 }
 
-// a stroke lasts from the start of the first motor to the stop of the last one
+// Counts strokes of cutting tools. A stroke lasts from the start of the first motor until no motor is on.
 void count_strokes(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices,
                    SessionState& state) {
   bool on = false;
@@ -197,7 +207,7 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
   state.motor_on = on;
 }
 
-// contact of the tool by the selected force method
+// contact of the tool by the selected method, or by a direct one if the model is not prepared for the proxy
 ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const DeviceContext& context,
                   const OutputRequest& request, SessionState::Hand& hand) {
   const Model& model = shared.tick.model;
@@ -208,14 +218,16 @@ ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const Devi
   }
   hand.reset_contact();
   const ToolContact tool = touch_directly(shared.tick, context);
-  // Deep inside, where a direct method gives no force, a proxy initialised at the distant surface would pull
-  // with the full force limit.
+  // On a later change to the proxy method, a tip inside tissue is coupled only if a direct method pushed it.
+  // Deep inside, where direct methods give no force, the proxy would start at a distant surface and pull with
+  // the full force limit.
   const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
   hand.pushed_directly = pushes && !request.off && request.faults == 0;
   return tool;
 }
 
-// requested force of a device whose pose is valid: contact, no-go regions, blend, passivity
+// Requested force of a device whose pose is finite: contact, no-go regions, blend, recovery damping and
+// passivity.
 ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand,
                           OutputRequest& request, DeviceTick& out) {
   const TickContext& tick = shared.tick;
@@ -237,6 +249,7 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
 
   const RenderedContact contact{tool, tick.X_WorldPatient * displacement_mm / own.scale,
                                 tick.X_WorldPatient * context.velocity_mm_s / own.scale};
+  // a factor above 1 precedes the passivity controller; one below 1 is combined with the controller's
   const double stop = recovery_damping_factor(own, contact.velocity_mm_s, hand, request);
   if (stop > 1) {
     request.asked.force_N = request.asked.force_N * stop;
@@ -248,6 +261,7 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
   return tool;
 }
 
+// one tick of one device, from its state to the wrench and the record
 void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand, Wrench& wrench,
                  DeviceTick& out) {
   const Parameters& parameters = shared.parameters;
@@ -260,7 +274,8 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   ToolContact tool;
   if (request.faults & kFlagNotFinite) {
     hand.reset_path();
-    // the stroke may end in this tick
+    // Without a pose the burr is not advanced, but the stroke may end in this tick: a sweep of the next one
+    // must not extend this sweep.
     if (shared.tick.model.tool_of(in.number).burr) hand.burr.closed = true;
   } else {
     tool = request_force(shared, in, hand, request, out);
@@ -274,7 +289,7 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   record_outputs(tool, request, sent, hand, out);
 }
 
-// Whether a tick can be computed at all.
+// whether a tick can be computed: a usable duration, devices with as many wrenches, and a prepared model
 bool is_usable(const Model& model, std::size_t devices, double dt_s, std::size_t wrenches) {
   return std::isfinite(dt_s) && dt_s >= 0 && devices >= 1 && devices <= kMaxDevices && devices == wrenches &&
          model.has(ForceMethod::kTrilinear);
@@ -297,7 +312,7 @@ void refuse(const Model& model, const Parameters& parameters, std::span<const De
 // digest of everything that selects the force computation; a new value starts a blend
 std::uint64_t force_source_digest(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t digest = kHashSeed;
-  // local edits are excluded: material that was cut away takes effect at once
+  // local edits are excluded: removal of material takes effect without a blend
   hash_word(digest, model.version - model.edits);
   const ForceMethod method = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
   hash_word(digest, static_cast<std::uint64_t>(method) << 8 | blended_switch_bits(parameters));
@@ -322,6 +337,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   // pose of the object
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
+  // solver frames published while no tissue was deformable are stale and stay ignored afterwards
   const bool yields = is_elastic(model.tissue_law);
   if (!yields) state.last_ignored_yield_frame = parameters.yields.number;
   const bool is_felt = yields && (state.last_ignored_yield_frame == 0 ||
@@ -337,7 +353,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const bool changed = state.force_source != 0 && state.force_source != source;
   state.force_source = source;
 
-  // proxies stay on surfaces that a new version of the model shares with the old one
+  // match the surfaces of a new model version to the old ones; proxies stay on those that are unchanged
   SurfaceMatches before;
   const bool other_surfaces = state.surfaces.version != model.version;
   const auto surfaces_before = other_surfaces ? match_surfaces(model, state.surfaces, before)

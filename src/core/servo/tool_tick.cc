@@ -9,6 +9,7 @@
 namespace palpate {
 namespace {
 
+// the tool's burr in its current pose, rotating if the motor runs; empty if the tool is no burr
 std::optional<Burr> burr_of(const TickContext& tick, const DeviceContext& hand, const MotorState& motor) {
   const Tool& tool = hand.tool;
   if (!tool.burr) return std::nullopt;
@@ -23,7 +24,7 @@ std::optional<Burr> burr_of(const TickContext& tick, const DeviceContext& hand, 
               tool.burr->end_radius_mm};
 }
 
-// bit n is set if layer n has a proxy
+// bit n: layer n is coupled
 unsigned coupled_layers(const ProxyState& proxy) {
   unsigned layers = 0;
   for (int n = 0; n < kMaxLayers; ++n) layers |= static_cast<unsigned>(proxy.layer(n).coupled) << n;
@@ -55,7 +56,8 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
   if (burr) held.set_first(burr->head(hand.burr.penetration_mm));
   ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
   contact.released = released;
-  // a burr's head is at the proxy of the layer in which it cuts, or else of the innermost layer in contact
+  // the proxy reported for a burr is that of the innermost layer in contact, or of the layer into which it
+  // has cut
   if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
     contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
   return contact;
@@ -85,11 +87,14 @@ void keep_away(const TickContext& tick, const DeviceContext& context, ToolContac
   const Vector<World> force_N = tick.X_WorldPatient * push.force_N * gains.force_gain;
   const double all_N = force_N.norm();
   if (!(all_N > 0)) return;
+  // force that the contact already provides in the direction of the push, and the fraction that it lacks
   const double lent_N = std::max(0.0, contact.asked.force_N.dot(force_N) / all_N);
   const double lacks = std::max(0.0, all_N - lent_N) / all_N;
+  // patient N mm to device N mm, for torque and energy
   const double lever = gains.force_gain / gains.scale;
   contact.asked.force_N += force_N * lacks;
   contact.asked.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
+  // the whole energy of the push: an upper bound, as for the contact
   contact.stored_mJ += push.stored_mJ * lever;
   contact.stiffness_N_per_mm =
       std::max(contact.stiffness_N_per_mm, RenderedStiffness(gains).at_device(push.stiffness_N_per_mm));
