@@ -17,6 +17,7 @@ const MAY_IMPORT = {
   volume: [...LOW, "drawing"],
   panels: [...LOW, "drawing", "section", "volume"],
   training: [...LOW, "drawing", "volume", "panels"],
+  page: [...LOW, "drawing", "section", "volume", "panels", "training"],
 };
 
 const zones = Object.entries(MAY_IMPORT).map(([folder, others]) => ({

@@ -7,42 +7,45 @@ import type { Page } from "./page.js";
 import type { ScopeFrame } from "./volume/scope.js";
 
 export function openToTests(page: Page): void {
-  const { session, connection, sections, volume } = page;
+  const { session, connection, sections, volume, voxels } = page;
   const section = (kind: string) => sections.find((one) => one.kind === kind)!;
   const hook = {
     /** State of the connection: "connecting", "connected", "lost", "refused" or "ended". */
     get link() {
-      return connection.link;
+      return connection.link.value;
     },
     get role() {
-      return connection.role;
+      return connection.role.value;
     },
     get age_ms() {
       return connection.age_ms();
     },
     get isFresh() {
-      return session.isFresh;
+      return session.isFresh.value;
     },
     get isLoaded() {
-      return session.volumes !== null && page.isWhole;
+      return session.volumes.value !== null && page.isWhole;
     },
     get volumeHash() {
-      return session.volumes?.hash ?? null;
+      return session.volumes.value?.hash ?? null;
     },
     get scene() {
-      return session.scene;
+      return session.scene.value;
     },
     get state() {
-      return session.state;
+      return session.state.value;
     },
     get pose() {
-      return session.pose;
+      return session.pose.value;
     },
     get structureAtTip() {
-      const place = session.pose && session.volumes ? session.volumes.structureAt(session.pose.devices[0]!.tip) : null;
-      return place === null ? null : session.scene!.structures[place];
+      const place =
+        session.pose.value && session.volumes.value
+          ? session.volumes.value.structureAt(session.pose.value.devices[0]!.tip)
+          : null;
+      return place === null ? null : session.scene.value!.structures[place];
     },
-    structureAt: (p: Vec3) => session.volumes?.structureAt(p) ?? null,
+    structureAt: (p: Vec3) => session.volumes.value?.structureAt(p) ?? null,
     /** Counters since the page was opened: computed texels, sent looks, pictures of the volume. */
     get volumeWork() {
       return page.renderer.work;
@@ -63,30 +66,22 @@ export function openToTests(page: Page): void {
       (which === "volume" ? page.renderer : page.slicer).lose(restores),
     /** Fills a box of voxels with a structure by its index; -1 empties it. */
     fillBox: (lo: Vec3, size: Vec3, place: number) =>
-      page.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
+      voxels.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
     /** Replaces the structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
-    writeBox: (lo: Vec3, size: Vec3, structure: number[]) => page.updateBox(lo, size, Uint8Array.from(structure)),
+    writeBox: (lo: Vec3, size: Vec3, structure: number[]) => voxels.updateBox(lo, size, Uint8Array.from(structure)),
     /** Displays a deformation, initially zero, on a grid of nodes; null: none. */
-    displace: (nodes: Nodes | null) => page.displace(nodes),
-    displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
+    displace: (nodes: Nodes | null) => voxels.displace(nodes),
+    displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => voxels.updateDisplacement(lo, size, mm),
     /** Whether tissue is deformed. */
     get yields() {
-      return session.yields;
+      return session.yields.value;
     },
     /** Minimum frame interval without a graphics card. */
     set leastFrame_ms(ms: number) {
-      page.leastFrame_ms = ms;
+      page.frames.leastFrame_ms = ms;
     },
     /** Draws pictures and figures immediately, with sections at full resolution. */
-    draw() {
-      page.drawSections(Infinity);
-      volume.draw(performance.now());
-      page.scope.now?.draw(performance.now());
-      page.controls.draw();
-      page.nearPanel.now?.draw(performance.now());
-      page.planPanel.now?.draw();
-      page.timeline.now?.draw();
-    },
+    draw: () => page.frames.drawNow(),
     /** Projection of a position into a section, canvas pixels, and its distance from the section's plane, mm. */
     pixelOf(kind: string, p: Vec3) {
       const [x, y] = section(kind).pixelOf(p);
@@ -117,22 +112,22 @@ export function openToTests(page: Page): void {
         list: session.plans.list,
         isShared: session.plans.isShared,
         plan: session.plans.plan,
-        chosen: session.plans.chosen,
+        chosen: session.plans.chosen.value,
       };
     },
     /** Distances of each tool, the nearest no-go region, and the current tone. */
     get near() {
-      return session.near;
+      return session.near.value;
     },
     get approach() {
-      return session.approach;
+      return session.approach.value;
     },
     get tone() {
-      return page.nearPanel.now?.heard.tone ?? null;
+      return page.panels.near.now?.heard.tone ?? null;
     },
     /** State of the tasks: view of the panel, progress of the run, latest results. */
     get training() {
-      const panel = page.training.now;
+      const panel = page.panels.training.now;
       return {
         view: panel?.view ?? "none",
         task: panel?.task?.name ?? null,
@@ -142,7 +137,7 @@ export function openToTests(page: Page): void {
     },
     /** Points of all measures. */
     get measures() {
-      return page.measures.all.map(({ points }) => points);
+      return page.measures.list.value.map(({ points }) => points);
     },
     /** Pose of the scope; patient frame. */
     get scopeFrame() {
@@ -165,7 +160,7 @@ export function openToTests(page: Page): void {
       const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true })!;
       copy.drawImage(context.canvas, 0, 0);
       const { data } = copy.getImageData(0, 0, width, height);
-      const [x, y] = volume.pixelOf(session.toolAt(session.pose!.devices[0]!));
+      const [x, y] = volume.pixelOf(session.toolAt(session.pose.value!.devices[0]!));
       const angles = Array.from({ length: 48 }, (_, n) => (n * Math.PI) / 24);
       return angles.map(
         (angle) =>
@@ -193,7 +188,6 @@ export function openToTests(page: Page): void {
       volume.reset();
       volume.camera.orbit(dx, dy);
       volume.camera.isPerspective = isPerspective;
-      session.touch();
     },
     /** Whether all sections are at full resolution. */
     get areSectionsSharp() {
@@ -219,7 +213,7 @@ export function openToTests(page: Page): void {
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
     /** Picture that "Screenshot" saves, as a data URL. */
     async screenshot() {
-      const bytes = new Uint8Array(await (await (await page.capture.get())!.screenshot()).arrayBuffer());
+      const bytes = new Uint8Array(await (await (await page.captures.capture.get())!.screenshot()).arrayBuffer());
       return "data:image/png;base64," + btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
     },
   };

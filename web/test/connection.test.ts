@@ -128,7 +128,7 @@ test("an unanswered stop is sent to the next connection within its time limit", 
     now += 6100 - pressedAfter_ms;
     made.watch();
     assert.match((await answer)!.what, /within 5 s/);
-    assert.equal(made.link, "lost", "before the goodbye has come to an end");
+    assert.equal(made.link.value, "lost", "before the goodbye has come to an end");
     now += 1000;
     timers.at(-1)!.f();
     sockets[1]!.onmessage(WELCOME);
@@ -174,7 +174,7 @@ test("a connection attempt times out", (t) => {
   assert.equal(timers.length, 0);
   now += 1100;
   made.watch();
-  assert.equal(made.link, "lost");
+  assert.equal(made.link.value, "lost");
   assert.equal(timers.length, 1);
 });
 
@@ -185,11 +185,11 @@ test("another protocol version is not retried automatically", () => {
       sockets[0]!.onmessage(WELCOME);
       sockets[0]!.onmessage(pose(4));
     } else sockets[0]!.onclose({ code: 4406 });
-    assert.equal(made.link, "ended");
+    assert.equal(made.link.value, "ended");
     assert.deepEqual([timers.length, sockets.length, told.otherProtocol], [0, 1, 1]);
     made.open();
     sockets[1]!.onmessage(WELCOME);
-    assert.equal(made.link, "connected");
+    assert.equal(made.link.value, "connected");
   }
 });
 

@@ -59,16 +59,16 @@ test("a slider movement is one undo step, and undo requests the previous value",
   assert.equal(state.friction, true);
   await history.undo();
   assert.deepEqual(asked.at(-1), { type: "tissue", tissue: 0, stiffness_N_per_mm: 1 });
-  assert.equal(history.canUndo, false);
+  assert.equal(history.canUndo.value, false);
   await history.redo();
   assert.equal(state.tissues[0]!.stiffness_N_per_mm, 1.7);
   await history.redo();
   assert.equal(state.friction, false);
-  assert.equal(history.canRedo, false);
+  assert.equal(history.canRedo.value, false);
   // a new step discards the redo history
   await history.undo();
   await requests.once({ type: "set", max_force_N: 1 });
-  assert.equal(history.canRedo, false);
+  assert.equal(history.canRedo.value, false);
 });
 
 test("successive movements of one slider are separate undo steps", async () => {
@@ -93,7 +93,7 @@ test("undo requests the previous rotation, and a drag is one undo step", async (
   assert.deepEqual(state.rotation_wxyz, turned(0.3));
   await history.undo();
   assert.deepEqual(asked.at(-1), { type: "set", rotation_wxyz: [1, 0, 0, 0] });
-  assert.equal(history.canUndo, false);
+  assert.equal(history.canUndo.value, false);
   await history.redo();
   // a change by another viewer
   state.rotation_wxyz = turned(0.31);
@@ -111,7 +111,7 @@ test("a stop, a pause and a rearm are not undo steps", async () => {
     { type: "pointer", take: true },
   ] as Request[])
     await requests.once(request);
-  assert.equal(history.canUndo, false);
+  assert.equal(history.canUndo.value, false);
 });
 
 test("a refused undo is reported and remains available; values changed by others are kept", async () => {
@@ -119,7 +119,7 @@ test("a refused undo is reported and remains available; values changed by others
   const { requests, history, state, told } = made;
   made.refuses = "max_force_N";
   await requests.once({ type: "set", max_force_N: 1 });
-  assert.equal(history.canUndo, false);
+  assert.equal(history.canUndo.value, false);
   made.refuses = "";
   await requests.once({ type: "set", max_force_N: 1 });
   made.refuses = "max_force_N";
@@ -127,8 +127,8 @@ test("a refused undo is reported and remains available; values changed by others
   await history.undo();
   assert.deepEqual(told, ["No."]);
   assert.equal(state.max_force_N, 1);
-  assert.equal(history.canUndo, true);
-  assert.equal(history.canRedo, false);
+  assert.equal(history.canUndo.value, true);
+  assert.equal(history.canRedo.value, false);
   made.refuses = "";
   state.max_force_N = 0.7;
   await history.undo();
@@ -201,7 +201,7 @@ test("changes of the view are undone one by one, and automatic changes are kept"
   await history.undo();
   assert.deepEqual(seen, { zoom: 2, pan: [0, 0], window: 9 });
   await history.undo();
-  assert.deepEqual([seen.zoom, history.canUndo], [1, false]);
+  assert.deepEqual([seen.zoom, history.canUndo.value], [1, false]);
   await history.redo();
   await history.redo();
   assert.deepEqual(seen, { zoom: 2, pan: [3, 1], window: 9 });

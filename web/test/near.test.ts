@@ -266,24 +266,29 @@ test("the number of beeps per second equals the tone's rate", () => {
 
 test("a quiz hides names, and the distance to its target until the target pushes", () => {
   const made = new Session();
-  made.scene = {
+  made.scene.value = {
     structures: [
       { label: 7, name: "left_nodule", colour: [0, 0, 0], tissue: 0 },
       { label: 8, name: "skin", colour: [0, 0, 0], tissue: 0 },
     ],
     tools: [PROBE],
-    world_from_patient: [],
+    world_from_patient: [
+      [1, 0, 0, 0],
+      [0, 1, 0, 0],
+      [0, 0, 1, 0],
+      [0, 0, 0, 1],
+    ],
     no_go: [region({ name: "the_nodule", label: 7, keep_away_mm: 1 })],
   } as unknown as Scene;
-  made.looks = made.scene.structures.map(() => ({ colour: [1, 2, 3], opacity: 0.5, visible: false }));
+  made.looks.value = made.scene.value.structures.map(() => ({ colour: [1, 2, 3], opacity: 0.5, visible: false }));
   const pose = {
     time: 1,
     rotation: [1, 0, 0, 0],
     devices: [{ number: 0, tip: [0, 0, 0], orientation: [1, 0, 0, 0], flags: 0 }],
   } as unknown as Pose;
   const labels = () => made.nearTo(pose.devices[0]!).map(({ label }) => label);
-  const colour = () => [...made.palette().slice(4, 8)];
-  made.near = [
+  const colour = () => [...made.appearance.value.palette.slice(4, 8)];
+  made.near.value = [
     {
       ...NOTHING,
       structures: [
@@ -294,21 +299,24 @@ test("a quiz hides names, and the distance to its target until the target pushes
   ];
   made.setPose(pose);
   assert.deepEqual(
-    [made.approach, labels(), made.regionName(0)],
+    [made.approach.value, labels(), made.regionName(0)],
     [{ region: 0, mm: 2, pushes: false }, [7, 8], "the nodule"],
   );
-  made.quiz = [7];
+  made.quiz.value = [7];
   made.setPose(pose);
   assert.deepEqual(
-    [made.approach, labels(), made.regionName(0), made.structureName(8)],
+    [made.approach.value, labels(), made.regionName(0), made.structureName(8)],
     [null, [8], "a no-go region", "a structure"],
   );
   // the structure whose region pushes is highlighted unless it is concealed
-  made.near = [{ ...made.near[0]!, noGo: 0, depth: 0.5 }];
-  const before = made.lookVersion;
+  const before = made.appearance.value;
+  made.near.value = [{ ...made.near.value[0]!, noGo: 0, depth: 0.5 }];
   made.setPose(pose);
-  assert.deepEqual([made.pushing, made.lookVersion > before], [{ region: 0, mm: -0.5, pushes: true }, true]);
+  assert.deepEqual(
+    [made.pushing.value, made.appearance.value !== before],
+    [{ region: 0, mm: -0.5, pushes: true }, true],
+  );
   assert.equal(colour()[3], 255);
-  made.alike = { values: [1], as: 2 };
+  made.alike.value = { values: [1], as: 2 };
   assert.equal(colour()[3], 0, "it looks as what lies around it");
 });

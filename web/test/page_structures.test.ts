@@ -219,4 +219,14 @@ testsOf(page, "the page", () => {
     page.click("#help-close");
     assert.ok(isHidden());
   });
+
+  test("the scope view is created when a layout first shows it", async () => {
+    assert.equal(document.getElementById("picture-scope"), null);
+    page.key("6");
+    assert.ok(page.byId("pictures").classList.contains("layout-scope"));
+    assert.equal(page.all("[data-layout][aria-checked=true]")[0]!.dataset.layout, "scope");
+    await page.wait("the scope view", () => document.getElementById("picture-scope"));
+    page.click("[data-layout=two]");
+    assert.ok(page.byId("pictures").classList.contains("layout-two"));
+  });
 });

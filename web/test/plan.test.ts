@@ -145,10 +145,10 @@ test("each change and undo of a shared plan is requested", async () => {
     entry_mm: [1, 2, 3],
     target_mm: [4, 5, 6],
   });
-  assert.deepEqual([names(), store.chosen], [["hole", "Trajectory 2"], 1]);
+  assert.deepEqual([names(), store.chosen.value], [["hole", "Trajectory 2"], 1]);
   store.remove(0);
   await later();
-  assert.deepEqual([names(), store.chosen], [["Trajectory 2"], 0]);
+  assert.deepEqual([names(), store.chosen.value], [["Trajectory 2"], 0]);
   await history.undo();
   assert.deepEqual(names(), ["hole", "Trajectory 2"]);
   assert.equal(store.list[0]!.target_within_mm, 1.5, "with what is allowed");
@@ -165,7 +165,7 @@ test("a refused change is not applied and is not an undo step", async () => {
   may.refuses = true;
   store.add([1, 2, 3], [4, 5, 6]);
   await later();
-  assert.deepEqual([names(), history.canUndo], [["hole"], false]);
+  assert.deepEqual([names(), history.canUndo.value], [["hole"], false]);
 });
 
 test("a page without permission or a shared plan has its own plan", async () => {
@@ -234,13 +234,16 @@ test("two presses or a drag add a trajectory, and an end can be dragged", () => 
   // a press near the first trajectory's target picks it
   press([0, 3, 52]);
   store.move([0, 40, 60]);
-  assert.deepEqual([store.drawn[0]!.target_mm, store.list[0]!.target_mm, store.chosen], [[0, 40, 60], [0, 0, 50], 0]);
+  assert.deepEqual(
+    [store.drawn[0]!.target_mm, store.list[0]!.target_mm, store.chosen.value],
+    [[0, 40, 60], [0, 0, 50], 0],
+  );
   release([0, 40, 60]);
   assert.deepEqual(store.list[0]!.target_mm, [0, 40, 60]);
   // a press on an end without movement selects the trajectory
   press([100, 31, 0]);
   release([100, 31, 0]);
-  assert.deepEqual([store.chosen, store.list[1]!.target_mm, store.list.length], [1, [100, 30, 0], 2]);
+  assert.deepEqual([store.chosen.value, store.list[1]!.target_mm, store.list.length], [1, [100, 30, 0], 2]);
   press([0, 200, 0]);
   store.drop();
   assert.deepEqual([store.drawn.length, dot(store.list[0]!.entry_mm, [1, 1, 1])], [2, 0]);

@@ -1,5 +1,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
+import type { State } from "../src/protocol/messages.js";
+import type { Pose } from "../src/protocol/wire.js";
+import { Session } from "../src/state/session.js";
 import { PointerDevice } from "../src/state/pointer.js";
 import { shownAt } from "../src/drawing/measure.js";
 
@@ -19,15 +22,14 @@ function pointer() {
       },
     },
   });
-  const session = { pose: { devices: [{ tip: [0, 0, 0] }] }, state: { pointer: true }, holding: false, touch() {} };
-  const device = new PointerDevice(
-    session as unknown as Device[0],
-    { moveTip: (p: number[]) => sent.push(p) } as unknown as Device[1],
-  );
+  const session = new Session();
+  session.pose.value = { devices: [{ tip: [0, 0, 0] }] } as unknown as Pose;
+  session.state.value = { pointer: true } as State;
+  const device = new PointerDevice(session, { moveTip: (p: number[]) => sent.push(p) } as unknown as Device[1]);
   const at = (ms: number) => {
     while (now < ms) {
       now += 8;
-      if (session.holding) beat!();
+      if (session.holding.value) beat!();
     }
   };
   return { device, session, sent, at };
@@ -61,7 +63,7 @@ test("presses in two pictures release the tip", () => {
   const before = sent.length;
   device.move([50, 0, 0]);
   at(500);
-  assert.equal(session.holding, false);
+  assert.equal(session.holding.value, false);
   assert.equal(sent.length, before);
 });
 

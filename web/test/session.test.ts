@@ -10,7 +10,7 @@ import { Flag, type DevicePose, type Pose } from "../src/protocol/wire.js";
 function session(): Session {
   const made = new Session();
   const voxels = new Uint8Array([0, 0, 1, 1, 1, 0]);
-  made.volumes = new Volumes(
+  made.volumes.value = new Volumes(
     "h",
     1,
     [6, 1, 1],
@@ -25,7 +25,7 @@ function session(): Session {
     1,
     0,
   );
-  made.scene = {
+  made.scene.value = {
     structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }],
     no_go: [],
   } as unknown as Scene;
@@ -60,14 +60,14 @@ test("a nested structure is named with those that enclose it, except in a quiz",
     colour: [0, 0, 0],
     tissue: 0,
   });
-  made.scene = {
-    ...made.scene!,
+  made.scene.value = {
+    ...made.scene.value!,
     structures: [structure(7, "gross_tumour", [8, 9]), structure(8, "target", [9]), structure(9, "liver", [])],
   } as unknown as Scene;
   const touched = () => made.contactOf(device(3, 7, Flag.contact, [0, 0, 0.4])).words;
   assert.equal(touched(), "gross tumour (within target, liver)");
   assert.equal(made.contactOf(device(3, 9, Flag.contact, [0, 0, 0.4])).words, "liver");
-  made.quiz = [9];
+  made.quiz.value = [9];
   assert.equal(touched(), "a structure");
 });
 
@@ -77,7 +77,7 @@ test("each device has its own tool, and the first one is drawn on top", () => {
     { name: "ball", cuts: false },
     { name: "drill", cuts: true },
   ];
-  made.scene = { ...made.scene!, tools: [ball, burr] } as Scene;
+  made.scene.value = { ...made.scene.value!, tools: [ball, burr] } as Scene;
   const devices = [0, 1].map((number) => ({ ...device(number, 0, 0, [0, 0, 0]), number }));
   assert.deepEqual(made.drawn, [], "without a pose");
   made.setPose({ time: 1, devices } as unknown as Pose);
@@ -89,7 +89,7 @@ test("each device has its own tool, and the first one is drawn on top", () => {
     devices.map((one) => made.heldBy(one)),
     [ball, burr],
   );
-  assert.deepEqual(made.pose!.devices, devices, "which stay in their order");
+  assert.deepEqual(made.pose.value!.devices, devices, "which stay in their order");
 });
 
 test("a tool in contact is drawn at the surface, deformed if it yields", () => {
@@ -100,7 +100,7 @@ test("a tool in contact is drawn at the surface, deformed if it yields", () => {
     contacts: [{ place: [5, 0, 0] }],
   } as unknown as DevicePose;
   assert.deepEqual(made.toolAt(pressed), [4, 0, 0]);
-  made.movedAt = ([x]) => [-0.1 * x, 0, 0];
+  made.movedAt.value = ([x]) => [-0.1 * x, 0, 0];
   assert.deepEqual(made.toolAt(pressed), [3.5, 0, 0], "as far as the tissue went where it is touched");
   assert.deepEqual(made.toolAt({ ...pressed, contacts: [] }), [3.6, 0, 0]);
   for (const flags of [0, Flag.contact | Flag.inside])

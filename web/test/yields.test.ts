@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { aboutAxis, apply, invert, length, rotate, sub, type Vec3 } from "../src/base/geometry.js";
 import { WireError, WireVersion } from "../src/protocol/wire.js";
-import { decodeYield, isYield, Yields } from "../src/protocol/yields.js";
+import { decodeYield, isYield } from "../src/protocol/yields.js";
+import { Deformation } from "../src/state/deformation.js";
 
 const turned = (
   [
@@ -120,7 +121,7 @@ test("random deformation messages are refused or give a field without gaps", () 
       continue;
     }
     if (n % 100 !== 1) continue;
-    const yields = new Yields();
+    const yields = new Deformation();
     yields.tell(told);
     assert.ok(yields.displaced(() => false)!.mm.every(Number.isFinite), `seed ${began}`);
   }
@@ -131,7 +132,7 @@ const bump = (node: Vec3, middle: Vec3, mm: Vec3): Vec3 =>
   mm.map((x) => x * Math.exp(-(length(sub(node, middle)) ** 2) / 4)) as Vec3;
 
 test("pictures look up rest positions, and tissue that is no longer reported is undeformed", () => {
-  const yields = new Yields();
+  const yields = new Deformation();
   const mm: Vec3 = [1.2, -0.8, 0.9];
   yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9] })));
   const { nodes, mm: back } = yields.displaced(() => false)!;
@@ -190,7 +191,7 @@ test("pictures look up rest positions, and tissue that is no longer reported is 
 });
 
 test("deformations by two devices share a grid and add up", () => {
-  const yields = new Yields();
+  const yields = new Deformation();
   const told = (device: number, first: Vec3, mm: Vec3) =>
     yields.tell(
       decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first, device })),
@@ -223,7 +224,7 @@ test("deformations by two devices share a grid and add up", () => {
 });
 
 test("positions next to moving tissue move along in empty space and stay inside structures", () => {
-  const yields = new Yields();
+  const yields = new Deformation();
   const straight: Vec3[] = [
     [1, 0, 0],
     [0, 1, 0],

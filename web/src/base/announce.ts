@@ -47,3 +47,5 @@ export function toast(text: string): void {
   clearTimeout(hiding);
   hiding = window.setTimeout(() => (box.hidden = true), 6000);
 }
+/** Shows an error at the bottom of the page. */
+export const complain = (error: unknown): void => toast((error as Error).message);

@@ -1,5 +1,7 @@
 // Resources of the machine that shows the page: pixels and memory.
 
+import { signal } from "@preact/signals-core";
+
 /** Canvas pixels per CSS pixel, limited to two: a higher resolution costs time and is hardly visible. */
 export function pixelRatio(): number {
   return Math.min(window.devicePixelRatio || 1, 2);
@@ -14,20 +16,20 @@ export function memory_GB(): number {
  * element is hidden.
  */
 export class ObservedSize {
-  private inside: [number, number] = [0, 0]; // width and height, CSS pixels
+  private readonly inside = signal<[number, number]>([0, 0]); // width and height, CSS pixels
 
   constructor(element: Element) {
-    new ResizeObserver(() => (this.inside = [element.clientWidth, element.clientHeight])).observe(element);
+    new ResizeObserver(() => (this.inside.value = [element.clientWidth, element.clientHeight])).observe(element);
   }
   /** Canvas pixels per CSS pixel on the current screen. */
   get ratio(): number {
     return pixelRatio();
   }
   get width(): number {
-    return Math.round(this.inside[0] * this.ratio);
+    return Math.round(this.inside.value[0] * this.ratio);
   }
   get height(): number {
-    return Math.round(this.inside[1] * this.ratio);
+    return Math.round(this.inside.value[1] * this.ratio);
   }
   /**
    * Resizes a canvas to this size.

@@ -64,7 +64,7 @@ function drawBorder(
 
 /** Draws the intersections of planes and balls with a section. */
 export function drawNoGoOnPlane(frame: Frame, session: Session, on: OnPlane): void {
-  for (const { plane, ball, keep_away_mm } of session.scene!.no_go) {
+  for (const { plane, ball, keep_away_mm } of session.scene.value!.no_go) {
     if (plane) {
       drawBorder(frame, on, plane.point_mm, plane.outward, false);
       if (keep_away_mm > 0)
@@ -101,7 +101,7 @@ function hatchDisc(frame: Frame, [x, y]: [number, number], radius: number): void
 
 /** Draws the intersection of planes with the volume's bounding box, and balls as three great circles. */
 export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session, volumes: Volumes): void {
-  for (const { plane, ball } of session.scene!.no_go) {
+  for (const { plane, ball } of session.scene.value!.no_go) {
     if (plane) {
       const [right, down] = tangents(plane.outward);
       const corners = boxSection({ centre: plane.point_mm, right, down }, volumes);
@@ -141,13 +141,13 @@ export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session,
  * @param top  vertical position of the text, CSS pixels
  */
 export function drawNoGoWarning(frame: Frame, session: Session, top: number): void {
-  const pushing = session.pushing;
+  const pushing = session.pushing.value;
   if (!pushing) return;
   const { context, width, height, ratio } = frame;
   const rim = RIM * ratio;
   context.save();
   context.lineWidth = rim;
-  context.strokeStyle = session.isFresh ? NO_GO : "#a4adb3";
+  context.strokeStyle = session.isFresh.value ? NO_GO : "#a4adb3";
   context.setLineDash([18 * ratio, 8 * ratio]);
   context.strokeRect(rim / 2, rim / 2, width - rim, height - rim);
   context.restore();
@@ -157,7 +157,7 @@ export function drawNoGoWarning(frame: Frame, session: Session, top: number): vo
     12 * ratio,
     top * ratio,
     13,
-    session.isFresh ? NO_GO : "#a4adb3",
+    session.isFresh.value ? NO_GO : "#a4adb3",
     "left",
     "top",
     700,

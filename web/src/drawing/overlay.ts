@@ -169,12 +169,12 @@ export function ring(
 }
 
 export function drawTrail(frame: Frame, session: Session, projection: Projection): void {
-  const now = session.pose?.time ?? 0;
+  const now = session.pose.value?.time ?? 0;
   for (let i = 1; i < session.trail.length; i++) {
     const { p, time } = session.trail[i]!;
     const strength = 0.75 * (1 - (now - time) / 2) * projection.clearness(p);
     if (strength <= 0.02) continue;
-    const colour = session.isFresh ? `rgba(79, 216, 238, ${strength})` : `rgba(164, 173, 179, ${strength})`;
+    const colour = session.isFresh.value ? `rgba(79, 216, 238, ${strength})` : `rgba(164, 173, 179, ${strength})`;
     line(frame, projection.pixel(session.trail[i - 1]!.p), projection.pixel(p), 1.6, colour);
   }
 }
@@ -205,12 +205,12 @@ function stadium(
 /** Draws the tool at its proxy, the device's position, the line between them, and the force. */
 export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
   const { context, ratio } = frame;
-  const pose = session.pose!;
+  const pose = session.pose.value!;
   const shown = session.toolAt(device);
   const { radius_mm: tip_mm, capsules } = session.heldBy(device);
   const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
   const radius = Math.max(5 * ratio, tip_mm * projection.pixelsPerMm(shown));
-  const colour = session.isFresh ? TOOL : GREY;
+  const colour = session.isFresh.value ? TOOL : GREY;
   context.save();
   context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
 
@@ -248,7 +248,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     const tip: [number, number] = [tool[0] + dx * (long + radius), tool[1] + dy * (long + radius)];
     const from: [number, number] = [tool[0] + dx * radius, tool[1] + dy * radius];
     const shownLength = Math.hypot(tip[0] - from[0], tip[1] - from[1]);
-    const arrow = session.isFresh ? FORCE : GREY;
+    const arrow = session.isFresh.value ? FORCE : GREY;
     if (shownLength > 5 * ratio) {
       const [ux, uy] = [(tip[0] - from[0]) / shownLength, (tip[1] - from[1]) / shownLength];
       const head = Math.min(10 * ratio, 0.6 * shownLength);
@@ -304,13 +304,13 @@ export function drawForceBar(frame: Frame, session: Session, device: DevicePose)
   const share = Math.min(1, length(device.force) / Math.max(device.forceLimit, 0.1));
   context.fillStyle = "rgba(6, 9, 11, 0.8)";
   context.fillRect(x - 2 * ratio, y - 2 * ratio, long + 4 * ratio, thick + 4 * ratio);
-  context.fillStyle = !session.isFresh ? GREY : share > 0.95 ? "#ff6b5e" : share > 0.7 ? "#ffa94d" : FORCE;
+  context.fillStyle = !session.isFresh.value ? GREY : share > 0.95 ? "#ff6b5e" : share > 0.7 ? "#ffa94d" : FORCE;
   context.fillRect(x, y, long * share, thick);
   text(
     frame,
     words.figureOf(
       quantity(length(device.force), "N"),
-      limitQuantity(device.forceLimit, session.state?.max_force_N ?? device.forceLimit),
+      limitQuantity(device.forceLimit, session.state.value?.max_force_N ?? device.forceLimit),
     ),
     width - 12 * ratio,
     y + thick + 5 * ratio,
@@ -333,10 +333,12 @@ export function drawCross(frame: Frame, at: [number, number]): void {
 
 /** Draws the age of stale data in the middle of the picture. */
 export function drawAge(frame: Frame, session: Session): void {
-  if (session.isFresh || !session.pose) return;
+  if (session.isFresh.value || !session.pose.value) return;
   const { width, height, ratio } = frame;
   const age =
-    session.age_ms >= 10000 ? `${Math.round(session.age_ms / 1000)} s` : `${(session.age_ms / 1000).toFixed(1)} s`;
+    session.age_ms.value >= 10000
+      ? `${Math.round(session.age_ms.value / 1000)} s`
+      : `${(session.age_ms.value / 1000).toFixed(1)} s`;
   text(frame, words.oldData(age), width / 2, height / 2 - 26 * ratio, 15, "#f5c277", "center", "middle");
 }
 

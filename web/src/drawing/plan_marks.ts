@@ -57,7 +57,7 @@ export function drawPlanOnPlane(
     const [from, to] = [off(entry_mm), off(target_mm)];
     const meets = from < 0 !== to < 0;
     if (!meets && Math.min(Math.abs(from), Math.abs(to)) > FARTHEST_MM) return;
-    const colour = place === chosen ? CHOSEN : PLANNED;
+    const colour = place === chosen.value ? CHOSEN : PLANNED;
     const at = (share: number) => add(entry_mm, scale(sub(target_mm, entry_mm), share));
     // interval of the trajectory within IN_PLANE_MM of the plane
     const shareAt = (mm: number) => Math.min(1, Math.max(0, (mm - from) / (to - from)));
@@ -81,7 +81,7 @@ export function drawPlanOnPlane(
 
 export function drawPlanInVolume(frame: Frame, seen: InVolume, { drawn, chosen }: PlanStore): void {
   drawn.forEach((trajectory, place) => {
-    const colour = place === chosen ? CHOSEN : PLANNED;
+    const colour = place === chosen.value ? CHOSEN : PLANNED;
     drawLine(frame, seen, trajectory.entry_mm, trajectory.target_mm, 2, colour, 1);
     drawEnds(frame, trajectory, seen.pixel, (p) => (seen.hides(p, 1) ? 0.55 : 1), colour);
   });

@@ -1,5 +1,6 @@
 // Bookmarks of views, stored per scene: camera, planes, layout, window and rotation of the object.
 
+import { effect, signal } from "@preact/signals-core";
 import { byId, element } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3, type PlaneKind } from "../base/geometry.js";
@@ -61,16 +62,12 @@ export interface Shows {
   history: History;
   volume: VolumeView;
   sections: SectionView[];
-  layout(): Layout;
-  choose(layout: Layout): void;
-  /** Sets the direction that the oblique plane contains, and the anatomical plane that it stays close to. */
-  orient(along: Along, like: Anatomical): void;
   /** Requests a rotation of the object, if this viewer may. */
   turn(rotation: Quaternion): void;
 }
 
 export class Bookmarks {
-  private list: Bookmark[] = [];
+  private readonly list = signal<Bookmark[]>([]);
 
   constructor(private readonly page: Shows) {
     const form = byId<HTMLFormElement>("bookmark-form");
@@ -78,40 +75,38 @@ export class Bookmarks {
       event.preventDefault();
       const name = byId<HTMLInputElement>("bookmark-name");
       this.change([
-        ...this.list,
-        { name: name.value.trim() || words.bookmarkNumber(String(this.list.length + 1)), seen: this.seen() },
+        ...this.list.value,
+        { name: name.value.trim() || words.bookmarkNumber(String(this.list.value.length + 1)), seen: this.seen() },
       ]);
       name.value = "";
       // moves the focus out of the text field, in which the space bar is not the emergency stop
       byId("bookmarks").querySelector<HTMLElement>("li:last-child .figure")?.focus();
     });
-    this.show();
+    effect(() => this.show(this.list.value));
   }
 
   /** Loads the stored bookmarks of the current scene. */
   load(): void {
-    const kept: unknown = recallScene<KeptBookmarks>(this.page.session.scene!.volume.hash).bookmarks;
-    this.list = Array.isArray(kept) ? kept.filter(isBookmark) : [];
-    this.show();
+    const kept: unknown = recallScene<KeptBookmarks>(this.page.session.scene.value!.volume.hash).bookmarks;
+    this.list.value = Array.isArray(kept) ? kept.filter(isBookmark) : [];
   }
   private change(list: Bookmark[]): void {
     const { history, session } = this.page;
-    if (!session.scene) return;
+    if (!session.scene.value) return;
     history.gesture += 1;
-    history.note("bookmarks", { before: this.list, after: list, go: (_, to) => this.set(to) });
+    history.note("bookmarks", { before: this.list.value, after: list, go: (_, to) => this.set(to) });
     this.set(list);
   }
   private set(list: Bookmark[]): boolean {
-    const { scene } = this.page.session;
+    const scene = this.page.session.scene.value;
     if (!scene) return false;
-    this.list = list;
+    this.list.value = list;
     keepScene<KeptBookmarks>(scene.volume.hash, { bookmarks: list });
-    this.show();
     return true;
   }
-  private show(): void {
+  private show(list: Bookmark[]): void {
     byId("bookmarks").replaceChildren(
-      ...this.list.map((bookmark, place) => {
+      ...list.map((bookmark, place) => {
         const go = says(
           element("button", { type: "button", className: "figure", textContent: bookmark.name }),
           { title: "showBookmark" },
@@ -124,11 +119,11 @@ export class Bookmarks {
           bookmark.name,
         );
         remove.addEventListener("click", () => {
-          this.change(this.list.filter((_, other) => other !== place));
+          this.change(list.filter((_, other) => other !== place));
           // keeps the focus in the list
           (
             byId("bookmarks").querySelectorAll<HTMLElement>("button:last-child")[
-              Math.min(place, this.list.length - 1)
+              Math.min(place, this.list.value.length - 1)
             ] ?? byId("bookmark-name")
           ).focus();
         });
@@ -138,35 +133,39 @@ export class Bookmarks {
   }
 
   private seen(): Seen {
-    const { session, volume, sections, layout } = this.page;
+    const { session, volume, sections } = this.page;
     const oblique = sections[0]!;
     return {
-      layout: layout(),
-      window: session.window,
+      layout: session.layout.value,
+      window: session.window.value,
       camera: volume.stand,
-      cross: session.follow ? null : session.anchor(),
+      cross: session.planes.value.follow ? null : session.anchor(),
       normal: oblique.normal,
-      along: oblique.along,
-      like: oblique.like,
+      along: oblique.along.value,
+      like: oblique.like.value,
       // sections that were never shown have no extent
       sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, stand }) => ({ kind, ...stand })),
-      rotation: session.pose?.rotation ?? null,
+      rotation: session.pose.value?.rotation ?? null,
     };
   }
   private recall(seen: Seen): void {
-    const { session, history, volume, sections, choose, orient, turn } = this.page;
-    choose(seen.layout);
+    const { session, history, volume, sections, turn } = this.page;
+    session.layout.value = seen.layout;
     history.change("bookmark", () => {
-      session.window = seen.window;
-      session.planes = { follow: seen.cross === null, cross: seen.cross, obliqueNormal: seen.cross && seen.normal };
+      session.window.value = seen.window;
+      session.planes.value = {
+        follow: seen.cross === null,
+        cross: seen.cross,
+        obliqueNormal: seen.cross && seen.normal,
+      };
       for (const section of sections) {
         const own = seen.sections.find(({ kind }) => kind === section.kind);
         if (own) section.stand = own;
       }
-      orient(seen.along, seen.like);
+      const oblique = sections[0]!;
+      [oblique.along.value, oblique.like.value] = [seen.along, seen.like];
       volume.stand = seen.camera;
     });
     if (seen.rotation) turn(seen.rotation);
-    session.touch();
   }
 }

@@ -23,7 +23,9 @@ export class Capture {
     private readonly pictures: Picture[],
     private readonly area: HTMLElement,
     private readonly onFailed: (error: Error) => void,
-  ) {}
+  ) {
+    session.onPose((pose) => this.addPose(pose));
+  }
 
   /** Draws all visible pictures in their layout, below a line that states the permitted use. */
   compose(canvas: HTMLCanvasElement): void {
@@ -49,7 +51,7 @@ export class Capture {
       c.fillStyle = "#c9d3d9";
       c.fillText(picture.head.querySelector("h2")!.textContent!, x + 12 * ratio, y + 12 * ratio);
     }
-    const scene = this.session.scene;
+    const scene = this.session.scene.value;
     c.fillStyle = "#fdf0dc";
     c.fillRect(0, 0, w, HEAD_PX * ratio);
     c.fillStyle = "#7a4300";
@@ -60,7 +62,7 @@ export class Capture {
     c.textAlign = "right";
     c.fillText(scene ? words.side[scene.side] : "", w - 12 * ratio, (HEAD_PX / 2) * ratio);
     c.textAlign = "left";
-    const time = this.session.pose ? `${this.session.pose.time.toFixed(2)} s` : "";
+    const time = this.session.pose.value ? `${this.session.pose.value.time.toFixed(2)} s` : "";
     c.fillText(`palpate ${scene?.palpate ?? ""}   ${time}`, 12 * ratio, (HEAD_PX / 2) * ratio);
   }
 
@@ -96,7 +98,7 @@ export class Capture {
     });
     const parts: Blob[] = [];
     const stem = fileStem();
-    const scene = this.session.scene!;
+    const scene = this.session.scene.value!;
     const poses = [
       JSON.stringify({
         notice: words.notice,
@@ -123,7 +125,7 @@ export class Capture {
     this.recording?.recorder.stop();
     this.recording = null;
   }
-  addPose(pose: Pose): void {
+  private addPose(pose: Pose): void {
     if (!this.recording) return;
     const devices = pose.devices.map((d) => ({
       tip: d.tip,

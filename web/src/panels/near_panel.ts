@@ -1,13 +1,14 @@
 // Distances of tools to structures and to the borders of no-go regions, as figures, text and sound.
 
-import type { Rgb, Scene } from "../protocol/messages.js";
+import { effect } from "@preact/signals-core";
+import type { Rgb } from "../protocol/messages.js";
 import { ApproachSound } from "./approach_sound.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { quantity } from "../words/figures.js";
 import { keep, recall } from "../state/kept.js";
 import type { NearStructure } from "../protocol/near.js";
-import { PAGE_KEY, readable, type KeptPage, type Session } from "../state/session.js";
+import { PAGE_KEY, type KeptPage, type Session } from "../state/session.js";
 import { words } from "../words/words.js";
 
 /** Minimum interval between changes of the text, which screen readers announce. */
@@ -22,22 +23,25 @@ export class NearPanel {
     private readonly session: Session,
     private readonly connection: Connection,
   ) {
+    effect(() => {
+      const scene = session.scene.value;
+      byId("near-card").hidden = !this.isTold;
+      byId("sound").hidden = !scene || scene.no_go.length === 0;
+      byId("near-lists").hidden = !scene?.distances;
+    });
     this.heard.switch(recall<KeptPage>(PAGE_KEY).sound === true);
     byId("sound").addEventListener("click", () => this.toggleSound());
     // browsers block sound before a user gesture
     for (const event of ["pointerdown", "keydown"])
       document.addEventListener(event, () => this.heard.wake(), { capture: true });
+    effect(() => this.sound());
+    session.onFigures((now_ms) => this.draw(now_ms));
   }
 
   /** Whether the session reports distances to structures or has no-go regions. */
   private get isTold(): boolean {
-    const { scene } = this.session;
+    const scene = this.session.scene.value;
     return scene !== null && (scene.distances !== null || scene.no_go.length > 0);
-  }
-  show(scene: Scene): void {
-    byId("near-card").hidden = !this.isTold;
-    byId("sound").hidden = scene.no_go.length === 0;
-    byId("near-lists").hidden = scene.distances === null;
   }
 
   toggleSound(): void {
@@ -48,36 +52,35 @@ export class NearPanel {
     this.sound();
     this.draw(performance.now());
   }
-  /**
-   * Updates the sound: silent while the force is stopped, in a paused recording, and without a connection. To be called
-   * for every pose and after every event that may end the sound.
-   */
+  /** Renews the sound: silent while the force is stopped, in a paused recording, and without a connection. */
   sound(): void {
-    const { state, approach } = this.session;
+    const pose = this.session.pose.value,
+      state = this.session.state.value,
+      approach = this.session.approach.value;
     const isSilent =
-      !state || state.stop !== null || state.playback?.playing === false || this.connection.link !== "connected";
+      !pose ||
+      !state ||
+      state.stop !== null ||
+      state.playback?.playing === false ||
+      this.connection.link.value !== "connected";
     this.heard.tell(isSilent ? null : (approach?.mm ?? null));
   }
-  private nameOf(label: number): string {
-    return readable(this.session.structureName(label) ?? words.unnamed(String(label)));
-  }
 
-  /** Updates the figures; to be called ten times a second. */
-  draw(now: number): void {
+  private draw(now: number): void {
     if (!this.isTold) return;
     const { session } = this;
     press(byId("sound"), this.heard.isOn);
-    const { approach } = session;
+    const approach = session.approach.value;
     const line = byId("no-go");
     line.classList.toggle("damage", approach?.pushes === true);
     write(line, this.approachText());
     byId("sound-held").hidden = !this.heard.isHeldBack;
-    const device = session.pose?.devices[0];
+    const device = session.pose.value?.devices[0];
     const near = device ? session.nearTo(device) : [];
     this.drawRows(near);
     byId("near-none").hidden = near.length > 0;
-    if (session.scene!.distances)
-      write(byId("near-none"), words.nothingNear(quantity(session.scene!.distances.reach_mm, "mm")));
+    if (session.scene.value!.distances)
+      write(byId("near-none"), words.nothingNear(quantity(session.scene.value!.distances.reach_mm, "mm")));
     if (now - this.worded_ms < LEAST_WORDS_MS) return;
     this.worded_ms = now;
     const spoken = byId("near-words");
@@ -88,23 +91,26 @@ export class NearPanel {
       near
         .slice(0, 1)
         .map(({ label, mm }) =>
-          (mm < 0 ? words.insideInWords : words.nearInWords)(this.nameOf(label), Math.abs(mm).toFixed(0)),
+          (mm < 0 ? words.insideInWords : words.nearInWords)(this.session.nameOf(label), Math.abs(mm).toFixed(0)),
         )
         .join(),
     );
   }
 
   private approachText(): string {
-    const { approach } = this.session;
+    const approach = this.session.approach.value;
     if (!approach) return "";
     const name = this.session.regionName(approach.region);
     if (!approach.pushes) return words.beforeRegion(name, quantity(approach.mm, "mm"));
-    const force_N = Math.max(...this.session.near.map(({ noGo, force }) => (noGo === approach.region ? force : 0)));
+    const force_N = Math.max(
+      ...this.session.near.value.map(({ noGo, force }) => (noGo === approach.region ? force : 0)),
+    );
     return `⚠ ${words.tooNear(name, quantity(-approach.mm, "mm"))} · ${words.pushesBy(quantity(force_N, "N"))}`;
   }
 
   private drawRows(near: NearStructure[]): void {
-    const { scene, pushing } = this.session;
+    const scene = this.session.scene.value,
+      pushing = this.session.pushing.value;
     const rows = byId<HTMLTableElement>("near").tBodies[0]!;
     while (rows.rows.length < near.length)
       rows.append(
@@ -121,11 +127,11 @@ export class NearPanel {
       if (!one) continue;
       const place = scene!.structures.findIndex(({ label }) => label === one.label);
       const [swatch, name] = row.cells[0]!.children as unknown as [HTMLElement, HTMLElement];
-      swatch.style.background = css(this.session.looks[place]?.colour ?? [128, 128, 128]);
+      swatch.style.background = css(this.session.looks.value[place]?.colour ?? [128, 128, 128]);
       const regions = scene!.no_go.filter(({ label }) => label === one.label);
       write(
         name,
-        this.nameOf(one.label) +
+        this.session.nameOf(one.label) +
           regions
             .slice(0, 1)
             .map(({ keep_away_mm }) => ` · ${words.keepAway(quantity(keep_away_mm, "mm"))}`)

@@ -1,15 +1,16 @@
 // Panel of the plan: trajectories and their edits, deviation of the tool from the nearest one, distances to keep.
 
+import { effect } from "@preact/signals-core";
 import type { Trajectory } from "../protocol/messages.js";
 import { announce, toast } from "../base/announce.js";
 import { byId, element, write } from "../base/dom.js";
 import { download, fileStem } from "../base/download.js";
 import { digits, quantity } from "../words/figures.js";
 import { rotate, type Vec3 } from "../base/geometry.js";
-import { onLanguage } from "../words/language.js";
+import type { Connection } from "../protocol/connection.js";
 import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory } from "../state/plan.js";
 import type { End, PlanStore } from "../state/plan_store.js";
-import { readable, type Session } from "../state/session.js";
+import type { Session } from "../state/session.js";
 import type { DevicePose } from "../protocol/wire.js";
 import { says, words } from "../words/words.js";
 
@@ -27,13 +28,13 @@ export class PlanPanel {
   /** @param goTo  moves all planes to a position */
   constructor(
     private readonly session: Session,
+    connection: Connection,
     private readonly goTo: (place: Vec3) => void,
   ) {
     const { plans } = session;
-    plans.onChange = () => this.show();
     byId("plan-new").addEventListener(
       "click",
-      () => session.volumes && plans.addTowards(session.anchor(), session.volumes.centre),
+      () => session.volumes.value && plans.addTowards(session.anchor(), session.volumes.value.centre),
     );
     byId("plan-save").addEventListener(
       "click",
@@ -48,23 +49,21 @@ export class PlanPanel {
           `${fileStem()}-plan.toml`,
         ),
     );
-    onLanguage(() => {
-      this.shown = "";
-      this.show();
+    effect(() => this.show());
+    // another connection may have another device
+    effect(() => {
+      if (connection.link.value === "connected") [this.firstTurn, this.tellsTurn] = ["", false];
     });
-    this.show();
+    effect(() => this.watchOrientation(session.pose.value?.devices[0]));
+    session.onFigures(() => this.draw());
   }
   private get plans(): PlanStore {
     return this.session.plans;
   }
 
-  /** Resets the detection of orientation sensors, because another connection may have another device. */
-  beginAnew(): void {
-    this.firstTurn = "";
-    this.tellsTurn = false;
-  }
   /** Detects orientation sensors: a device without them reports a constant orientation. */
-  addPose(device: DevicePose): void {
+  private watchOrientation(device: DevicePose | undefined): void {
+    if (!device) return;
     const turn = device.orientation.join();
     this.firstTurn ||= turn;
     this.tellsTurn ||= turn !== this.firstTurn;
@@ -88,11 +87,10 @@ export class PlanPanel {
     byId("plan-download").hidden = !plan;
     byId("plan-live").hidden = plans.list.length === 0;
     this.showList();
-    this.session.touch();
   }
   private showList(): void {
     const { plans } = this;
-    const made = JSON.stringify([plans.list, plans.chosen, this.session.convention]);
+    const made = JSON.stringify([plans.list, plans.chosen.value, this.session.convention.value, words.plan]);
     if (made === this.shown) return;
     this.shown = made;
     // keeps the focus at its position in the list
@@ -102,7 +100,7 @@ export class PlanPanel {
   }
   private lineOf(one: Trajectory, place: number): HTMLElement {
     const { plans } = this;
-    const isChosen = place === plans.chosen;
+    const isChosen = place === plans.chosen.value;
     const name = says(
       element("input", { type: "text", value: one.name, maxLength: 60, autocomplete: "off", spellcheck: false }),
       { label: "trajectoryName" },
@@ -118,10 +116,7 @@ export class PlanPanel {
       { title: "changeTrajectory", label: "changeTrajectory" },
       one.name,
     );
-    choose.addEventListener("click", () => {
-      plans.chosen = isChosen ? -1 : place;
-      this.show();
-    });
+    choose.addEventListener("click", () => void (plans.chosen.value = isChosen ? -1 : place));
     const remove = says(
       element("button", { type: "button", textContent: "×" }),
       { label: "deleteNamed", title: "deleteNamed" },
@@ -146,7 +141,7 @@ export class PlanPanel {
   /** Text field for a trajectory's end, in the displayed convention (LPS or RAS), mm. */
   private endOf(one: Trajectory, place: number, end: End): HTMLElement {
     const { session, plans } = this;
-    const sign = session.convention === "RAS" ? -1 : 1;
+    const sign = session.convention.value === "RAS" ? -1 : 1;
     const turned = ([x, y, z]: Vec3): Vec3 => [sign * x, sign * y, z];
     const about = end === "entry_mm" ? "entryAt" : "targetAt";
     const at = says(
@@ -202,15 +197,13 @@ export class PlanPanel {
   private shaft(device: DevicePose): Vec3 | null {
     const { session } = this;
     const shaft = this.tellsTurn ? shaftOf(session.heldBy(device)) : null;
-    return shaft && session.toPatient(session.pose!, rotate(device.orientation, shaft));
+    return shaft && session.toPatient(session.pose.value!, rotate(device.orientation, shaft));
   }
-  /** Updates the figures; to be called ten times a second. */
-  draw(): void {
+  private draw(): void {
     const { session, plans } = this;
-    const device = session.pose?.devices[0];
+    const device = session.pose.value?.devices[0];
     const { plan } = plans;
-    this.showList();
-    if (!device || !plan || !session.scene) return;
+    if (!device || !plan || !session.scene.value) return;
     const [nearest] = plans.list
       .map((one) => ({ one, far: toTrajectory(one, device.tip) }))
       .sort((a, b) => a.far - b.far);
@@ -224,7 +217,7 @@ export class PlanPanel {
     // structures that are closer than planned
     const breaches = breachesOf(plan, session.nearTo(device));
     const [worst] = breaches;
-    const name = worst ? readable(session.structureName(worst.label) ?? words.unnamed(String(worst.label))) : "";
+    const name = worst ? session.nameOf(worst.label) : "";
     write(
       byId("plan-breach"),
       worst ? `⚠ ${words.planBreach(name, quantity(worst.mm, "mm"), quantity(worst.asked_mm, "mm"))}` : "",
@@ -233,7 +226,7 @@ export class PlanPanel {
     if (name !== this.spoken && worst) announce(words.planBreachSpoken(name));
     this.spoken = name;
     // distances to keep cannot be checked if the scene reports no distances
-    byId("plan-untold").hidden = plan.keep_away.length === 0 || session.scene.distances !== null;
+    byId("plan-untold").hidden = plan.keep_away.length === 0 || session.scene.value.distances !== null;
   }
 }
 

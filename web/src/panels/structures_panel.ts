@@ -1,11 +1,13 @@
 // Panel of the structures by tissue: controls of each structure's look and of each tissue's contact properties.
 
+import { effect, untracked } from "@preact/signals-core";
 import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { digits, quantity } from "../words/figures.js";
 import type { History } from "../state/history.js";
 import { keepScene } from "../state/kept.js";
 import { hasBone, keptLooks, presetLooks, PRESETS, type LooksPreset, type Look } from "../state/looks.js";
+import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
 import { readable, type KeptScene, type Session } from "../state/session.js";
 import { says, words, type MessageAbout } from "../words/words.js";
@@ -51,6 +53,7 @@ export class StructuresPanel {
   private readonly lines = new Map<number, HTMLElement>(); // row of each structure, by label
   // controls of each structure, by index in the scene
   private controls: { eye: HTMLButtonElement; colour: HTMLInputElement; opacity: HTMLInputElement }[] = [];
+  private shownLooks: Look[] = []; // displayed by the controls
   private groups: Group[] = [];
   private readonly folded = new Set<number>(); // indices of folded tissues
   private entered: HTMLElement | null = null; // row whose controls are in the tab order; null: none is visible
@@ -61,6 +64,7 @@ export class StructuresPanel {
     private readonly session: Session,
     private readonly requests: Requests,
     private readonly history: History,
+    private readonly permissions: Permissions,
   ) {
     byId("find").addEventListener("input", () => this.find());
     byId("find").addEventListener("keydown", (event) => {
@@ -75,15 +79,27 @@ export class StructuresPanel {
     });
     const choice = byId<HTMLSelectElement>("looks");
     choice.addEventListener("change", () => {
-      if (choice.value) this.change("looks", presetLooks(choice.value as LooksPreset, session.scene!, session.looks));
+      if (choice.value)
+        this.change("looks", presetLooks(choice.value as LooksPreset, session.scene.value!, session.looks.value));
       choice.value = "";
     });
-    byId("show-all").addEventListener("click", () => this.setShown(session.looks.map(() => true)));
-    byId("hide-all").addEventListener("click", () => this.setShown(session.looks.map(() => false)));
+    byId("show-all").addEventListener("click", () => this.setShown(session.looks.value.map(() => true)));
+    byId("hide-all").addEventListener("click", () => this.setShown(session.looks.value.map(() => false)));
+    session.onScene((scene) => untracked(() => this.build(scene)));
+    session.onScene((scene) => this.offerPresets(scene));
+    session.onState((state) => {
+      // when a refusal resets the sliders, too
+      void requests.refusals.value;
+      this.show(state);
+    });
+    effect(() => this.showLooks(session.looks.value));
+    session.onFigures(() => {
+      const device = session.pose.value?.devices[0];
+      if (device) this.touched(session.contactOf(device).label);
+    });
   }
 
-  /** Rebuilds the panel for a scene. */
-  build(scene: Scene): void {
+  private build(scene: Scene): void {
     const { session } = this;
     this.rows = [];
     this.lines.clear();
@@ -101,9 +117,9 @@ export class StructuresPanel {
     byId("caveats").replaceChildren(...scene.caveats.map(({ text }) => element("li", {}, text)));
     byId("caveats").hidden = scene.caveats.length === 0;
     byId("structures").replaceChildren(...this.groups.map(({ box }) => box));
-    session.looks.forEach((look, place) => this.showLook(look, place));
-    this.showGroups();
-    this.offerPresets();
+    this.shownLooks = [];
+    this.showLooks(session.looks.value);
+    if (session.state.value) this.show(session.state.value);
     this.find();
   }
 
@@ -143,15 +159,13 @@ export class StructuresPanel {
       this.find();
     });
     eye.addEventListener("click", () => {
-      const { looks } = this.session;
+      const looks = this.session.looks.value;
       const isShown = !places.every((place) => looks[place]!.visible);
       this.setShown(looks.map((look, place) => (places.includes(place) ? isShown : look.visible)));
     });
     return [{ tissue, places, box, fold, eye, rows }];
   }
-  /** Updates the visibility buttons of the groups: all, some or none of the structures are visible. */
-  private showGroups(): void {
-    const { looks } = this.session;
+  private showGroups(looks: Look[]): void {
     for (const { places, eye } of this.groups) {
       const count = places.filter((place) => looks[place]!.visible).length;
       const isAll = count === places.length;
@@ -163,7 +177,7 @@ export class StructuresPanel {
   /** Hides rows that do not match the search. Groups are folded only while the search is empty. */
   private find(): void {
     const wanted = byId<HTMLInputElement>("find").value.trim();
-    for (const structure of this.session.scene?.structures ?? []) {
+    for (const structure of this.session.scene.value?.structures ?? []) {
       this.lines.get(structure.label)!.hidden = !isFound(structure.name, wanted);
     }
     for (const { tissue, box, fold, rows } of this.groups) {
@@ -208,10 +222,8 @@ export class StructuresPanel {
     (to.children[[...line.children].indexOf(target)] as HTMLElement).focus();
   }
 
-  /** Fills the menu with the presets that apply to this scene. A preset is an action: nothing stays selected. */
-  offerPresets(): void {
-    const { scene } = this.session;
-    if (!scene) return;
+  /** Fills the menu of presets that apply to this scene. It keeps no selection, because a preset is an action. */
+  private offerPresets(scene: Scene): void {
     const names = PRESETS.filter((name) => hasBone(scene) || name === "scene" || name === "solid");
     byId("looks").replaceChildren(
       new Option(words.looksPreset, ""),
@@ -224,22 +236,25 @@ export class StructuresPanel {
    * @param key  changes with equal key in one gesture are one undo step
    */
   private change(key: string, looks: Look[]): void {
-    this.history.note(key, { before: this.session.looks, after: looks, go: (_, to) => this.setLooks(to) });
+    this.history.note(key, { before: this.session.looks.value, after: looks, go: (_, to) => this.setLooks(to) });
     this.setLooks(looks);
   }
   /** Sets and stores the looks of all structures. Returns true: an undo of looks cannot be refused. */
   private setLooks(looks: Look[]): boolean {
-    const before = this.session.looks;
     this.alone = null;
-    this.session.looks = looks;
-    looks.forEach((look, place) => look !== before[place] && this.showLook(look, place));
-    this.showGroups();
-    this.session.touchLooks();
-    const scene = this.session.scene!;
+    this.session.looks.value = looks;
+    const scene = this.session.scene.value!;
     keepScene<KeptScene>(scene.volume.hash, { looks: keptLooks(scene, looks) });
     return true;
   }
-  /** Shows a look in the controls of a structure. */
+  /** Shows the looks that differ from the displayed ones. */
+  private showLooks(looks: Look[]): void {
+    // looks of another scene, whose list is not built yet
+    if (looks.length !== this.controls.length) return;
+    looks.forEach((look, place) => look !== this.shownLooks[place] && this.showLook(look, place));
+    this.shownLooks = looks;
+    this.showGroups(looks);
+  }
   private showLook({ colour, opacity, visible }: Look, place: number): void {
     const controls = this.controls[place]!;
     press(controls.eye, visible);
@@ -251,7 +266,7 @@ export class StructuresPanel {
   private changeOne(place: number, key: string, look: Partial<Look>): void {
     this.change(
       `${key} ${place}`,
-      this.session.looks.map((one, other) => (other === place ? { ...one, ...look } : one)),
+      this.session.looks.value.map((one, other) => (other === place ? { ...one, ...look } : one)),
     );
   }
   /** Sets the visibility of every structure as one undo step. */
@@ -259,13 +274,13 @@ export class StructuresPanel {
     this.history.gesture += 1;
     this.change(
       "shown",
-      this.session.looks.map((look, place) => ({ ...look, visible: shown[place]! })),
+      this.session.looks.value.map((look, place) => ({ ...look, visible: shown[place]! })),
     );
     this.alone = alone;
   }
   /** Hides all other structures, or restores their visibility if the structure is already shown alone. */
   private toggleAlone(place: number): void {
-    const shown = this.session.looks.map((look) => look.visible);
+    const shown = this.session.looks.value.map((look) => look.visible);
     if (this.alone?.place === place) this.setShown(this.alone.before);
     else
       this.setShown(
@@ -299,7 +314,7 @@ export class StructuresPanel {
     });
     frictionSlider.addEventListener("input", () => {
       const value = Number(frictionSlider.value);
-      const before = this.session.state?.tissues[place];
+      const before = this.session.state.value?.tissues[place];
       const ratio =
         before && before.static_friction > 0 ? before.friction / before.static_friction : FRICTION_OF_STATIC;
       write(row.frictionValue, digits(value));
@@ -348,7 +363,7 @@ export class StructuresPanel {
     colour.addEventListener("input", () => this.changeOne(place, "colour", { colour: fromHex(colour.value) }));
     opacity.addEventListener("input", () => this.changeOne(place, "opacity", { opacity: Number(opacity.value) }));
     eye.addEventListener("click", () =>
-      this.setShown(session.looks.map((one, other) => (other === place ? !one.visible : one.visible))),
+      this.setShown(session.looks.value.map((one, other) => (other === place ? !one.visible : one.visible))),
     );
     const alone = says(
       element("button", { type: "button", className: "name", textContent: name }),
@@ -361,12 +376,10 @@ export class StructuresPanel {
     return line;
   }
 
-  /**
-   * Sets the sliders to the current values, except one that is being dragged.
-   * @param isAllowed  whether this viewer may change them
-   */
-  show(state: State, isAllowed: boolean): void {
-    // visits existing rows only: tissues without contact or structures have none
+  /** Moves sliders to the current values, except one that is being dragged. */
+  private show(state: State): void {
+    const isAllowed = this.permissions.feel.value;
+    // sparse: tissues without structures have no row
     this.rows.forEach((row, place) => {
       const tissue = state.tissues[place];
       if (!tissue) return;
@@ -383,8 +396,8 @@ export class StructuresPanel {
     });
   }
 
-  /** Highlights the row of the structure in contact; 0: none. */
-  touched(label: number): void {
+  /** Highlights the row of the structure in contact. */
+  private touched(label: number): void {
     for (const [own, line] of this.lines) line.classList.toggle("touched", own === label && label > 0);
   }
 }

@@ -1,5 +1,6 @@
 // Theme of the page: light, dark or the system's, stored by the browser.
 
+import { signal } from "@preact/signals-core";
 import { byId } from "../base/dom.js";
 import { says } from "../words/words.js";
 
@@ -7,7 +8,7 @@ type Theme = "system" | "light" | "dark";
 const ORDER: Theme[] = ["system", "light", "dark"];
 const MESSAGES = { system: "themeSystem", light: "themeLight", dark: "themeDark" } as const;
 const KEY = "palpate.theme";
-const colours = new Map<string, string>(); // cache of the theme's colours, by name
+const colours = signal(new Map<string, string>()); // cache of the theme's colours, by name
 const systemIsDark = matchMedia("(prefers-color-scheme: dark)");
 
 function chosen(): Theme {
@@ -16,16 +17,16 @@ function chosen(): Theme {
 }
 export function applyTheme(): void {
   const theme = chosen();
-  colours.clear();
   document.documentElement.dataset.theme = theme === "system" ? (systemIsDark.matches ? "dark" : "light") : theme;
   says(byId("theme"), { text: MESSAGES[theme] });
+  colours.value = new Map();
 }
 /** Value of a custom property of the style sheet. */
 export function themeColour(property: string): string {
-  let colour = colours.get(property);
+  let colour = colours.value.get(property);
   if (colour === undefined) {
     colour = getComputedStyle(document.documentElement).getPropertyValue(property);
-    colours.set(property, colour);
+    colours.value.set(property, colour);
   }
   return colour;
 }

@@ -1,18 +1,18 @@
 // Time line of a recording: playback position, contacts, forces and events. Playback is controlled by requests to the
 // server, which plays for all viewers.
 
+import { computed, effect } from "@preact/signals-core";
 import { toast } from "../base/announce.js";
-import type { RecordedEvent, Recording, State } from "../protocol/messages.js";
+import type { RecordedEvent, Recording } from "../protocol/messages.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { quantity } from "../words/figures.js";
-import { onLanguage } from "../words/language.js";
+import { Watch } from "../base/watch.js";
 import { refusalText, type Requests } from "../state/requests.js";
 import { ObservedSize } from "../base/screen.js";
 import { readable, type Session } from "../state/session.js";
 import { themeColour } from "./theme.js";
 import { words } from "../words/words.js";
-import type { Pose } from "../protocol/wire.js";
 
 const SPEEDS = [-4, -1, -0.25, 0.1, 0.25, 0.5, 1, 2, 4, 8, 16];
 /** Text of a time, to 0.1 ms, which resolves the ticks of the fastest loop. */
@@ -28,14 +28,13 @@ export class Timeline {
   private readonly size = new ObservedSize(this.canvas);
   private readonly marks = byId<HTMLSelectElement>("marks");
   private readonly speed = byId<HTMLSelectElement>("play-speed");
-  private recording: Recording | null = null;
+  private readonly recording = computed(() => this.session.scene.value?.recording ?? null);
   private failure: string | null = null; // error as reported last
-  private drawn = ""; // key of the drawn contents
-  private lastTick = -1;
+  private readonly drawing = new Watch();
 
   constructor(
     private readonly session: Session,
-    private readonly connection: Connection,
+    connection: Connection,
     private readonly requests: Requests,
   ) {
     this.speed.append(...SPEEDS.map((speed) => new Option(`${speed} ×`.replace("-", "−"), String(speed))));
@@ -50,21 +49,30 @@ export class Timeline {
     });
     this.canvas.addEventListener("pointerdown", (event) => this.goToPointer(event));
     this.canvas.addEventListener("pointermove", (event) => event.buttons === 1 && this.goToPointer(event));
-    onLanguage(() => this.listMarks());
+    effect(() => this.showRecording(this.recording.value));
+    effect(() => this.listMarks());
+    effect(() => this.showState());
+    effect(() => this.showTime());
+    effect(() => {
+      const isAllowed = connection.allows("play");
+      for (const id of ["play", "tick-back", "tick-on", "play-speed", "place", "marks"])
+        byId<HTMLInputElement>(id).disabled = !isAllowed;
+    });
+    session.onFigures(() => {
+      if (this.drawing.isDue) this.drawing.run(() => this.draw());
+    });
   }
 
-  show(recording: Recording | null): void {
-    this.recording = recording;
+  private showRecording(recording: Recording | null): void {
     byId("playback").hidden = recording === null;
     document.body.classList.toggle("shows-recording", recording !== null);
     if (!recording) return;
     this.place.min = String(recording.begin_s);
     this.place.max = String(recording.end_s);
-    this.drawn = "";
-    this.listMarks();
   }
 
-  showState({ playback }: State): void {
+  private showState(): void {
+    const playback = this.session.state.value?.playback;
     if (!playback) return;
     press(byId("play"), playback.playing);
     if (this.speed.selectedOptions[0]?.value !== String(playback.speed)) {
@@ -76,16 +84,10 @@ export class Timeline {
     const failure = playback.failed && refusalText(playback.failed);
     if (failure && failure !== this.failure) toast(failure);
     this.failure = failure;
-    this.allow();
-  }
-  allow(): void {
-    const isAllowed = this.connection.allows("play");
-    for (const id of ["play", "tick-back", "tick-on", "play-speed", "place", "marks"])
-      byId<HTMLInputElement>(id).disabled = !isAllowed;
   }
 
   toggle(): void {
-    this.ask({ playing: this.session.state?.playback?.playing !== true });
+    this.ask({ playing: this.session.state.value?.playback?.playing !== true });
   }
 
   private ask(asked: { at_s?: number; playing?: boolean; speed?: number }): void {
@@ -96,16 +98,18 @@ export class Timeline {
   }
   /** Steps by one tick, forwards for positive `ticks`, and pauses there. */
   private step(ticks: number): void {
-    const { pose, scene } = this.session;
+    const pose = this.session.pose.value,
+      scene = this.session.scene.value;
     if (!pose || !scene) return;
     // the middle of a tick, which tolerates jitter of the recorded times
     this.ask({ at_s: pose.time + (ticks > 0 ? 1.5 : -0.5) / scene.rate_hz, playing: false });
   }
   private goToPointer(event: PointerEvent): void {
-    if (this.place.disabled || !this.recording) return;
+    const recording = this.recording.value;
+    if (this.place.disabled || !recording) return;
     const { left, width } = this.canvas.getBoundingClientRect();
     const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
-    this.go(this.recording.begin_s + share * (this.recording.end_s - this.recording.begin_s));
+    this.go(recording.begin_s + share * (recording.end_s - recording.begin_s));
   }
 
   /** Text of an event in the list. */
@@ -117,16 +121,16 @@ export class Timeline {
         : kind === "model"
           ? tissue === null
             ? names.fields!
-            : readable(this.session.scene?.tissues[tissue]?.name ?? String(tissue))
+            : readable(this.session.scene.value?.tissues[tissue]?.name ?? String(tissue))
           : names[kind]!;
     return `${what} · ${viewer === null ? names[by]! : words.viewerNumber(String(viewer))}`;
   }
   private listMarks(): void {
-    const { recording } = this;
+    const recording = this.recording.value;
     if (!recording) return;
     const isOne = devicesOf(recording) === 1;
     const contacts = recording.contacts.map(([begin_s, , label, max_N, device]) => {
-      const name = readable(this.session.structureName(label) ?? words.unnamed(String(label)));
+      const name = this.session.nameOf(label);
       return {
         at_s: begin_s,
         text: [name, quantity(max_N, "N"), ...(isOne ? [] : [words.deviceNumber(String(device + 1))])].join(" · "),
@@ -143,28 +147,28 @@ export class Timeline {
     );
   }
 
-  addPose(pose: Pose): void {
-    if (!this.recording || pose.tick === this.lastTick) return;
-    this.lastTick = pose.tick;
+  private showTime(): void {
+    const recording = this.recording.value,
+      pose = this.session.pose.value;
+    if (!recording || !pose) return;
     if (!this.place.matches(":active")) this.place.value = String(pose.time);
-    write(byId("play-time"), `${time(pose.time)} / ${time(this.recording.end_s)} · ${words.tick(String(pose.tick))}`);
+    write(byId("play-time"), `${time(pose.time)} / ${time(recording.end_s)} · ${words.tick(String(pose.tick))}`);
   }
 
   /** Draws forces, contacts in their structures' colours, events and the playback position. */
-  draw(): void {
-    const { recording, session, canvas } = this;
-    if (!recording || !session.pose) return;
+  private draw(): void {
+    const { session, canvas } = this;
+    const recording = this.recording.value,
+      pose = session.pose.value;
     const { width, height, ratio } = this.size;
+    if (!recording || !pose || width === 0) return;
     const colour = themeColour("--ink");
-    const now = [width, height, session.pose.tick, session.lookVersion, colour].join();
-    if (width === 0 || now === this.drawn) return;
-    this.drawn = now;
     const context = canvas.getContext("2d")!;
     if (!this.size.fit(canvas)) context.clearRect(0, 0, width, height);
     const span = Math.max(recording.end_s - recording.begin_s, 1e-9);
     const x = (s: number) => ((s - recording.begin_s) / span) * width;
     const colours = new Map(
-      session.scene!.structures.map(({ label }, n) => [label, `rgb(${session.looks[n]!.colour.join()})`]),
+      session.scene.value!.structures.map(({ label }, n) => [label, `rgb(${session.looks.value[n]!.colour.join()})`]),
     );
 
     const top = Math.max(...recording.force_N, 1e-6);
@@ -190,6 +194,6 @@ export class Timeline {
       context.fillRect(x(time_s), 0, ratio, kind === "stop" ? height : height / 4);
     }
     context.fillStyle = colour;
-    context.fillRect(x(session.pose.time) - ratio, 0, 2 * ratio, height);
+    context.fillRect(x(pose.time) - ratio, 0, 2 * ratio, height);
   }
 }

@@ -1,7 +1,9 @@
 // Display of the registration error of a tracked tool's tip (docs/reference/viewer-messages.md).
 
+import { effect } from "@preact/signals-core";
 import type { Tracked } from "../protocol/messages.js";
 import { byId, write } from "../base/dom.js";
+import type { Session } from "../state/session.js";
 import { words } from "../words/words.js";
 
 export function trackedText(tracked: Tracked): string {
@@ -16,11 +18,13 @@ export function trackedText(tracked: Tracked): string {
   ].join(" · ");
 }
 
-/** @param tracked  null: no tracked tool */
-export function showTracked(tracked: Tracked | null): void {
+export function showTracked(session: Session): void {
   const line = byId("tracked");
-  line.hidden = tracked === null;
-  if (!tracked) return;
-  write(line, trackedText(tracked));
-  line.classList.toggle("doubtful", tracked.far || !tracked.seen);
+  effect(() => {
+    const tracked = session.tracked.value;
+    line.hidden = tracked === null;
+    if (!tracked) return;
+    write(line, trackedText(tracked));
+    line.classList.toggle("doubtful", tracked.far || !tracked.seen);
+  });
 }

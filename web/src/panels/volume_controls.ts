@@ -4,7 +4,6 @@ import type { PlaneKind } from "../base/geometry.js";
 import { element } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import type { SectionView } from "../section/section_view.js";
-import type { Session } from "../state/session.js";
 import type { Cutting, VolumeView } from "../volume/volume_view.js";
 import { says, type Message } from "../words/words.js";
 
@@ -21,16 +20,8 @@ const COLOURS: Record<PlaneKind, string> = {
   coronal: "#6eb04b",
 };
 
-export function addVolumeControls(
-  volume: VolumeView,
-  session: Session,
-  history: History,
-  sections: SectionView[],
-): void {
-  const change = (act: () => void) => () => {
-    history.change("view", act);
-    session.touch();
-  };
+export function addVolumeControls(volume: VolumeView, history: History, sections: SectionView[]): void {
+  const change = (act: () => void) => () => history.change("view", act);
   const cutting = element(
     "select",
     { id: "cutting" },
@@ -85,7 +76,6 @@ export function addVolumeControls(
         to.showsPlanes,
       ];
       [cutting.value, perspective.checked, planes.checked] = [to.cutting, to.isPerspective, to.showsPlanes];
-      session.touch();
     },
   );
 }

@@ -1,5 +1,6 @@
-// WebSocket connection: reconnects with exponential backoff, holds the latest pose and its age.
+// WebSocket connection: reconnects with exponential backoff, holds the age of the latest pose.
 
+import { batch, signal } from "@preact/signals-core";
 import type { Refusal, Request, Right, Role, State, Plan, Tracked, Sweep, Debriefing, TaskRun } from "./messages.js";
 import { decodeNear, isNear, type Near } from "./near.js";
 import { decodeYield, isYield, type Yield } from "./yields.js";
@@ -57,14 +58,13 @@ export interface Listener {
 }
 
 export class Connection {
-  link: Link = "ended";
-  role: Role = "view";
-  learner: string | null = null; // pseudonym of this viewer; null: none
-  private may: ReadonlySet<Right> = new Set();
-  pose: Pose | null = null;
+  readonly link = signal<Link>("ended");
+  readonly role = signal<Role>("view");
+  readonly learner = signal<string | null>(null); // pseudonym of this viewer; null: none
+  private readonly may = signal<ReadonlySet<Right>>(new Set());
   /** Time of arrival of the latest pose, by performance.now(). */
   poseAt_ms = -Infinity;
-  roundTrip_ms = NaN; // round-trip time of the latest request
+  readonly roundTrip_ms = signal(NaN); // round-trip time of the latest request
   private socket: WebSocket | null = null;
   private retry_ms = FIRST_RETRY_MS;
   private unanswered = 0; // number of attempts since the last welcome message
@@ -89,7 +89,7 @@ export class Connection {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.heard_ms = performance.now();
-    if (this.link !== "connecting") this.setLink("connecting");
+    if (this.link.peek() !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
       const hello = {
         type: "hello",
@@ -113,14 +113,14 @@ export class Connection {
 
   /** Whether this viewer is connected and has a permission. */
   allows(right: Right): boolean {
-    return this.link === "connected" && this.may.has(right);
+    return this.link.value === "connected" && this.may.value.has(right);
   }
   /** Age of the latest pose. */
   age_ms(): number {
     return performance.now() - this.poseAt_ms;
   }
   isFresh(): boolean {
-    return this.link === "connected" && this.age_ms() <= STALE_MS;
+    return this.link.peek() === "connected" && this.age_ms() <= STALE_MS;
   }
 
   /**
@@ -130,7 +130,7 @@ export class Connection {
   ask(request: Request): Promise<Refusal | null> {
     return new Promise((done) => {
       // a closing socket accepts messages but does not send them
-      if (this.link !== "connected" || this.socket!.readyState > WebSocket.OPEN) {
+      if (this.link.peek() !== "connected" || this.socket!.readyState > WebSocket.OPEN) {
         if (request.type !== "stop") return done({ what: words.notConnected, how: words.waitForIt });
         return done(this.keepStop(performance.now()));
       }
@@ -141,7 +141,7 @@ export class Connection {
   }
   /** Sends the pointer's position; dropped without a connection. */
   moveTip(patient_mm: number[]): void {
-    if (this.link === "connected") this.socket!.send(JSON.stringify({ type: "tip", patient_mm }));
+    if (this.link.peek() === "connected") this.socket!.send(JSON.stringify({ type: "tip", patient_mm }));
   }
 
   private keepStop(asked_ms: number): Refusal {
@@ -152,7 +152,8 @@ export class Connection {
   /** Closes a connection after its timeout; to be called periodically. */
   watch(): void {
     const { socket } = this;
-    const max_ms = this.link === "connected" ? SILENT_MS : this.link === "connecting" ? CONNECTING_MS : Infinity;
+    const link = this.link.peek();
+    const max_ms = link === "connected" ? SILENT_MS : link === "connecting" ? CONNECTING_MS : Infinity;
     if (!socket || performance.now() - this.heard_ms <= max_ms) return;
     socket.close();
     // browsers report a vanished peer only after the timeout of the closing handshake
@@ -179,7 +180,7 @@ export class Connection {
   }
 
   private setLink(link: Link): void {
-    this.link = link;
+    this.link.value = link;
     this.listener.onLink(link);
   }
 
@@ -191,7 +192,6 @@ export class Connection {
         if (isNear(data)) return this.listener.onNear(decodeNear(data));
         if (isYield(data)) return this.listener.onYield(decodeYield(data));
         const pose = decodePose(data);
-        this.pose = pose;
         this.poseAt_ms = this.heard_ms;
         // a reset on welcome would retry a server with undecodable poses four times a second
         this.retry_ms = FIRST_RETRY_MS;
@@ -206,12 +206,13 @@ export class Connection {
     const message = JSON.parse(data);
     switch (message.type) {
       case "welcome":
-        this.role = message.role;
-        this.learner = message.learner;
-        this.may = new Set(message.may as Right[]);
         this.unanswered = 0;
-        this.pose = null;
-        this.setLink("connected");
+        batch(() => {
+          this.role.value = message.role;
+          this.learner.value = message.learner;
+          this.may.value = new Set(message.may as Right[]);
+          this.setLink("connected");
+        });
         if (performance.now() - this.unsentStop_ms <= STOP_KEPT_MS) void this.ask({ type: "stop" });
         this.unsentStop_ms = -Infinity;
         break;
@@ -241,7 +242,7 @@ export class Connection {
         const asked = this.waiting.get(message.id);
         if (!asked) break;
         this.waiting.delete(message.id);
-        this.roundTrip_ms = this.heard_ms - asked.sent_ms;
+        this.roundTrip_ms.value = this.heard_ms - asked.sent_ms;
         asked.done(message.type === "done" ? null : (message as Refusal));
         break;
       }

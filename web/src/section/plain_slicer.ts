@@ -3,29 +3,13 @@
 
 import { add, apply, scale, turn, type Plane, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
-import { Slicer, type Part, type SliceStyle } from "./slicer.js";
-
-/** Common interface of both slicers. */
-export type AnySlicer = Pick<Slicer, keyof Slicer>;
+import type { AnySlicer, Part, SliceStyle } from "./slicer.js";
 
 const BACKGROUND = [9, 12, 14];
 const NO_SCAN = [20, 23, 26];
 const LEAST_OUTLINE = 0.6;
 /** Estimated drawing time per pixel before the first picture. */
 const FIRST_PIXEL_MS = 2e-5;
-
-/**
- * Slicer by WebGL 2, else on the main thread.
- * @param onPlain  called if WebGL 2 is unavailable
- */
-export function anySlicer(onPlain: () => void): AnySlicer {
-  try {
-    return new Slicer();
-  } catch {
-    onPlain();
-    return new PlainSlicer();
-  }
-}
 
 export class PlainSlicer implements AnySlicer {
   readonly canvas = document.createElement("canvas");

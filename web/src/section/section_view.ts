@@ -1,6 +1,7 @@
 // Picture of one section, oblique or anatomical: the pose of its plane, progressive drawing, overlays, and the mouse,
 // touch and keyboard input on it.
 
+import { signal } from "@preact/signals-core";
 import {
   add,
   anatomicalPlane,
@@ -44,7 +45,7 @@ import { drawPlanOnPlane } from "../drawing/plan_marks.js";
 import type { PointerDevice } from "../state/pointer.js";
 import type { Session } from "../state/session.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
-import type { AnySlicer } from "./plain_slicer.js";
+import type { AnySlicer } from "./slicer.js";
 import { drawStrainLegend } from "../drawing/strain.js";
 import { words } from "../words/words.js";
 
@@ -54,7 +55,13 @@ export interface SectionStand {
   pan: [number, number];
   offset_mm: number;
 }
-/** Direction that the oblique plane contains: tool axis or force. "fixed": none, it is an anatomical plane. */
+/** Placement of a section's picture. */
+interface View {
+  mmPerPixel: number; // mm per CSS pixel
+  pan: [number, number]; // displacement of the picture's centre, right and down, mm
+  offset_mm: number; // offset along the normal from the session's anchor
+}
+/** Direction that the oblique plane contains: tool axis, force, or none. */
 export type Along = "tool" | "force" | "fixed";
 export const ALONG: Along[] = ["tool", "force", "fixed"];
 /** Width of the slice slider at the right edge, which overlays leave free; CSS pixels. */
@@ -82,21 +89,18 @@ const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.
 
 export class SectionView {
   readonly picture: Picture;
-  along: Along = "tool";
-  /** Anatomical plane whose normal the oblique plane's normal is as close to as its direction allows. */
-  like: Anatomical = "sagittal";
-  offset_mm = 0; // offset of the plane from the session's anchor, along `normal`
-  mmPerPixel = 0.25; // mm per CSS pixel
-  pan: [number, number] = [0, 0]; // displacement of the picture's centre to the right and down, mm
-  normal: Vec3 = [1, 0, 0]; // unit normal of the plane, patient frame; for the oblique plane smoothed
-  private hanging: Hanging | undefined; // display convention of the previous frame
-  /** Plane as drawn last. */
+  readonly along = signal<Along>("tool");
+  /** Anatomical plane to whose normal the oblique plane's is as close as possible. */
+  readonly like = signal<Anatomical>("sagittal");
+  private readonly view = signal<View>({ mmPerPixel: 0.25, pan: [0, 0], offset_mm: 0 });
+  normal: Vec3 = [1, 0, 0]; // unit normal of the plane
+  private hanging: Hanging | undefined;
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
-  private byKeys = false; // the tip is held by a key
-  /** Target of the tip while this picture moves it; the plane then contains it. null: not moved here. */
-  private held: Vec3 | null = null;
-  private mouse: { clientX: number; clientY: number } | null = null; // mouse over this picture
-  private drawn = ""; // key of the current contents
+  private byKeys = false;
+  private readonly held = signal<Vec3 | null>(null); // target of the tip while it is moved here, a point of the plane
+  private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // position on this picture
+  private drawn = ""; // key of all that the drawn pixels depend on, besides the appearance of the volume
+  private drawnAppearance: Session["appearance"]["value"] | null = null;
   private drawn_ms = -Infinity; // time at which the current contents were first drawn
   private isAwaited = false; // the picture still shows the previous contents, because the shader is being compiled
   private sharpTo = Infinity; // number of rows, from the top, that are at full resolution; Infinity: all
@@ -107,10 +111,9 @@ export class SectionView {
     (slice) => this.goTo(slice),
     () => (this.history.gesture += 1),
   );
-  private plans = false; // the current press edits a trajectory of the plan
-  /** Measure in progress; its last point follows the mouse. */
-  private measure: Pick<Measure, "kind" | "points"> | null = null;
-  private restsAt: Vec3 | null = null; // anchor of the plane while a measure is in progress; null: the session's
+  private plans = false; // the current press creates or moves a trajectory
+  private readonly measure = signal<Pick<Measure, "kind" | "points"> | null>(null); // measurement in progress
+  private readonly restsAt = signal<Vec3 | null>(null); // fixed anchor of the plane during a measurement
 
   constructor(
     readonly kind: PlaneKind,
@@ -132,34 +135,39 @@ export class SectionView {
 
   /** Shows 0.68 of the volume's size across the shorter side, without pan and offset. */
   reset(): void {
-    const volumes = this.session.volumes;
+    const volumes = this.session.volumes.value;
     const { clientWidth, clientHeight } = this.picture.surface;
     if (volumes && clientWidth > 0) {
       this.size = Math.min(clientWidth, clientHeight);
-      this.mmPerPixel = (0.68 * volumes.size) / this.size;
+      this.show({ mmPerPixel: (0.68 * volumes.size) / this.size });
     }
-    this.pan = [0, 0];
-    this.offset_mm = 0;
-    this.session.touch();
+    this.show({ pan: [0, 0], offset_mm: 0 });
   }
 
-  /** Extent across the shorter side of the picture, mm. 0: the picture was never shown. */
+  private show(change: Partial<View>): void {
+    this.view.value = { ...this.view.peek(), ...change };
+  }
+  /** Undoes the offset from the session's anchor. */
+  centre(): void {
+    this.show({ offset_mm: 0 });
+  }
+  /** Extent across the shorter side of the picture, mm; 0: never shown. */
   get across_mm(): number {
-    return this.mmPerPixel * this.size;
+    return this.view.value.mmPerPixel * this.size;
   }
   set across_mm(mm: number) {
     const { clientWidth, clientHeight } = this.picture.surface;
     // a hidden picture has size 0: keep the previous one
     this.size = Math.min(clientWidth, clientHeight) || this.size;
-    if (this.size > 0 && mm > 0) this.mmPerPixel = mm / this.size;
+    if (this.size > 0 && mm > 0) this.show({ mmPerPixel: mm / this.size });
   }
   get stand(): SectionStand {
-    const { across_mm, pan, offset_mm } = this;
-    return { across_mm, pan, offset_mm };
+    const { pan, offset_mm } = this.view.value;
+    return { across_mm: this.across_mm, pan, offset_mm };
   }
   set stand({ across_mm, pan, offset_mm }: SectionStand) {
-    Object.assign(this, { across_mm, pan, offset_mm });
-    this.session.touch();
+    this.across_mm = across_mm;
+    this.show({ pan, offset_mm });
   }
   /**
    * Changes the view as an undo step.
@@ -174,13 +182,15 @@ export class SectionView {
     const { clientWidth, clientHeight } = this.picture.surface;
     const size = Math.min(clientWidth, clientHeight);
     if (this.size === 0) this.reset();
-    else this.mmPerPixel *= this.size / size;
+    else this.show({ mmPerPixel: (this.view.peek().mmPerPixel * this.size) / size });
     this.size = size;
   }
 
   /** Point that the target plane contains; patient frame. */
   private through(): Vec3 {
-    return this.held ?? add(this.restsAt ?? this.session.anchor(), scale(this.normal, this.offset_mm));
+    return (
+      this.held.value ?? add(this.restsAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
+    );
   }
   /**
    * Plane to draw in this frame; patient frame. An oblique normal approaches its target by exponential smoothing. It
@@ -194,15 +204,16 @@ export class SectionView {
       this.normal = NORMALS[kind];
       return this.centred(anatomicalPlane(kind, through));
     }
-    const pose = session.pose;
+    const pose = session.pose.value;
     const device = pose?.devices[0];
-    if (session.obliqueNormal && !session.follow) this.normal = session.obliqueNormal;
-    else if (pose && device && !this.held && !this.restsAt && session.isFresh) {
-      const wanted = NORMALS[this.like];
-      const fallback = NORMALS[this.like === "sagittal" ? "coronal" : "sagittal"];
+    const { follow, obliqueNormal } = session.planes.value;
+    if (obliqueNormal && !follow) this.normal = obliqueNormal;
+    else if (pose && device && !this.held.value && !this.restsAt.value && session.isFresh.value) {
+      const wanted = NORMALS[this.like.value];
+      const fallback = NORMALS[this.like.value === "sagittal" ? "coronal" : "sagittal"];
       let normal: Vec3 | null = null;
-      if (this.along === "fixed") normal = wanted;
-      else if (this.along === "tool")
+      if (this.along.value === "fixed") normal = wanted;
+      else if (this.along.value === "tool")
         normal = normalContaining(session.toPatient(pose, rotate(device.orientation, [0, 0, 1])), wanted, fallback);
       else if (length(device.force) > 0.03)
         normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
@@ -220,16 +231,17 @@ export class SectionView {
   }
   /** The same plane, centred on the projection of the volume's centre and displaced by the pan. */
   private centred(plane: Plane): Plane {
-    const middle = this.session.volumes?.centre ?? plane.centre;
+    const middle = this.session.volumes.value?.centre ?? plane.centre;
     const n = normalOf(plane);
     const onPlane = sub(middle, scale(n, dot(sub(middle, plane.centre), n)));
-    return { ...plane, centre: add(onPlane, add(scale(plane.right, this.pan[0]), scale(plane.down, this.pan[1]))) };
+    const { pan } = this.view.value;
+    return { ...plane, centre: add(onPlane, add(scale(plane.right, pan[0]), scale(plane.down, pan[1]))) };
   }
 
   /** Point of the plane at a canvas position; patient frame. */
   patientAt([x, y]: [number, number]): Vec3 {
     const { width, height, ratio } = this.picture.frame();
-    const mm = this.mmPerPixel / ratio;
+    const mm = this.view.value.mmPerPixel / ratio;
     return add(
       this.plane.centre,
       add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)),
@@ -237,15 +249,16 @@ export class SectionView {
   }
   /** Point of the plane under the mouse, at the centre of the pixel, where the section is sampled; patient frame. */
   private readonly pointed = (): Vec3 | null => {
-    if (!this.mouse || !this.picture.isShown) return null;
-    const [x, y] = this.picture.at(this.mouse);
+    const mouse = this.mouse.value;
+    if (!mouse || !this.picture.isShown) return null;
+    const [x, y] = this.picture.at(mouse);
     return this.patientAt([Math.floor(x) + 0.5, Math.floor(y) + 0.5]);
   };
   /** Canvas position of the projection of a point on the plane. */
   pixelOf(p: Vec3): [number, number] {
     const { width, height, ratio } = this.picture.frame();
     const d = sub(p, this.plane.centre);
-    const mm = this.mmPerPixel / ratio;
+    const mm = this.view.value.mmPerPixel / ratio;
     return [width / 2 + dot(d, this.plane.right) / mm, height / 2 + dot(d, this.plane.down) / mm];
   }
   /** Distance of a point from the plane. */
@@ -268,41 +281,40 @@ export class SectionView {
   draw(now: number, max_ms: number): void {
     const { session, picture } = this;
     const resized = picture.fit();
-    if (!picture.isShown || !session.volumes || !session.scene) return;
+    if (!picture.isShown || !session.volumes.value || !session.scene.value) return;
     if (resized) this.keepShown();
-    if (this.measure && this.measure.kind !== session.tool) this.dropMeasure();
+    if (this.measure.value && this.measure.value.kind !== session.tool.value) this.dropMeasure();
     this.plane = this.place();
     this.keepInView();
     const frame = picture.frame();
-    const mm = this.mmPerPixel / frame.ratio;
+    const mm = this.view.value.mmPerPixel / frame.ratio;
 
-    // everything that determines the section's pixels
+    // key of all that the section's pixels depend on, besides the appearance of the volume
     const key = JSON.stringify([
       this.plane,
       mm,
-      session.window,
-      session.fill,
-      session.outlines,
-      session.strain,
-      session.slab,
-      session.lookVersion,
+      session.window.value,
+      session.fill.value,
+      session.outlines.value,
+      session.strain.value,
+      session.slab.value,
       frame.width,
       frame.height,
-      session.volumes.hash,
+      session.volumes.value.hash,
     ]);
     const style = {
       window: session.storedWindow(),
-      fill: session.fill,
-      outlines: session.outlines,
-      strain: session.strain,
-      slab: session.slab,
+      fill: session.fill.value,
+      outlines: session.outlines.value,
+      strain: session.strain.value,
+      slab: session.slab.value,
     };
-    const isOther = key !== this.drawn;
-    // estimated drawing time at full resolution, relative to the time allowed
-    const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / max_ms;
-    // another kind of section needs another shader, which compiles in the background
+    const appearance = session.appearance.value;
+    const isOther = key !== this.drawn || appearance !== this.drawnAppearance;
+    const most = this.slicer.cost_msOf(this.plane, session.slab.value, frame.width * frame.height) / max_ms;
+    // keeps the previous picture until the shader of another kind is compiled
     this.isAwaited =
-      isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
+      isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.value.kind !== "none", session.strain.value);
     if (this.isAwaited) {
       // keep the previous contents
     } else if (isOther || (this.isCoarse && most < 1)) {
@@ -310,6 +322,7 @@ export class SectionView {
       this.slicer.draw(picture.base, this.plane, mm, style, { reduction, from: 0, to: Infinity });
       this.sharpTo = reduction > 1 ? 0 : Infinity;
       this.drawn = key;
+      this.drawnAppearance = appearance;
       this.drawn_ms = now;
     } else if (this.isCoarse && now - this.drawn_ms > STILL_AFTER_MS) {
       const to = this.sharpTo + Math.max(LEAST_ROWS, Math.floor(frame.height / most));
@@ -326,8 +339,9 @@ export class SectionView {
     };
     drawNoGoOnPlane(frame, session, { plane: this.plane, pixel: (p) => this.pixelOf(p), mmPerPixel: mm });
     drawPlanOnPlane(frame, session.plans, this.plane, (p) => this.pixelOf(p));
-    if (session.cross && !session.follow) drawCross(frame, this.pixelOf(session.cross));
-    const device = session.pose?.devices[0];
+    const { cross, follow } = session.planes.value;
+    if (cross && !follow) drawCross(frame, this.pixelOf(cross));
+    const device = session.pose.value?.devices[0];
     let top = 40;
     const say = (said: string, colour: string) => {
       text(frame, said, 12 * frame.ratio, top * frame.ratio, 12, colour, "left", "top");
@@ -337,94 +351,89 @@ export class SectionView {
       drawTrail(frame, session, projection);
       for (const each of session.drawn) drawTool(frame, session, each, projection);
       if (this.kind === "oblique") {
-        say(touchedText(session, device), session.isFresh ? "#eef3f5" : "#a4adb3");
-        if (session.scene.device.input === "pointer") drawForceBar(frame, session, device);
+        say(touchedText(session, device), session.isFresh.value ? "#eef3f5" : "#a4adb3");
+        if (session.scene.value.device.input === "pointer") drawForceBar(frame, session, device);
       }
     }
-    for (const measure of [...this.measures.all, ...(this.measure ? [this.measure] : [])]) {
+    for (const measure of [...this.measures.list.value, ...(this.measure.value ? [this.measure.value] : [])]) {
       drawMeasure(
         frame,
         measure,
-        0.5 * session.volumes.voxelSize,
+        0.5 * session.volumes.value.voxelSize,
         (p) => this.pixelOf(p),
         (p) => this.farness_mm(p),
       );
     }
-    const { kind, mm: thick_mm } = session.slab;
+    const { kind, mm: thick_mm } = session.slab.value;
     if (kind !== "none") say(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
-    if (this.restsAt) say(words.restsMeanwhile, "#8ee28a");
+    if (this.restsAt.value) say(words.restsMeanwhile, "#8ee28a");
     drawLetters(
       frame,
       orientationLetters(this.plane.right, this.plane.down),
-      session.scene.oriented,
+      session.scene.value.oriented,
       this.kind === "oblique",
       SLIDER_PIXELS,
     );
     drawScale(frame, mm);
-    if (session.strain) drawStrainLegend(frame, session.yields);
-    drawSide(frame, session.scene, SLIDER_PIXELS);
+    if (session.strain.value) drawStrainLegend(frame, session.yields.value);
+    drawSide(frame, session.scene.value, SLIDER_PIXELS);
     drawNoGoWarning(frame, session, top);
     drawAge(frame, session);
     const normal = normalOf(this.plane);
-    const slices = slicesAlong(session.volumes, normal);
+    const slices = slicesAlong(session.volumes.value, normal);
     this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
   }
 
   /** Moves to a slice, from 1: the tip if it is held here, otherwise the planes, which then stop following it. */
   private goTo(slice: number): void {
     const { session } = this;
-    if (!session.volumes) return;
+    if (!session.volumes.value) return;
     const normal = normalOf(this.plane);
-    const { first_mm, step_mm } = slicesAlong(session.volumes, normal);
-    // relative to the target plane: the drawn one is updated in the next frame
+    const { first_mm, step_mm } = slicesAlong(session.volumes.value, normal);
+    // relative to the target plane, because the drawn one lags behind
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
-    if (this.held) {
-      this.held = add(this.held, by);
-      this.pointer.move(this.held);
-    } else if (this.restsAt) {
-      this.restsAt = add(this.restsAt, by);
-    } else {
-      this.change("slice", () => {
-        session.cross = add(session.anchor(), by);
-        session.follow = false;
-      });
-    }
-    session.touch();
+    const held = this.held.value;
+    if (held) this.moveTip(add(held, by));
+    else if (this.restsAt.value) this.restsAt.value = add(this.restsAt.value, by);
+    else this.change("slice", () => session.showPlace(add(session.anchor(), by)));
   }
 
   /** Pans the picture so that a followed tip stays out of the outer 8 % on each side. */
   private keepInView(): void {
-    const tip = this.session.pose?.devices[0]?.tip;
-    // the picture must not move under a press or a measure in progress
-    if (!tip || !this.session.follow || this.session.holding || this.pointers.size > 0 || this.restsAt) return;
+    const tip = this.session.pose.value?.devices[0]?.tip;
+    // not during a press or a measurement
+    if (
+      !tip ||
+      !this.session.planes.value.follow ||
+      this.session.holding.value ||
+      this.pointers.size > 0 ||
+      this.restsAt.value
+    )
+      return;
     const { width, height, ratio } = this.picture.frame();
     const [x, y] = this.pixelOf(tip);
     const over = (at: number, most: number) =>
       at < 0.08 * most ? at - 0.08 * most : at > 0.92 * most ? at - 0.92 * most : 0;
     const [dx, dy] = [over(x, width), over(y, height)];
     if (dx === 0 && dy === 0) return;
-    this.pan = [this.pan[0] + (dx * this.mmPerPixel) / ratio, this.pan[1] + (dy * this.mmPerPixel) / ratio];
+    const { pan, mmPerPixel } = this.view.value;
+    this.show({ pan: [pan[0] + (dx * mmPerPixel) / ratio, pan[1] + (dy * mmPerPixel) / ratio] });
     this.plane = this.centred(this.plane);
   }
 
   /** Moves along the normal by a number of slices: the tip if it is held here, otherwise the plane. */
   private step(count: number, by = "keys"): void {
-    if (!this.session.volumes) return;
+    if (!this.session.volumes.value) return;
     const normal = normalOf(this.plane);
-    const shift = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
-    if (this.held) {
-      this.held = add(this.held, shift);
-      this.pointer.move(this.held);
-    } else {
-      // the displayed normal may be opposite to the stored one
-      this.change(by, () => (this.offset_mm += dot(shift, this.normal)));
-    }
-    this.session.touch();
+    const shift = scale(normal, count * slicesAlong(this.session.volumes.value, normal).step_mm);
+    const held = this.held.value;
+    if (held) this.moveTip(add(held, shift));
+    // the displayed normal may be opposite to the stored one
+    else this.change(by, () => this.show({ offset_mm: this.view.peek().offset_mm + dot(shift, this.normal) }));
   }
   /** Zooms in by a factor about the picture's centre. */
   private zoom(factor: number, by = "keys"): void {
-    this.change(by, () => (this.mmPerPixel = zoomed(this.mmPerPixel, factor)));
-    this.session.touch();
+    this.change(by, () => this.show({ mmPerPixel: zoomed(this.view.peek().mmPerPixel, factor) }));
   }
 
   private listen(): void {
@@ -441,30 +450,26 @@ export class SectionView {
         return this.release();
       }
       if (event.button !== 0) return;
-      if (session.tool === "touch" && this.pointer.isTaken) {
+      if (session.tool.value === "touch" && this.pointer.isTaken) {
         this.holdAt(this.patientAt(picture.at(event)));
-        this.pointer.hold(this.held!, event.pointerType === "touch");
-      } else if (session.tool === "ruler" || session.tool === "angle") {
+        this.pointer.hold(this.held.value!, event.pointerType === "touch");
+      } else if (session.tool.value === "ruler" || session.tool.value === "angle") {
         this.addMeasurePoint(this.patientAt(picture.at(event)));
-      } else if (session.tool === "plan") {
+      } else if (session.tool.value === "plan") {
         this.plans = true;
         session.plans.press(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
       }
     });
     surface.addEventListener("pointermove", (event) => {
       const at = picture.at(event);
-      this.mouse = { clientX: event.clientX, clientY: event.clientY };
-      session.pointed = this.pointed;
+      this.mouse.value = { clientX: event.clientX, clientY: event.clientY };
+      session.pointed.value = this.pointed;
       if (event.shiftKey && this.pointers.size === 0) {
-        this.change("cross", () => {
-          session.follow = false;
-          session.cross = this.patientAt(at);
-        });
+        this.change("cross", () => session.showPlace(this.patientAt(at)));
       }
       const before = this.pointers.get(event.pointerId);
       if (before) this.change("drag", () => this.drag(event, before, at), this.gesture);
-      else if (this.measure) this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
-      session.touch();
+      else this.moveMeasurePoint(this.patientAt(at));
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
@@ -474,24 +479,23 @@ export class SectionView {
         if (event.type === "pointerup")
           session.plans.release(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
       }
-      const ruler = this.measure;
+      const ruler = this.measure.value;
       if (
         ruler &&
         event.type === "pointerup" &&
         ruler.kind === "ruler" &&
-        length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.mmPerPixel
+        length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.view.value.mmPerPixel
       )
         this.finishMeasure();
     };
     surface.addEventListener("pointerup", up);
     surface.addEventListener("pointercancel", up);
     surface.addEventListener("pointerleave", () => {
-      this.mouse = null;
-      session.touch();
+      this.mouse.value = null;
     });
     surface.addEventListener(
       "dblclick",
-      () => session.tool === "window" && this.change("reset", () => this.reset(), ++this.history.gesture),
+      () => session.tool.value === "window" && this.change("reset", () => this.reset(), ++this.history.gesture),
     );
     surface.addEventListener(
       "wheel",
@@ -533,9 +537,13 @@ export class SectionView {
 
   /** Makes a point the target of the tip. */
   private holdAt(p: Vec3): void {
-    // an offset would take effect again at the release, and a plane that follows the tip would jump
-    if (this.session.follow) this.offset_mm = 0;
-    this.held = p;
+    // without an offset, a following plane does not jump when the tip is released
+    if (this.session.planes.value.follow) this.centre();
+    this.held.value = p;
+  }
+  private moveTip(p: Vec3): void {
+    this.held.value = p;
+    this.pointer.move(p);
   }
   /** Abandons the edit of a trajectory by the current press. */
   private dropPlan(): void {
@@ -545,8 +553,8 @@ export class SectionView {
   }
   /** Releases the tip if it is held here. */
   private release(): void {
-    if (!this.held) return;
-    this.held = null;
+    if (!this.held.value) return;
+    this.held.value = null;
     this.byKeys = false;
     this.pointer.release();
   }
@@ -566,10 +574,10 @@ export class SectionView {
       PageDown: normalOf(this.plane),
     };
     const direction = directions[key];
-    const tip = this.pointer.position ?? this.session.pose?.devices[0]?.tip;
-    if (!direction || !tip || this.session.tool !== "touch" || !this.pointer.isTaken || this.pointers.size > 0)
+    const tip = this.pointer.position ?? this.session.pose.value?.devices[0]?.tip;
+    if (!direction || !tip || this.session.tool.value !== "touch" || !this.pointer.isTaken || this.pointers.size > 0)
       return false;
-    const to = add(this.held ?? tip, scale(direction, KEY_STEP_PIXELS * this.mmPerPixel));
+    const to = add(this.held.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel));
     if (!this.byKeys) this.pointer.hold(to, false);
     this.byKeys = true;
     this.holdAt(to);
@@ -581,29 +589,31 @@ export class SectionView {
   private drag(event: PointerEvent, before: [number, number], at: [number, number]): void {
     const { session } = this;
     const { ratio } = this.picture.frame();
+    const { mmPerPixel, pan } = this.view.value;
+    const panned = (by: number, scale_mm: number): [number, number] => [
+      pan[0] - by * dx * scale_mm,
+      pan[1] - by * dy * scale_mm,
+    ];
     const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
     if (this.pointers.size === 2) {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
-      this.mmPerPixel = zoomed(this.mmPerPixel, spread(other, before, at));
-      this.pan = [this.pan[0] - (dx / 2) * this.mmPerPixel, this.pan[1] - (dy / 2) * this.mmPerPixel];
+      const zoomed_mm = zoomed(mmPerPixel, spread(other, before, at));
+      this.show({ mmPerPixel: zoomed_mm, pan: panned(0.5, zoomed_mm) });
     } else if (this.plans) {
       session.plans.move(this.patientAt(at));
-    } else if (this.held) {
-      this.held = this.patientAt(at);
-      this.pointer.move(this.held);
+    } else if (this.held.value) {
+      this.moveTip(this.patientAt(at));
     } else if (event.buttons & 2) {
-      this.mmPerPixel = zoomed(this.mmPerPixel, Math.exp(-dy / 150));
-    } else if (event.buttons & 4 || session.tool === "pan") {
-      this.pan = [this.pan[0] - dx * this.mmPerPixel, this.pan[1] - dy * this.mmPerPixel];
-    } else if (session.tool === "window") {
-      const width = session.window.width;
-      session.window = {
-        level: session.window.level - (dy * width) / WINDOW_PIXELS,
+      this.show({ mmPerPixel: zoomed(mmPerPixel, Math.exp(-dy / 150)) });
+    } else if (event.buttons & 4 || session.tool.value === "pan") {
+      this.show({ pan: panned(1, mmPerPixel) });
+    } else if (session.tool.value === "window") {
+      const width = session.window.value.width;
+      session.window.value = {
+        level: session.window.value.level - (dy * width) / WINDOW_PIXELS,
         width: Math.max(session.leastWindow, width * Math.exp(dx / WINDOW_PIXELS)),
       };
-    } else if (this.measure) {
-      this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
-    }
+    } else this.moveMeasurePoint(this.patientAt(at));
     this.pointers.set(event.pointerId, at);
   }
 
@@ -615,32 +625,37 @@ export class SectionView {
       return Math.hypot(px - x, py - y) / ratio;
     };
   }
+  /** Moves the point of the measurement in progress that was set last. */
+  private moveMeasurePoint(p: Vec3): void {
+    const measure = this.measure.value;
+    if (measure) this.measure.value = { ...measure, points: [...measure.points.slice(0, -1), p] };
+  }
   private addMeasurePoint(p: Vec3): void {
-    if (!this.measure) {
-      // hold the plane in place, so that it contains every point of the measure
-      this.restsAt = sub(this.plane.centre, scale(this.normal, this.offset_mm));
-      this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
+    if (!this.measure.value) {
+      // fixes the plane, so that all points of the measure lie on it
+      this.restsAt.value = sub(this.plane.centre, scale(this.normal, this.view.value.offset_mm));
+      this.measure.value = { kind: this.session.tool.value as "ruler" | "angle", points: [p, p] };
       return;
     }
-    // sets the point that follows the mouse: a touch is not preceded by a hover
-    this.measure.points[this.measure.points.length - 1] = p;
-    if (isWhole(this.measure)) this.finishMeasure();
-    else this.measure.points.push(p);
+    // a touch has no preceding hover, which would have placed this point
+    this.moveMeasurePoint(p);
+    const measure = this.measure.value;
+    if (isWhole(measure)) this.finishMeasure();
+    else this.measure.value = { ...measure, points: [...measure.points, p] };
   }
   private finishMeasure(): void {
     const normal = normalOf(this.plane);
-    const { points } = this.measure!;
+    const measure = this.measure.value!;
     this.measures.add({
-      ...this.measure!,
+      ...measure,
       plane: this.kind,
       normal,
-      slice: sliceAt(slicesAlong(this.session.volumes!, normal), dot(points[0]!, normal)),
+      slice: sliceAt(slicesAlong(this.session.volumes.value!, normal), dot(measure.points[0]!, normal)),
     });
     this.dropMeasure();
   }
   private dropMeasure(): void {
-    this.measure = null;
-    this.restsAt = null;
-    this.session.touch();
+    this.measure.value = null;
+    this.restsAt.value = null;
   }
 }

@@ -1,6 +1,8 @@
 // Undo and redo of loop settings, rotations, looks, views, measures and bookmarks. Stops, pauses and rearms are never
 // undoable.
 
+import { signal } from "@preact/signals-core";
+
 /** Transition between two states. */
 export interface Step<State> {
   before: State;
@@ -26,7 +28,8 @@ const MOST = 200;
 export class History {
   /** Number of the current gesture, such as a slider movement; steps with equal key and gesture are merged. */
   gesture = 0;
-  onChange: () => void = () => {};
+  readonly canUndo = signal(false);
+  readonly canRedo = signal(false);
   private past: Kept[] = [];
   private future: Kept[] = [];
   private isBusy = false;
@@ -63,15 +66,9 @@ export class History {
     else this.past.push({ ...(step as Step<unknown>), key, gesture });
     this.past.splice(0, this.past.length - MOST);
     this.future = [];
-    this.onChange();
+    this.count();
   }
 
-  get canUndo(): boolean {
-    return this.past.length > 0;
-  }
-  get canRedo(): boolean {
-    return this.future.length > 0;
-  }
   undo(): Promise<void> {
     return this.move(this.past, this.future, (step) => step.go(step.after, step.before));
   }
@@ -81,9 +78,13 @@ export class History {
   clear(): void {
     this.past = [];
     this.future = [];
-    this.onChange();
+    this.count();
   }
 
+  private count(): void {
+    this.canUndo.value = this.past.length > 0;
+    this.canRedo.value = this.future.length > 0;
+  }
   /** Undoes or redoes one step; ignored while another one is pending, because the loop responds asynchronously. */
   private async move(from: Kept[], to: Kept[], go: (step: Kept) => boolean | Promise<boolean>): Promise<void> {
     const step = from.at(-1);
@@ -97,6 +98,6 @@ export class History {
     // the next change is a step of its own
     this.gesture += 1;
     to.push(step);
-    this.onChange();
+    this.count();
   }
 }

@@ -1,6 +1,7 @@
 // Edits of the plan. If palpate has a plan that this viewer may edit, edits are requests and apply to all viewers;
 // otherwise the page has its own plan, which can be downloaded.
 
+import { batch, signal } from "@preact/signals-core";
 import type { Plan, Trajectory } from "../protocol/messages.js";
 import { add, length, normalize, scale, sub, type Vec3 } from "../base/geometry.js";
 import type { History } from "./history.js";
@@ -20,12 +21,11 @@ type PixelsTo = (p: Vec3) => number;
 
 export class PlanStore {
   /** Index of the edited trajectory; -1: none. */
-  chosen = -1;
-  onChange: () => void = () => {};
-  private told: Plan | null = null; // palpate's plan
-  private own: Plan | null = null; // this page's plan
-  private begun: Vec3 | null = null; // entry of a new trajectory that still lacks a target
-  private grip: { place: number; end: End; to: Vec3 } | null = null;
+  readonly chosen = signal(-1);
+  private readonly told = signal<Plan | null>(null); // palpate's plan
+  private readonly own = signal<Plan | null>(null); // this page's plan
+  private readonly begun = signal<Vec3 | null>(null); // entry of a new trajectory that still lacks a target
+  private readonly grip = signal<{ place: number; end: End; to: Vec3 } | null>(null);
 
   /**
    * @param ask  requests a change of palpate's plan
@@ -39,27 +39,33 @@ export class PlanStore {
 
   /** Whether edits apply to palpate's plan. */
   get isShared(): boolean {
-    return this.told?.can_change === true && this.mayAsk();
+    return this.told.value?.can_change === true && this.mayAsk();
   }
   get isOwn(): boolean {
-    return !this.isShared && this.own !== null;
+    return !this.isShared && this.own.value !== null;
   }
   /** Displayed plan; null: none. */
   get plan(): Plan | null {
-    return this.isShared ? this.told : (this.own ?? this.told);
+    return this.isShared ? this.told.value : (this.own.value ?? this.told.value);
   }
   get list(): Trajectory[] {
     return this.plan?.trajectories ?? [];
   }
+  /** Displayed trajectories, including the current position of a moved end and an incomplete trajectory. */
+  get drawn(): Trajectory[] {
+    const [grip, begun] = [this.grip.value, this.begun.value];
+    const list = this.list.map((one, place) => (grip?.place === place ? { ...one, [grip.end]: grip.to } : one));
+    return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
+  }
   tell(plan: Plan | null): void {
-    this.told = plan;
-    this.changed();
+    this.change(() => (this.told.value = plan));
   }
   /** Discards the page's own plan; to be called when another scene is loaded. */
   forget(): void {
-    this.own = this.begun = this.grip = null;
-    this.chosen = -1;
-    this.changed();
+    this.change(() => {
+      this.own.value = this.begun.value = this.grip.value = null;
+      this.chosen.value = -1;
+    });
   }
 
   // ---- undoable edits
@@ -68,8 +74,8 @@ export class PlanStore {
     const { name, entry_mm, target_mm } = trajectory;
     const list = this.list.slice();
     list[place] = trajectory;
-    this.chosen = place;
-    void this.change(list, { trajectory: place, name, entry_mm, target_mm });
+    this.chosen.value = place;
+    void this.edit(list, { trajectory: place, name, entry_mm, target_mm });
   }
   add(entry_mm: Vec3, target_mm: Vec3): void {
     const names = this.list.map(({ name }) => name);
@@ -83,21 +89,21 @@ export class PlanStore {
     this.add(entry, add(entry, scale(length(way) > 1 ? normalize(way) : [0, 1, 0], NEW_MM)));
   }
   remove(place: number): void {
-    if (this.chosen >= place) this.chosen -= 1;
-    void this.change(
+    if (this.chosen.value >= place) this.chosen.value -= 1;
+    void this.edit(
       this.list.filter((_, other) => other !== place),
       { trajectory: place, remove: true },
     );
   }
   /** Requests that palpate saves the plan to its file. */
   save(): Promise<boolean> {
-    return this.ask({ version: this.told?.version, save: true });
+    return this.ask({ version: this.told.value?.version, save: true });
   }
 
-  private async change(trajectories: Trajectory[], request: Record<string, unknown>): Promise<void> {
+  private async edit(trajectories: Trajectory[], request: Record<string, unknown>): Promise<void> {
     this.history.gesture += 1;
     if (!this.isShared) {
-      const before = this.own;
+      const before = this.own.value;
       const after: Plan = {
         version: 0,
         keep_away: this.plan?.keep_away ?? [],
@@ -109,22 +115,25 @@ export class PlanStore {
       this.setOwn(after);
       return;
     }
-    const { version } = this.told!;
+    const { version } = this.told.value!;
     if (!(await this.ask({ version, ...request }))) return;
     // palpate increments the version for every change, undo included
     this.history.note("plan", { before: version, after: version + 1, go: (_, to) => this.goBack(to) });
   }
   private setOwn(plan: Plan | null): boolean {
-    this.own = plan;
-    this.changed();
+    this.change(() => (this.own.value = plan));
     return true;
   }
   private goBack(version: number): boolean | Promise<boolean> {
-    return this.told !== null && this.ask({ version: this.told.version, back_to: version });
+    const told = this.told.value;
+    return told !== null && this.ask({ version: told.version, back_to: version });
   }
-  private changed(): void {
-    if (this.chosen >= this.list.length) this.chosen = this.list.length - 1;
-    this.onChange();
+  /** Changes the plan, and the chosen trajectory if that is gone. */
+  private change(act: () => void): void {
+    batch(() => {
+      act();
+      this.chosen.value = Math.min(this.chosen.value, this.list.length - 1);
+    });
   }
 
   // ---- presses in pictures
@@ -136,43 +145,32 @@ export class PlanStore {
         (["entry_mm", "target_mm"] as const).map((end) => ({ place, end, to: at, far: pixelsTo(one[end]) })),
       )
       .sort((a, b) => a.far - b.far);
-    if (this.begun) {
-      const entry = this.begun;
-      this.begun = null;
+    const entry = this.begun.value;
+    if (entry) {
+      this.begun.value = null;
       this.add(entry, at);
     } else if (nearest && nearest.far <= HOLD_PIXELS) {
-      this.grip = nearest;
-      this.chosen = nearest.place;
-    } else this.begun = at;
-    this.onChange();
+      this.grip.value = nearest;
+      this.chosen.value = nearest.place;
+    } else this.begun.value = at;
   }
   move(at: Vec3): void {
-    if (!this.grip) return;
-    this.grip.to = at;
-    this.onChange();
+    if (this.grip.value) this.grip.value = { ...this.grip.value, to: at };
   }
   release(at: Vec3, pixelsTo: PixelsTo): void {
-    const { grip, begun } = this;
-    this.grip = null;
+    const [grip, begun] = [this.grip.value, this.begun.value];
+    this.grip.value = null;
     if (grip) {
       const one = this.list[grip.place];
       if (one && length(sub(one[grip.end], grip.to)) > 0 && pixelsTo(one[grip.end]) > DRAWN_PIXELS)
         this.put(grip.place, { ...one, [grip.end]: grip.to });
     } else if (begun && pixelsTo(begun) > DRAWN_PIXELS) {
-      this.begun = null;
+      this.begun.value = null;
       this.add(begun, at);
     }
-    this.onChange();
   }
   /** Abandons a trajectory without a target, and the movement of an end. */
   drop(): void {
-    this.begun = this.grip = null;
-    this.onChange();
-  }
-  /** Displayed trajectories, including the current position of a moved end and an incomplete trajectory. */
-  get drawn(): Trajectory[] {
-    const { grip, begun } = this;
-    const list = this.list.map((one, place) => (grip?.place === place ? { ...one, [grip.end]: grip.to } : one));
-    return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
+    this.begun.value = this.grip.value = null;
   }
 }

@@ -24,7 +24,7 @@ export class PointerDevice {
   ) {}
 
   get isTaken(): boolean {
-    return this.session.state?.pointer === true;
+    return this.session.state.value?.pointer === true;
   }
 
   /**
@@ -33,23 +33,21 @@ export class PointerDevice {
    */
   hold(p: Vec3, isFinger: boolean, over: Vec3[] = []): void {
     // presses in two pictures at once are ambiguous
-    if (this.session.holding) return this.release();
-    this.position = this.session.pose?.devices[0]?.tip ?? p;
+    if (this.session.holding.value) return this.release();
+    this.position = this.session.pose.value?.devices[0]?.tip ?? p;
     this.way = [...over, p];
-    this.session.holding = true;
+    this.session.holding.value = true;
     this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
     clearInterval(this.timer);
     this.timer = window.setInterval(() => this.send(), LEAST_INTERVAL_MS);
-    this.session.touch();
   }
   move(p: Vec3): void {
-    if (this.session.holding) this.way[this.way.length - 1] = p;
+    if (this.session.holding.value) this.way[this.way.length - 1] = p;
   }
   release(): void {
     clearInterval(this.timer);
     this.position = null;
-    this.session.holding = false;
-    this.session.touch();
+    this.session.holding.value = false;
   }
 
   private send(): void {

@@ -1,6 +1,7 @@
 // Requests to the loop. While a request of a slider is pending, only its latest value is queued. If requests need a
 // confirmation at the device, only the value at which the slider comes to rest is sent.
 
+import { signal } from "@preact/signals-core";
 import { toast } from "../base/announce.js";
 import type { Refusal, Request, State } from "../protocol/messages.js";
 import { SETTING_NAMES } from "../protocol/protocol.gen.js";
@@ -45,8 +46,8 @@ export class Requests {
   private readonly resting = new Map<string, number>();
   private readonly busy = new Set<string>();
   private readonly next = new Map<string, [Request, number]>();
-  /** Callback after every refusal, which resets controls to the current values. */
-  onRefused: () => void = () => {};
+  /** Number of refused requests, after each of which controls are reset to the current values. */
+  readonly refusals = signal(0);
 
   /** @param isAsked  whether requests need a confirmation at the device */
   constructor(
@@ -102,7 +103,7 @@ export class Requests {
     const refusal = await this.connection.ask(request);
     if (refusal) {
       toast(refusalText(refusal));
-      this.onRefused();
+      this.refusals.value += 1;
     }
     return refusal === null;
   }

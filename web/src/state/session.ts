@@ -1,6 +1,8 @@
-// State shared by all parts of the page: displayed data and display settings.
+// State shared by all parts of the page, as signals: what palpate reports, how it is displayed, and what follows from
+// both. Panels and pictures follow by reading it.
 
-import type { HeldTool, Scene, State } from "../protocol/messages.js";
+import { batch, computed, effect, signal, untracked, type Signal } from "@preact/signals-core";
+import type { Debriefing, HeldTool, Scene, State, TaskRun, Tracked } from "../protocol/messages.js";
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "../base/geometry.js";
 import { keep, recall, recallScene } from "./kept.js";
 import type { Near, NearStructure } from "../protocol/near.js";
@@ -23,8 +25,12 @@ export interface Window {
   level: number;
   width: number;
 }
-
-type Planes = Pick<Session, "follow" | "cross" | "obliqueNormal">;
+/** Position and orientation of the planes. */
+export interface Planes {
+  follow: boolean; // the planes follow the tip
+  cross: Vec3 | null; // point of all planes while they do not follow
+  obliqueNormal: Vec3 | null; // normal of the oblique plane from a bookmark, while it does not follow
+}
 
 /** Looks of a scene, as this browser stores them. */
 export interface KeptScene {
@@ -57,108 +63,71 @@ export interface Contact {
 }
 
 export class Session {
-  scene: Scene | null = null;
-  volumes: Volumes | null = null;
-  state: State | null = null;
-  pose: Pose | null = null;
-  isFresh = false;
-  age_ms = Infinity;
+  // ---- reported by palpate
 
-  looks: Look[] = []; // indexed like the scene's structures
-  window: Window = { level: 0, width: 1 };
-  givenWindow: Window | null = null; // initial window of the scene; null once the user has changed it
-  fill = 0.45;
-  outlines = true;
-  strain = false; // strain is displayed in sections
-  yields = false; // some tissue is deformable
-  movedAt: (place: Vec3) => Vec3 = () => [0, 0, 0]; // displacement of a position at rest, mm, as displayed
-  slab: Slab = { kind: "none", mm: 10 };
-  scanInVolume = 0;
-  tool: Tool = "window";
-  convention: "LPS" | "RAS" = "LPS";
-  follow = true; // the planes follow the tip
-  cross: Vec3 | null = null; // point of all planes while they do not follow
-  obliqueNormal: Vec3 | null = null; // normal of the oblique plane from a bookmark, while it does not follow
-  pointed: (() => Vec3 | null) | null = null; // position under the mouse, on the section as drawn when called
-  holding = false; // a press on this page holds the tip
+  readonly scene = signal<Scene | null>(null);
+  readonly volumes = signal<Volumes | null>(null);
+  readonly state = signal<State | null>(null);
+  readonly pose = signal<Pose | null>(null);
+  readonly isFresh = signal(false);
+  readonly age_ms = signal(Infinity);
+  readonly near = signal<Near[]>([]); // indexed by device number; empty: not reported
+  readonly tracked = signal<Tracked | null>(null); // registration error of a tracked tool; null: no such tool
+  readonly run = signal<TaskRun | null>(null); // progress of the latest run of a task
+  readonly debriefing = signal<Debriefing | null>(null); // results of the latest run
+
+  // ---- display
+
+  readonly looks = signal<Look[]>([]); // indexed like the scene's structures
+  readonly window = signal<Window>({ level: 0, width: 1 });
+  readonly fill = signal(0.45);
+  readonly outlines = signal(true);
+  readonly strain = signal(false); // strain is displayed in sections
+  readonly yields = signal(false); // some tissue is deformed
+  /** Displacement of a position at rest, mm, as displayed. */
+  readonly movedAt = signal<(place: Vec3) => Vec3>(() => [0, 0, 0]);
+  readonly slab = signal<Slab>({ kind: "none", mm: 10 });
+  readonly scanInVolume = signal(0);
+  readonly layout = signal<Layout>("two");
+  readonly tool = signal<Tool>("window");
+  readonly convention = signal<"LPS" | "RAS">("LPS");
+  readonly planes = signal<Planes>({ follow: true, cross: null, obliqueNormal: null });
+  /** Returns the position under the mouse, on the section as drawn when called; null: the mouse is on no section. */
+  readonly pointed = signal<(() => Vec3 | null) | null>(null);
+  readonly holding = signal(false); // a press on this page holds the tip
   /** Voxel values displayed with the look of value `as`, for a quiz; null: none. */
-  alike: { values: number[]; as: number } | null = null;
+  readonly alike = signal<{ values: number[]; as: number } | null>(null);
   /** Labels to be found in a quiz, during which structures have no names; null: no quiz. */
-  quiz: number[] | null = null;
+  readonly quiz = signal<number[] | null>(null);
+  /** Number of changes of displayed voxels and their deformation. */
+  readonly edits = signal(0);
   plans!: PlanStore; // plan to rehearse
-  near: Near[] = []; // indexed by device number; empty: not reported
+  trail: { p: Vec3; time: number }[] = []; // recent positions of the first tool; changes with `pose`
+  private knownWindow: Window | null = null; // initial window of the scene, or the one stored latest
+  private readonly figures_ms = signal(-Infinity);
+
+  // ---- derived
+
+  private readonly patientFromWorld = computed<Affine>(() => {
+    const scene = this.scene.value;
+    return scene
+      ? invert(scene.world_from_patient)
+      : [
+          [1, 0, 0, 0],
+          [0, 1, 0, 0],
+          [0, 0, 1, 0],
+          [0, 0, 0, 1],
+        ];
+  });
   /** No-go region with the deepest penetration by any tool, or else the nearest one; null: no distance is known. */
-  approach: Approach | null = null;
-  trail: { p: Vec3; time: number }[] = [];
-
-  lookVersion = 0; // incremented when looks change
-  version = 0; // incremented when anything on the page changes
-
-  private patientFromWorld: Affine = [
-    [1, 0, 0, 0],
-    [0, 1, 0, 0],
-    [0, 0, 1, 0],
-    [0, 0, 0, 1],
-  ];
-
-  /** Position and orientation of the planes. */
-  get planes(): Planes {
-    const { follow, cross, obliqueNormal } = this;
-    return { follow, cross, obliqueNormal };
-  }
-  set planes({ follow, cross, obliqueNormal }: Planes) {
-    Object.assign(this, { follow, cross, obliqueNormal });
-    this.touch();
-  }
-
-  touch(): void {
-    this.version += 1;
-  }
-  touchLooks(): void {
-    this.lookVersion += 1;
-    this.touch();
-  }
-
-  setScene(scene: Scene, volumes: Volumes): void {
-    const isNew = !showsTheSame(scene, this.scene);
-    this.scene = scene;
-    this.volumes = volumes;
-    this.patientFromWorld = invert(scene.world_from_patient);
-    if (isNew || this.looks.length !== scene.structures.length) {
-      this.looks = restored(scene, looksOf(scene), recallScene<KeptScene>(scene.volume.hash).looks ?? {});
-      const [low, high] = scene.volume.scan?.window ?? [0, 1];
-      this.window = this.givenWindow = this.keptWindow() ?? {
-        level: (low + high) / 2,
-        width: Math.max(high - low, this.leastWindow),
-      };
-      this.cross = null;
-      this.follow = true;
-    }
-    this.trail = [];
-    this.touchLooks();
-  }
-
-  setPose(pose: Pose): void {
-    this.pose = pose;
-    const shown = this.toolAt(pose.devices[0]!);
-    // a paused recording repeats its pose
-    if (this.trail.at(-1)?.time === pose.time) this.trail.pop();
-    this.trail.push({ p: shown, time: pose.time });
-    while (this.trail.length > 0 && this.trail[0]!.time < pose.time - TRAIL_S) this.trail.shift();
-    if (this.trail.length > 1 && this.trail.at(-2)!.time > pose.time) this.trail = [];
-    const lit = this.lit;
-    this.approach = this.approachOf(pose);
-    if (lit !== this.lit) this.touchLooks();
-    this.touch();
-  }
-
-  private approachOf(pose: Pose): Approach | null {
-    if (!this.scene) return null;
+  readonly approach = computed<Approach | null>(() => {
+    const [scene, pose] = [this.scene.value, this.pose.value];
+    if (!scene || !pose) return null;
     // the distance to a structure to be found would reveal its position
-    const regions = this.scene.no_go.map((region) => (this.isHidden(region.label) ? null : region));
+    const regions = scene.no_go.map((region) => (this.isHidden(region.label) ? null : region));
     let nearest: Approach | null = null;
     for (const device of pose.devices) {
-      const near = this.near[device.number];
+      const near = this.near.value[device.number];
       if (!near) continue;
       const parts = toolParts(this.heldBy(device), device.tip, (v) =>
         this.toPatient(pose, rotate(device.orientation, v)),
@@ -167,101 +136,175 @@ export class Session {
       if (approach && !(nearest && nearest.mm <= approach.mm)) nearest = approach;
     }
     return nearest;
+  });
+  /** No-go region that pushes a tool out; null: none. */
+  readonly pushing = computed(() => (this.approach.value?.pushes ? this.approach.value : null));
+  /** Index of the structure whose no-go region pushes a tool out, which is highlighted; null: none. */
+  private readonly lit = computed(() => {
+    const [scene, pushing] = [this.scene.value, this.pushing.value];
+    const label = pushing && scene?.no_go[pushing.region]?.label;
+    return label ? scene!.structures.findIndex((structure) => structure.label === label) : null;
+  });
+  /** Lookup table of 256 RGBA colours: 0 for no structure, then the structures in order; alpha is the opacity. */
+  private readonly palette = computed<Uint8Array<ArrayBuffer>>(() => {
+    const rgba = new Uint8Array(1024);
+    this.looks.value
+      .slice(0, 255)
+      .forEach((look, place) =>
+        rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4),
+      );
+    const [lit, alike] = [this.lit.value, this.alike.value];
+    if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
+    for (const value of alike?.values ?? []) rgba.copyWithin(4 * value, 4 * alike!.as, 4 * alike!.as + 4);
+    return rgba;
+  });
+  /** Appearance of the volume: another object after every change of colours, voxels or deformation. */
+  readonly appearance = computed(() => ({ palette: this.palette.value, edits: this.edits.value }));
+
+  // ---- changes
+
+  setScene(scene: Scene, volumes: Volumes): void {
+    batch(() => {
+      const isNew = !showsTheSame(scene, this.scene.peek());
+      this.scene.value = scene;
+      this.volumes.value = volumes;
+      if (isNew || this.looks.peek().length !== scene.structures.length) {
+        this.looks.value = restored(scene, looksOf(scene), recallScene<KeptScene>(scene.volume.hash).looks ?? {});
+        const [low, high] = scene.volume.scan?.window ?? [0, 1];
+        this.window.value = this.knownWindow = this.keptWindow() ?? {
+          level: (low + high) / 2,
+          width: Math.max(high - low, this.leastWindow),
+        };
+        this.planes.value = { ...this.planes.peek(), cross: null, follow: true };
+      }
+      this.trail = [];
+      this.edits.value += 1;
+    });
   }
+
+  setPose(pose: Pose): void {
+    batch(() => {
+      this.pose.value = pose;
+      // a paused recording repeats its pose
+      if (this.trail.at(-1)?.time === pose.time) this.trail.pop();
+      this.trail.push({ p: this.toolAt(pose.devices[0]!), time: pose.time });
+      while (this.trail.length > 0 && this.trail[0]!.time < pose.time - TRAIL_S) this.trail.shift();
+      if (this.trail.length > 1 && this.trail.at(-2)!.time > pose.time) this.trail = [];
+    });
+  }
+  /** Moves the planes to a position, patient frame, where they stop following the tip. */
+  showPlace(cross: Vec3, obliqueNormal = this.planes.peek().obliqueNormal): void {
+    this.planes.value = { follow: false, cross, obliqueNormal };
+  }
+
+  // ---- followers, which run now if there is a value, and after each change
+
+  onScene(show: (scene: Scene) => void): void {
+    follow(this.scene, show);
+  }
+  onState(show: (state: State) => void): void {
+    follow(this.state, show);
+  }
+  onPose(show: (pose: Pose) => void): void {
+    follow(this.pose, show);
+  }
+  /** Updates figures; to be called ten times a second, because figures that change with every pose cannot be read. */
+  updateFigures(now_ms: number): void {
+    this.figures_ms.value = now_ms;
+  }
+  /** Registers a display of figures, for now and each update. */
+  onFigures(show: (now_ms: number) => void): void {
+    effect(() => {
+      const now_ms = this.figures_ms.value;
+      untracked(() => show(now_ms));
+    });
+  }
+
+  // ---- tools and places
+
   private isHidden(label: number | null): boolean {
-    return label !== null && this.quiz?.includes(label) === true;
+    return label !== null && this.quiz.value?.includes(label) === true;
   }
   /** Distances of a device's tool, except to structures to be found in a quiz. */
   nearTo(device: DevicePose): NearStructure[] {
-    return (this.near[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
-  }
-  /** No-go region that pushes a tool out; null: none. */
-  get pushing(): Approach | null {
-    return this.approach?.pushes ? this.approach : null;
-  }
-  /** Index of the structure whose no-go region pushes a tool out, which is highlighted; null: none. */
-  private get lit(): number | null {
-    const label = this.pushing && this.scene!.no_go[this.pushing.region]?.label;
-    return label ? this.scene!.structures.findIndex((structure) => structure.label === label) : null;
+    return (this.near.value[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
   }
   regionName(place: number): string {
-    return this.quiz ? words.someRegion : readable(this.scene!.no_go[place]!.name);
+    return this.quiz.value ? words.someRegion : readable(this.scene.value!.no_go[place]!.name);
   }
 
   /** Displayed position of a tool, patient frame: in contact, on the deformed surface; else at the tip. */
   toolAt(device: DevicePose): Vec3 {
     if (!(device.flags & Flag.contact) || device.flags & Flag.inside) return device.tip;
-    return add(device.proxy, this.movedAt(device.contacts[0]?.place ?? device.proxy));
+    return add(device.proxy, this.movedAt.value(device.contacts[0]?.place ?? device.proxy));
   }
   /** Devices in drawing order: the first one on top. */
   get drawn(): DevicePose[] {
-    return [...(this.pose?.devices ?? [])].reverse();
+    return [...(this.pose.value?.devices ?? [])].reverse();
   }
   heldBy({ number }: DevicePose): HeldTool {
-    return this.scene!.tools[number]!;
+    return this.scene.value!.tools[number]!;
   }
   /** Direction in the patient frame of a direction in World, for the object's rotation in a pose. */
   toPatient(pose: Pose, world: Vec3): Vec3 {
-    return turn(this.patientFromWorld, rotate(conjugate(pose.rotation), world));
+    return turn(this.patientFromWorld.value, rotate(conjugate(pose.rotation), world));
   }
   /** Point that all planes contain; patient frame. */
   anchor(): Vec3 {
-    const tip = this.pose?.devices[0]?.tip;
-    if (this.follow && tip) return tip;
-    return this.cross ?? tip ?? this.volumes?.centre ?? [0, 0, 0];
+    const tip = this.pose.value?.devices[0]?.tip;
+    const { follow, cross } = this.planes.value;
+    if (follow && tip) return tip;
+    return cross ?? tip ?? this.volumes.value?.centre ?? [0, 0, 0];
   }
+
+  // ---- window of the scan
+
   /** Minimum width of a window: a thousandth of the scan's quantization step, which may be far below 1. */
   get leastWindow(): number {
-    return (this.scene?.volume.scan?.scale ?? 1) / 1000;
+    return (this.scene.value?.volume.scan?.scale ?? 1) / 1000;
   }
   /** Offset and scale from a window as stored by the browser to values of this scan. */
-  private windowUnit(): [number, number] {
-    const [low, high] = this.scene?.volume.scan?.window ?? [0, 1];
-    return this.scene?.modality === "ct" ? [0, 1] : [low, Math.max(high - low, this.leastWindow)];
+  private windowUnit({ volume, modality }: Scene): [number, number] {
+    const [low, high] = volume.scan?.window ?? [0, 1];
+    return modality === "ct" ? [0, 1] : [low, Math.max(high - low, this.leastWindow)];
   }
   private keptWindow(): Window | null {
-    const kept = recall<KeptPage>(PAGE_KEY).windows?.[this.scene!.modality];
-    const [begin, unit] = this.windowUnit();
+    const scene = this.scene.peek()!;
+    const kept = recall<KeptPage>(PAGE_KEY).windows?.[scene.modality];
+    const [begin, unit] = this.windowUnit(scene);
     return kept && Number.isFinite(kept.level) && kept.width > 0
       ? { level: begin + unit * kept.level, width: Math.max(unit * kept.width, this.leastWindow) }
       : null;
   }
+  /** Stores the window in the browser, if the user has changed it. */
   keepWindow(): void {
-    if (!this.scene) return;
-    const [begin, unit] = this.windowUnit();
-    const { level, width } = this.window;
+    const scene = this.scene.peek();
+    const window = this.window.peek();
+    if (!scene || window === this.knownWindow) return;
+    this.knownWindow = window;
+    const [begin, unit] = this.windowUnit(scene);
     keep<KeptPage>(PAGE_KEY, {
       windows: {
         ...recall<KeptPage>(PAGE_KEY).windows,
-        [this.scene.modality]: { level: (level - begin) / unit, width: width / unit },
+        [scene.modality]: { level: (window.level - begin) / unit, width: window.width / unit },
       },
     });
   }
   /** Lower and upper end of the window, in stored (unscaled) values of the scan. */
   storedWindow(): [number, number] {
-    const scan = this.scene?.volume.scan;
-    const low = this.window.level - this.window.width / 2;
-    return scan ? [(low - scan.offset) / scan.scale, (low + this.window.width - scan.offset) / scan.scale] : [0, 1];
+    const scan = this.scene.value?.volume.scan;
+    const { level, width } = this.window.value;
+    const low = level - width / 2;
+    return scan ? [(low - scan.offset) / scan.scale, (low + width - scan.offset) / scan.scale] : [0, 1];
   }
-  /** Lookup table of 256 RGBA colours: 0 for no structure, then the structures in order; alpha is the opacity. */
-  palette(): Uint8Array<ArrayBuffer> {
-    const rgba = new Uint8Array(1024);
-    this.looks
-      .slice(0, 255)
-      .forEach((look, place) =>
-        rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4),
-      );
-    const { lit } = this;
-    if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
-    for (const value of this.alike?.values ?? [])
-      rgba.copyWithin(4 * value, 4 * this.alike!.as, 4 * this.alike!.as + 4);
-    return rgba;
-  }
+
+  // ---- names
+
   contactOf(device: DevicePose): Contact {
     const touches = device.label > 0;
     const isFelt = touches && !(device.flags & WITHHELD && length(device.force) === 0);
     // a tip that started inside a structure has no contact without being in free space
-    const place = this.volumes?.structureAt(device.tip) ?? null;
+    const place = this.volumes.value?.structureAt(device.tip) ?? null;
     const around = place === null ? null : this.nameAt(place);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
@@ -271,20 +314,32 @@ export class Session {
   }
   /** Name of a structure by its index; anonymous in a quiz. */
   nameAt(place: number): string {
-    return this.quiz ? words.someStructure : this.scene!.structures[place]!.name;
+    return this.quiz.value ? words.someStructure : this.scene.value!.structures[place]!.name;
   }
   /** Name of a structure in contact, with the structures that enclose it. */
   private withEnclosing(name: string, label: number): string {
-    const within = this.quiz
+    const within = this.quiz.value
       ? []
-      : (this.scene?.structures.find((structure) => structure.label === label)?.within ?? []);
-    const names = within.map((larger) => readable(this.structureName(larger) ?? words.unnamed(String(larger))));
+      : (this.scene.value?.structures.find((structure) => structure.label === label)?.within ?? []);
+    const names = within.map((larger) => this.nameOf(larger));
     return names.length > 0 ? words.within(name, names.join(", ")) : name;
   }
   structureName(label: number): string | null {
-    if (this.quiz) return words.someStructure;
-    return this.scene?.structures.find((structure) => structure.label === label)?.name ?? null;
+    if (this.quiz.value) return words.someStructure;
+    return this.scene.value?.structures.find((structure) => structure.label === label)?.name ?? null;
   }
+  /** Display name of a structure by its label. */
+  nameOf(label: number): string {
+    return readable(this.structureName(label) ?? words.unnamed(String(label)));
+  }
+}
+
+/** Calls a function with each value of a signal, and when another signal changes that it has read. */
+function follow<T>(source: Signal<T | null>, show: (value: T) => void): void {
+  effect(() => {
+    const value = source.value;
+    if (value !== null) show(value);
+  });
 }
 
 /** Display form of an identifier: "femoral cartilage" of "femoral_cartilage". */

@@ -1,11 +1,12 @@
 // Panel of a lesson: identity of the learner, permitted task, names hidden by a quiz, and learning curves.
 
+import { effect } from "@preact/signals-core";
 import { toast } from "../base/announce.js";
-import type { Scene, State } from "../protocol/messages.js";
+import type { Scene } from "../protocol/messages.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, write } from "../base/dom.js";
-import { onLanguage } from "../words/language.js";
 import type { Requests } from "../state/requests.js";
+import type { Session } from "../state/session.js";
 import { says, words } from "../words/words.js";
 
 /** Shows an HTML page made by palpate inside this one, isolated with its own styles. Scripts in it are not executed. */
@@ -29,10 +30,9 @@ const SURE_MS = 4000;
 
 export class Lesson {
   private endAsked_ms = -Infinity;
-  private state: State | null = null;
-  private tasks: { name: string; title: string }[] = [];
 
   constructor(
+    private readonly session: Session,
     private readonly connection: Connection,
     requests: Requests,
     private readonly token: () => string | null,
@@ -57,23 +57,19 @@ export class Lesson {
     byId("curves").addEventListener("keydown", (event) => {
       if ((event as KeyboardEvent).key === "Escape") this.closeCurves();
     });
-    onLanguage(() => this.allow());
+    effect(() => this.showViewer());
+    session.onScene((scene) => {
+      this.listTasks(scene);
+      this.showLesson();
+    });
+    effect(() => this.showLesson());
   }
 
-  show(scene: Scene): void {
-    this.tasks = scene.tasks ?? [];
-    this.listTasks();
-    this.allow();
-  }
-  showState(state: State): void {
-    this.state = state;
-    this.allow();
-  }
-
-  /** Shows the identity of this viewer, and enables the controls that its permissions allow. */
-  allow(): void {
-    const { connection, state } = this;
-    const { role, learner } = connection;
+  /** Shows the identity of this viewer, and the controls that its permissions allow. */
+  private showViewer(): void {
+    const { connection } = this;
+    const role = connection.role.value,
+      learner = connection.learner.value;
     const isLed = connection.allows("lesson"),
       seesRuns = connection.allows("own_runs") || connection.allows("all_runs");
     const said =
@@ -84,11 +80,13 @@ export class Lesson {
     byId("lesson-led").hidden = !isLed;
     byId("curves-show").hidden = !seesRuns;
     says(byId("curves-show"), { text: connection.allows("all_runs") ? "allCurves" : "ownCurves" });
-    if (!state) return;
-    const { lesson } = state;
+  }
+  private showLesson(): void {
+    const lesson = this.session.state.value?.lesson;
+    if (!lesson) return;
     write(
       byId("lesson-note"),
-      isLed
+      this.connection.allows("lesson")
         ? lesson.learner === null
           ? words.lessonOfNobody
           : words.lessonOf(lesson.learner)
@@ -103,12 +101,12 @@ export class Lesson {
     byId<HTMLSelectElement>("lesson-task").value = lesson.task ?? "";
     byId<HTMLInputElement>("lesson-names").checked = lesson.names;
   }
-  private listTasks(): void {
+  private listTasks({ tasks }: Scene): void {
     byId("lesson-task").replaceChildren(
       says(new Option("", ""), { text: "anyTask" }),
-      ...this.tasks.map(({ name, title }) => new Option(title, name)),
+      ...(tasks ?? []).map(({ name, title }) => new Option(title, name)),
     );
-    byId("lesson-task-line").hidden = this.tasks.length < 2;
+    byId("lesson-task-line").hidden = (tasks ?? []).length < 2;
   }
 
   private async showCurves(): Promise<void> {

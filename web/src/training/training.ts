@@ -1,8 +1,8 @@
 // Panel of tasks: briefing, progress and results, as measured and reported by palpate.
 
 export * as Quiz from "./quiz.js"; // bundled in the same chunk
+import { batch, effect, signal, untracked } from "@preact/signals-core";
 import type {
-  Lesson,
   Scene,
   Debriefing,
   Task,
@@ -17,10 +17,9 @@ import { announce } from "../base/announce.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, write } from "../base/dom.js";
 import { digits, quantity } from "../words/figures.js";
-import { onLanguage } from "../words/language.js";
 import { Plot } from "../panels/plots.js";
 import { refusalText, type Requests } from "../state/requests.js";
-import { readable, type Session } from "../state/session.js";
+import type { Session } from "../state/session.js";
 import { drawPatches, drawPlace, drawRegion, drawPath } from "./training_marks.js";
 import type { VolumeView } from "../volume/volume_view.js";
 import { says, words, type Message } from "../words/words.js";
@@ -38,19 +37,18 @@ const seconds = (s: number): string => `${s.toFixed(1)} s`;
 
 export class Training {
   view: View = "none";
-  run: TaskRun | null = null;
-  debriefing: Debriefing | null = null;
-  private tasks: Task[] = [];
-  private chosen = ""; // name of the selected task; "": none
-  private closedRun = 0; // number of the run whose results were closed
+  private readonly chosen = signal(""); // name of the selected task; "": none
+  private readonly closedRun = signal(0); // number of the run whose results were closed
+  private readonly viewedStep = signal(-1); // step whose region the camera shows; -1: none
+  private shownTasks = ""; // key of the tasks in the menu
+  private before: TaskRun | null = null; // report before the current one
   private announcedEvents = 0; // number of events of the run that were announced
   private liveRun = 0;
   private warning = { text: "", until_ms: -Infinity };
   private plots: Plot[] = [];
   private listed = ""; // key of the displayed list of steps
   private tookFocus = false; // the panel had the focus before the run was stored
-  private viewedStep = -1; // step whose region the camera shows; -1: none
-  private shownRun = 0; // number of the run whose results are displayed
+  private shownRun = ""; // key of the displayed results
   private announcedRun = 0; // number of the run whose result was announced
   private scopedRun = 0; // number of the run for which the scope was set
   private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
@@ -68,9 +66,30 @@ export class Training {
     byId("task-again").addEventListener("click", () => this.begin());
     byId("task-end").addEventListener("click", () => void requests.once({ type: "task", end: true }));
     byId("task-other").addEventListener("click", () => this.leave());
-    for (const id of ["show-way", "show-coverage"]) byId(id).addEventListener("change", () => session.touch());
     volume.drawMarks = (frame, seen) => this.drawMarks(frame, seen);
-    onLanguage(() => this.speak());
+    effect(() => {
+      const run = session.run.value;
+      untracked(() => batch(() => this.tell(run)));
+    });
+    session.onScene((scene) => untracked(() => this.show(scene)));
+    session.onState(({ lesson }) => {
+      const { task } = lesson;
+      const isOffered = this.tasks.some(({ name }) => name === task);
+      // the only task that the lesson permits
+      if (task !== null && isOffered) untracked(() => task === this.chosen.value || this.choose(task));
+    });
+    effect(() => this.update());
+    session.onFigures(() => this.draw());
+  }
+
+  get run(): TaskRun | null {
+    return this.session.run.value;
+  }
+  get debriefing(): Debriefing | null {
+    return this.session.debriefing.value;
+  }
+  private get tasks(): Task[] {
+    return this.session.scene.value?.tasks ?? [];
   }
 
   /** Begins, ends or restarts a run, by the button that is displayed. */
@@ -83,33 +102,36 @@ export class Training {
   }
 
   get task(): Task | null {
-    return this.tasks.find(({ name }) => name === this.chosen) ?? null;
+    return this.tasks.find(({ name }) => name === this.chosen.value) ?? null;
   }
 
-  show(scene: Scene): void {
-    const isNew = JSON.stringify(scene.tasks ?? []) !== JSON.stringify(this.tasks);
-    if (isNew) {
-      this.tasks = scene.tasks ?? [];
-      // keeps the task of a run that was reported before the scene
-      if (!this.task) this.chosen = this.tasks.length === 1 ? this.tasks[0].name : "";
-      this.viewedStep = -1;
-      this.listed = "";
-    }
-    byId("training").hidden = this.tasks.length === 0;
+  private show({ tasks = [] }: Scene): void {
+    const offered = JSON.stringify(tasks);
+    const isNew = offered !== this.shownTasks;
+    this.shownTasks = offered;
+    byId("training").hidden = tasks.length === 0;
+    byId("task-line").hidden = tasks.length < 2;
     byId<HTMLSelectElement>("task").replaceChildren(
-      says(new Option("", "", false, this.chosen === ""), { text: "noTask" }),
-      ...this.tasks.map(({ name, title }) => new Option(title, name, false, name === this.chosen)),
+      says(new Option("", ""), { text: "noTask" }),
+      ...tasks.map(({ name, title }) => new Option(title, name)),
     );
-    byId("task-line").hidden = this.tasks.length < 2;
-    this.update();
-    // a single task is the one that the session was started for
-    if (isNew && this.tasks.length === 1) this.viewStep(0, false);
+    if (isNew) {
+      this.listed = "";
+      // keeps the task of a run that was reported before the scene
+      if (!this.task) this.chosen.value = tasks.length === 1 ? tasks[0]!.name : "";
+      this.viewedStep.value = -1;
+      // a single task is the one that the session was started for
+      if (tasks.length === 1) this.viewStep(0, false);
+    }
+    byId<HTMLSelectElement>("task").value = this.task?.name ?? "";
   }
-  tell(run: TaskRun): void {
-    const before = this.run;
-    this.run = run;
+  /** Takes over a report of a run; null: another connection, whose session may count runs from 1 again. */
+  private tell(run: TaskRun | null): void {
+    const { before } = this;
+    this.before = run;
+    if (!run) return this.beginAnew();
     if (run.phase === "running" && (before?.phase !== "running" || before.run !== run.run)) {
-      this.debriefing = null;
+      this.session.debriefing.value = null;
       this.liveRun = run.run;
       // past events of a run already in progress are not announced
       this.announcedEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
@@ -117,29 +139,22 @@ export class Training {
       if (before && !this.isPlayed)
         announce(words.taskBegun(this.tasks.find(({ name }) => name === run.task)?.title ?? ""));
     }
-    if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.closedRun !== run.run))
-      this.chosen = run.task;
+    if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.closedRun.value !== run.run))
+      this.chosen.value = run.task;
     this.tellEvents();
-    this.update();
   }
-  debrief(debriefing: Debriefing): void {
-    this.debriefing = debriefing;
-    this.update();
-  }
-  /** Discards runs, because another connection may have another session, which counts runs from 1 again. */
-  beginAnew(): void {
-    this.run = this.debriefing = null;
-    this.shownRun = this.announcedRun = this.scopedRun = this.closedRun = this.liveRun = this.announcedEvents = 0;
+  private beginAnew(): void {
+    this.shownRun = "";
+    this.announcedRun = this.scopedRun = this.closedRun.value = this.liveRun = this.announcedEvents = 0;
     this.plots = [];
-    this.update();
   }
 
   private choose(name: string): void {
-    this.chosen = name;
-    this.closedRun = this.run?.run ?? 0;
-    this.listed = "";
-    this.viewedStep = -1;
-    this.update();
+    batch(() => {
+      this.chosen.value = name;
+      this.closedRun.value = this.run?.run ?? 0;
+      this.viewedStep.value = -1;
+    });
     if (this.task) this.viewStep(0);
   }
   private begin(): void {
@@ -147,16 +162,15 @@ export class Training {
   }
   /** Returns from the results to the briefing. */
   private leave(): void {
-    this.closedRun = this.run?.run ?? 0;
-    this.update();
+    this.closedRun.value = this.run?.run ?? 0;
     byId("task-title").focus();
   }
 
   // ---- texts
 
   private namesOf(labels: number[]): string {
-    if (this.session.quiz) return words.someStructure;
-    const names = labels.map((label) => readable(this.session.structureName(label) ?? words.unnamed(String(label))));
+    if (this.session.quiz.value) return words.someStructure;
+    const names = labels.map((label) => this.session.nameOf(label));
     return names.length > 3 ? words.andMore(names.slice(0, 3).join(", "), String(names.length - 3)) : names.join(", ");
   }
   private stepText(step: TaskStep): string {
@@ -233,27 +247,21 @@ export class Training {
     this.announcedEvents = all;
   }
 
-  private speak(): void {
-    this.listed = "";
-    this.shownRun = 0;
-    this.update();
-  }
-
   // ---- display
 
   /** Enables the controls that this viewer may use now. */
-  allow(): void {
+  private allow(): void {
     const { connection, session } = this;
-    const isOthersTurn = session.state?.lesson.of_another === true;
+    const isOthersTurn = session.state.value?.lesson.of_another === true;
     const isAllowed = connection.allows("hand") && !isOthersTurn;
     // whoever leads a lesson needs no control of the device
-    const isOthers = session.state?.pointer_by === "viewer" && !connection.allows("lesson");
+    const isOthers = session.state.value?.pointer_by === "viewer" && !connection.allows("lesson");
     for (const id of ["task-begin", "task-end", "task-again"])
       byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
     const areRunsSaved = connection.allows("own_runs") || this.run?.keeps === true;
     const note = this.isPlayed
       ? words.taskPlayed
-      : connection.link === "connected" && !connection.allows("hand")
+      : connection.link.value === "connected" && !connection.allows("hand")
         ? words.taskWatch
         : isOthersTurn
           ? words.lessonOfAnother
@@ -265,15 +273,9 @@ export class Training {
     write(byId("task-note"), note);
   }
 
-  /** Selects the only task that the lesson permits, if any, and updates the panel. */
-  showLesson({ task }: Lesson): void {
-    if (task !== null && task !== this.chosen && this.tasks.some(({ name }) => name === task)) this.choose(task);
-    else this.update();
-  }
-
   /** Whether the runs are those of a recording that is played. */
   private get isPlayed(): boolean {
-    return this.session.scene?.recording != null;
+    return this.session.scene.value?.recording != null;
   }
 
   private update(): void {
@@ -284,23 +286,26 @@ export class Training {
       this.debriefing !== null &&
       run?.phase === "over" &&
       this.debriefing.run === run.run &&
-      this.closedRun !== run.run &&
+      this.closedRun.value !== run.run &&
       this.debriefing.task === task?.name;
     // once per run, because the user may have moved the scope since
-    if (isRunning && task?.scope && this.scopedRun !== run.run) {
-      this.scopedRun = run.run;
-      this.setScope(task.scope);
+    const scope = isRunning ? task?.scope : null;
+    if (scope && this.scopedRun !== run!.run) {
+      this.scopedRun = run!.run;
+      untracked(() => this.setScope(scope));
     }
     this.view = !task ? "none" : isRunning ? "running" : isOver ? "debriefing" : "briefing";
     const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
     // browsers remove the focus from a button that is disabled, as while the run is stored
     this.tookFocus = run?.phase === "keeping" && hadFocus;
     const isShown =
-      this.view === "debriefing" || this.session.state?.lesson.names === true || this.connection.allows("lesson");
-    this.hide(task?.quiz && !isShown ? task.to_find : null);
+      this.view === "debriefing" || this.session.state.value?.lesson.names === true || this.connection.allows("lesson");
+    const toFind = task?.quiz && !isShown ? task.to_find : null;
+    untracked(() => this.hide(toFind));
 
     const { view } = this;
-    byId<HTMLSelectElement>("task").disabled = view === "running" || (this.session.state?.lesson.task ?? null) !== null;
+    byId<HTMLSelectElement>("task").disabled =
+      view === "running" || (this.session.state.value?.lesson.task ?? null) !== null;
     byId<HTMLSelectElement>("task").value = task?.name ?? "";
     for (const [ids, where] of [
       [["task-briefing", "task-rules", "task-begin"], ["briefing"]],
@@ -318,7 +323,6 @@ export class Training {
     this.showWarning(task && view === "running" ? this.warningOf(task, run!) : []);
     this.allow();
     if (before !== view) {
-      this.session.touch();
       // moves the focus, because its button may be hidden now
       if (hadFocus && task && before !== "none")
         byId(view === "running" && !this.isPlayed ? "task-end" : "task-title").focus();
@@ -335,7 +339,7 @@ export class Training {
   }
 
   private listSteps(task: Task): void {
-    const listing = [task.name, this.session.quiz !== null, words.now].join();
+    const listing = [task.name, this.session.quiz.value !== null, words.now].join();
     if (listing === this.listed) return;
     this.listed = listing;
     byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));
@@ -440,8 +444,8 @@ export class Training {
       meter.hidden = state !== "current";
       meter.value = run?.share[n] ?? 0;
     });
-    if (view === "running" && current >= 0 && current !== this.viewedStep && this.viewedStep >= 0) {
-      this.viewedStep = current;
+    if (view === "running" && current >= 0 && current !== this.viewedStep.peek() && this.viewedStep.peek() >= 0) {
+      this.viewedStep.value = current;
       byId("task-steps").children[current]?.scrollIntoView({ block: "nearest" });
     }
   }
@@ -501,8 +505,9 @@ export class Training {
   }
 
   private showDebriefing(task: Task, result: Debriefing): void {
-    if (this.shownRun === result.run) return;
-    this.shownRun = result.run;
+    const listing = [result.run, words.now].join();
+    if (this.shownRun === listing) return;
+    this.shownRun = listing;
     const isLive = this.liveRun === result.run && this.announcedRun !== result.run;
     byId("verdict").dataset.inBand = String(result.in_band);
     const row = words.inARow(String(result.in_a_row), String(task.in_a_row));
@@ -583,7 +588,6 @@ export class Training {
       ...(omitted > 0 ? [element("li", { className: "quiet" }, words.moreEvents(String(omitted)))] : []),
     );
     byId("show-coverage-line").hidden = result.patches.length === 0;
-    this.session.touch();
   }
   private mark({ kind }: TaskEvent): string {
     return { step_done: "✓", over_limit: "▲", protected: "■", unseen: "◌", ended: "●" }[kind];
@@ -632,8 +636,8 @@ export class Training {
     });
   }
 
-  /** Redraws the plots, whose theme and size may change; to be called ten times a second. */
-  draw(): void {
+  /** Redraws the plots, whose theme and size may change. */
+  private draw(): void {
     if (this.view === "debriefing") for (const plot of this.plots) plot.draw();
     if (this.view === "running" && performance.now() > this.warning.until_ms) this.showWarning([]);
   }
@@ -646,15 +650,14 @@ export class Training {
    */
   viewStep(n: number, isAsked = true): void {
     const region = this.task?.regions[this.task.steps[n]?.region ?? -1];
-    this.viewedStep = n;
+    this.viewedStep.value = n;
     if (region) this.volume.lookAt(region.middle_mm, region.radius_mm, region.outward, isAsked);
-    this.session.touch();
   }
   private drawMarks(...[frame, seen]: Parameters<VolumeView["drawMarks"]>): void {
     const { task, view, debriefing } = this;
     if (!task) return;
     if (view !== "debriefing") {
-      const step = task.steps[view === "running" ? this.currentStep(task) : this.viewedStep];
+      const step = task.steps[view === "running" ? this.currentStep(task) : this.viewedStep.value];
       const region = step && task.regions[step.region];
       if (region) drawRegion(frame, seen, region, step.name);
       return;

@@ -113,7 +113,6 @@ export class ScopeView {
       Object.assign(this.scope, to);
       [optics.value, back.value] = [String(to.optics_deg), String(to.back_mm)];
       this.offerHolders();
-      session.touch();
     };
     history.part("scope", () => this.scope.stand, this.setTo);
     const turns = (
@@ -146,7 +145,6 @@ export class ScopeView {
    */
   private change(by: string, act: () => void, gesture = ++this.history.gesture): void {
     this.history.change(`scope ${by}`, act, gesture);
-    this.session.touch();
   }
   lost(): void {
     this.live.lost();
@@ -154,11 +152,11 @@ export class ScopeView {
 
   /** Number of the device that holds the scope; by default the second one, if there are several. */
   private get heldBy(): number {
-    const devices = this.session.scene?.tools.length ?? 1;
+    const devices = this.session.scene.value?.tools.length ?? 1;
     return this.scope.tool !== null && this.scope.tool < devices ? this.scope.tool : Math.min(1, devices - 1);
   }
   private offerHolders(): void {
-    const { scene } = this.session;
+    const scene = this.session.scene.value;
     if (!scene) return;
     const names = scene.tools.map(({ name }, n) => `${n + 1}: ${words.toolNamed(name)}`);
     if (names.some((name, n) => this.holder.options[n]?.text !== name) || this.holder.length > names.length)
@@ -172,7 +170,7 @@ export class ScopeView {
   }
   /** Current pose of the camera; null until the tool's pose is known. */
   frame(): Stand | null {
-    const { pose } = this.session;
+    const pose = this.session.pose.value;
     const device = pose?.devices.find(({ number }) => number === this.heldBy);
     if (!pose || !device) return null;
     const axes = (
@@ -192,10 +190,10 @@ export class ScopeView {
   private standOff(pose: Pose, device: DevicePose, onShaft: Vec3): { eye: Vec3; off_mm: number | null } {
     const { session, scope } = this;
     const stays = { eye: onShaft, off_mm: null };
-    if (scope.isFree || !session.volumes || !this.isClosed(onShaft)) return stays;
+    if (scope.isFree || !session.volumes.value || !this.isClosed(onShaft)) return stays;
     const away = normalize(length(device.normal) > 0 ? device.normal : session.toPatient(pose, device.force));
     const tool = session.toolAt(device);
-    const { voxelSize } = session.volumes;
+    const { voxelSize } = session.volumes.value;
     const at = (off_mm: number) => add(tool, scale(away, off_mm));
     const off_mm =
       length(away) > 0
@@ -205,7 +203,8 @@ export class ScopeView {
   }
   /** Whether an eye at a position is inside a solid, or solids surround more than half of it at NEAREST_MM. */
   private isClosed(eye: Vec3): boolean {
-    const { volumes, looks } = this.session;
+    const volumes = this.session.volumes.value,
+      looks = this.session.looks.value;
     const isSolid = (p: Vec3) => {
       const place = volumes!.structureAt(p);
       return place !== null && looks[place]!.visible && looks[place]!.opacity === 1;
@@ -226,7 +225,7 @@ export class ScopeView {
   ask(now: number): boolean {
     const { session, picture } = this;
     const resized = picture.fit();
-    const frame = picture.isShown && session.volumes && session.scene ? this.frame() : null;
+    const frame = picture.isShown && session.volumes.value && session.scene.value ? this.frame() : null;
     if (!frame) return false;
     if (resized) this.live.show();
     this.offerHolders();
@@ -281,11 +280,11 @@ export class ScopeView {
     const { context, width, height, ratio } = frame;
     const seen = this.live.seen;
     context.clearRect(0, 0, width, height);
-    if (!seen || !session.scene) return;
+    if (!seen || !session.scene.value) return;
     const { eye, forward, right, up } = seen.camera;
     const [x, y, radius] = [width / 2, height / 2, Math.min(width, height) / 2];
     const around = this.around;
-    const device = session.pose?.devices[0];
+    const device = session.pose.value?.devices[0];
 
     context.save();
     context.beginPath();
@@ -307,7 +306,7 @@ export class ScopeView {
           direction: (v) => [dot(v, right), -dot(v, up)],
           pixelsPerMm,
           clearness: (p) =>
-            seen.found.hides(p, session.heldBy(each).radius_mm + 1.5 * session.volumes!.voxelSize) ? 0.45 : 1,
+            seen.found.hides(p, session.heldBy(each).radius_mm + 1.5 * session.volumes.value!.voxelSize) ? 0.45 : 1,
         });
       }
     }
@@ -344,12 +343,12 @@ export class ScopeView {
         12 * ratio,
         40 * ratio,
         12,
-        session.isFresh ? "#eef3f5" : "#a4adb3",
+        session.isFresh.value ? "#eef3f5" : "#a4adb3",
         "left",
         "top",
       );
-    drawLetters(frame, orientationLetters(right, scale(up, -1)), session.scene.oriented, true);
-    drawSide(frame, session.scene);
+    drawLetters(frame, orientationLetters(right, scale(up, -1)), session.scene.value.oriented, true);
+    drawSide(frame, session.scene.value);
     drawNoGoWarning(frame, session, 78);
     drawAge(frame, session);
   }
@@ -387,7 +386,6 @@ export class ScopeView {
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
-      this.session.touch();
     };
     surface.addEventListener("pointerup", up);
     surface.addEventListener("pointercancel", up);

@@ -56,7 +56,8 @@ export class VolumeRenderer {
   private volumes: Volumes | null = null;
   private loading: Promise<unknown> = Promise.resolve();
   private edits = 0; // number of edits of voxels
-  private lookVersion = -1; // version of the looks that the renderer has
+  private appearance: Session["appearance"]["value"] | null = null; // appearance that the renderer has
+  private looks = 0; // number of appearances so far
   private haze = "";
   private factor: Vec3 = [1, 1, 1]; // voxels per texel, along each axis
   private memory: Memory = { mostTexels: 0, mostSide: 0 };
@@ -101,7 +102,7 @@ export class VolumeRenderer {
     this.failures += 1;
     this.isLoaded = this.isCompiling = false;
     this.isEmpty = true;
-    [this.lookVersion, this.haze] = [-1, ""];
+    [this.appearance, this.haze] = [null, ""];
     if (!this.isDead) {
       this.ready = this.answer("ready");
       this.start();
@@ -288,16 +289,19 @@ export class VolumeRenderer {
 
   /** Sends the current looks if they have changed. */
   follow(session: Session): void {
-    if (this.lookVersion !== session.lookVersion) {
-      this.lookVersion = session.lookVersion;
-      this.setLooks(session.palette());
+    const appearance = session.appearance.value;
+    if (this.appearance !== appearance) {
+      this.appearance = appearance;
+      this.looks += 1;
+      this.setLooks(appearance.palette);
     }
-    const haze = session.scanInVolume > 0 ? JSON.stringify([session.storedWindow(), session.scanInVolume]) : "";
+    const haze =
+      session.scanInVolume.value > 0 ? JSON.stringify([session.storedWindow(), session.scanInVolume.value]) : "";
     if (haze !== this.haze) {
       this.haze = haze;
-      this.setHaze(session.storedWindow(), session.scanInVolume);
+      this.setHaze(session.storedWindow(), session.scanInVolume.value);
     }
-    this.version = `${this.lookVersion} ${haze} ${this.edits}`;
+    this.version = `${this.looks} ${haze} ${this.edits}`;
   }
 
   /** @param rgba  256 colours: 0 for no structure, then the structures in order; alpha is the opacity */

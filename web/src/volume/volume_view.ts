@@ -114,13 +114,13 @@ export class VolumeView {
   }
   /** Loads the volume into the renderer. */
   load(): void {
-    if (this.session.volumes) this.renderer.load(this.session.volumes, this.memory);
+    if (this.session.volumes.value) this.renderer.load(this.session.volumes.value, this.memory);
   }
 
   sceneChanged(): void {
-    this.camera.place(this.session.scene!.world_from_patient);
+    this.camera.place(this.session.scene.value!.world_from_patient);
     this.isOpen = false;
-    this.ground = new Ground(this.session.volumes!, MOST_HEIGHT_MM);
+    this.ground = new Ground(this.session.volumes.value!, MOST_HEIGHT_MM);
     this.load();
     this.reset();
   }
@@ -128,14 +128,14 @@ export class VolumeView {
     this.live.lost();
   }
   reset(): void {
-    const { volumes, pose } = this.session;
+    const volumes = this.session.volumes.value,
+      pose = this.session.pose.value;
     if (!volumes) return;
     if (pose) this.camera.setRotation(pose.rotation);
     this.camera.focus = this.camera.toWorld(volumes.centre);
     const { clientWidth, clientHeight } = this.picture.surface;
     if (clientWidth > 0) this.camera.mmPerPixel = (0.7 * volumes.size) / Math.min(clientWidth, clientHeight);
     this.camera.look("anterior");
-    this.session.touch();
   }
   /** Extent across the shorter side of the picture, mm; 0: never shown. */
   get across_mm(): number {
@@ -157,17 +157,16 @@ export class VolumeView {
    */
   lookAt(place: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
     const { camera, session } = this;
-    if (!session.volumes) return;
+    if (!session.volumes.value) return;
     const move = () => {
-      if (session.pose) camera.setRotation(session.pose.rotation);
+      if (session.pose.value) camera.setRotation(session.pose.value.rotation);
       camera.lookAlong(outward);
       camera.focus = camera.toWorld(place);
-      this.across_mm = Math.min(0.7 * session.volumes!.size, Math.max(5 * radius_mm, 60));
+      this.across_mm = Math.min(0.7 * session.volumes.value!.size, Math.max(5 * radius_mm, 60));
     };
     if (isNoted) return this.moveCamera(move);
     move();
     this.isOpen = true;
-    session.touch();
   }
   /**
    * Changes the camera, undoably.
@@ -176,7 +175,6 @@ export class VolumeView {
   private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
     this.isOpen = true;
     this.history.change(by, move, gesture);
-    this.session.touch();
   }
 
   get stand(): Stand {
@@ -190,7 +188,6 @@ export class VolumeView {
     this.isOpen = true;
     Object.assign(this.camera, { right, up, focus });
     this.across_mm = across_mm;
-    this.session.touch();
   }
 
   /**
@@ -207,7 +204,7 @@ export class VolumeView {
   ask(now: number): boolean {
     const { session, picture, camera } = this;
     const resized = picture.fit();
-    if (!picture.isShown || !session.volumes || !session.scene) return false;
+    if (!picture.isShown || !session.volumes.value || !session.scene.value) return false;
     if (resized) {
       this.over_ms = -Infinity;
       this.live.show();
@@ -217,8 +214,8 @@ export class VolumeView {
       else camera.mmPerPixel *= this.size / size;
       this.size = size;
     }
-    if (session.pose) camera.setRotation(session.pose.rotation);
-    if (session.pose && !this.isOpen) {
+    if (session.pose.value) camera.setRotation(session.pose.value.rotation);
+    if (session.pose.value && !this.isOpen) {
       // initial placement, as soon as the object's rotation is known
       this.isOpen = true;
       this.reset();
@@ -245,7 +242,7 @@ export class VolumeView {
   /** Clipped region for the current position of the tool; null: none. */
   private cut(): Cut | null {
     const { session, cutting } = this;
-    const device = session.pose?.devices[0];
+    const device = session.pose.value?.devices[0];
     if (!device || cutting === "none") return null;
     const at = session.toolAt(device);
     if (cutting === "plane") return { at, radius_mm: 0, widening: Infinity, kept: 0 };
@@ -253,7 +250,7 @@ export class VolumeView {
       at,
       radius_mm: HOLE_RADIUS_MM,
       widening: HOLE_WIDENING,
-      kept: session.scene!.structures.findIndex(({ label }) => label === device.label) + 1,
+      kept: session.scene.value!.structures.findIndex(({ label }) => label === device.label) + 1,
     };
   }
   private isClipped(p: Vec3): boolean {
@@ -266,7 +263,7 @@ export class VolumeView {
     return (
       height > 0 &&
       length(sub(from, scale(towards, height))) < cut.radius_mm + cut.widening * height &&
-      this.session.volumes!.structureAt(p) !== cut.kept - 1
+      this.session.volumes.value!.structureAt(p) !== cut.kept - 1
     );
   }
 
@@ -300,7 +297,8 @@ export class VolumeView {
     return this.projection().pixel(p);
   }
   private readonly isFelt = (p: Vec3): boolean => {
-    const { scene, volumes } = this.session;
+    const scene = this.session.scene.value,
+      volumes = this.session.volumes.value;
     const place = volumes!.structureAt(p);
     return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
   };
@@ -317,7 +315,7 @@ export class VolumeView {
     const tool = session.toolAt(device);
     const { radius_mm } = session.heldBy(device);
     // tolerance for the smoothing of the surface on which the tool lies
-    const slack_mm = radius_mm + 1.5 * session.volumes!.voxelSize;
+    const slack_mm = radius_mm + 1.5 * session.volumes.value!.voxelSize;
     const ground =
       device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.belowTool(device.number, tool, this.isFelt);
     if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
@@ -325,7 +323,7 @@ export class VolumeView {
       ...projection,
       clearness: () => (projection.hides(tool, slack_mm) ? 0.45 : 1),
       capsule: (from, to, radii_mm, colour) =>
-        drawShaft(frame, projection, from, to, radii_mm, colour, 1.5 * session.volumes!.voxelSize),
+        drawShaft(frame, projection, from, to, radii_mm, colour, 1.5 * session.volumes.value!.voxelSize),
     });
   }
 
@@ -335,13 +333,13 @@ export class VolumeView {
     const frame = this.picture.frame();
     const projection = this.projection();
     frame.context.clearRect(0, 0, frame.width, frame.height);
-    drawNoGoInVolume(frame, projection, session, session.volumes!);
+    drawNoGoInVolume(frame, projection, session, session.volumes.value!);
     drawPlanInVolume(frame, projection, session.plans);
     this.drawMarks(frame, projection);
-    const device = session.pose?.devices[0];
+    const device = session.pose.value?.devices[0];
     if (device) {
       for (const { plane, colour } of this.showsPlanes ? this.planes() : [])
-        drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);
+        drawPlane(frame, projection, boxSection(plane, session.volumes.value!), colour);
       drawTrail(frame, session, projection);
       for (const each of session.drawn) this.drawToolIn(projection, each);
       text(
@@ -350,17 +348,17 @@ export class VolumeView {
         12 * frame.ratio,
         40 * frame.ratio,
         12,
-        session.isFresh ? "#eef3f5" : "#a4adb3",
+        session.isFresh.value ? "#eef3f5" : "#a4adb3",
         "left",
         "top",
       );
-      if (session.scene!.device.input === "pointer") drawForceBar(frame, session, device);
+      if (session.scene.value!.device.input === "pointer") drawForceBar(frame, session, device);
     }
     const camera = this.shown;
     const right = camera.directionToPatient(camera.right);
     const down = scale(camera.directionToPatient(camera.up), -1);
-    drawLetters(frame, orientationLetters(right, down), session.scene!.oriented, true);
-    if (session.scene!.oriented) {
+    drawLetters(frame, orientationLetters(right, down), session.scene.value!.oriented, true);
+    if (session.scene.value!.oriented) {
       drawCube(frame, (v) => {
         const world = camera.directionToWorld(v);
         return [dot(world, camera.right), dot(world, camera.up), dot(world, camera.backward())];
@@ -368,7 +366,7 @@ export class VolumeView {
     }
     // perspective has no common scale
     if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
-    drawSide(frame, session.scene!);
+    drawSide(frame, session.scene.value!);
     drawNoGoWarning(frame, session, 60);
     drawAge(frame, session);
   }
@@ -413,7 +411,7 @@ export class VolumeView {
   }
 
   private turnObject(dx: number, dy: number): void {
-    const now = this.rotation ?? this.session.pose?.rotation ?? [1, 0, 0, 0];
+    const now = this.rotation ?? this.session.pose.value?.rotation ?? [1, 0, 0, 0];
     this.rotation = normalizeQuaternion(multiply(this.camera.dragged(dx, dy), now));
   }
   private sendRotation(): void {
@@ -434,7 +432,7 @@ export class VolumeView {
    */
   private touchUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
     const { session } = this;
-    const volumes = session.volumes!;
+    const volumes = session.volumes.value!;
     const { width, height, ratio } = this.picture.frame();
     const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
     const surface = firstFelt(
@@ -447,13 +445,13 @@ export class VolumeView {
     const path = surface ? pathTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
     this.held = path.at(-1)!;
     // shows the contact in the planes
-    session.follow = true;
-    session.cross = null;
+    session.planes.value = { ...session.planes.peek(), follow: true, cross: null };
     this.pointer.hold(this.held, isFinger, path.slice(0, -1));
   }
   /** Position on the first visible, unclipped surface under a press; null: none. */
   private shownUnder(at: [number, number]): Vec3 | null {
-    const { looks, volumes } = this.session;
+    const looks = this.session.looks.value,
+      volumes = this.session.volumes.value;
     const { width, height, ratio } = this.picture.frame();
     const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
     const isShown = (p: Vec3): boolean => {
@@ -485,9 +483,9 @@ export class VolumeView {
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
       if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
-      const tip = session.pose?.devices[0]?.tip;
+      const tip = session.pose.value?.devices[0]?.tip;
       if (
-        session.tool === "touch" &&
+        session.tool.value === "touch" &&
         this.pointer.isTaken &&
         event.button === 0 &&
         !this.turnsObject &&
@@ -495,7 +493,7 @@ export class VolumeView {
         this.pointers.size === 1
       ) {
         this.touchUnder(picture.at(event), tip, event.pointerType === "touch");
-      } else if (session.tool === "plan" && event.button === 0 && this.pointers.size === 1) {
+      } else if (session.tool.value === "plan" && event.button === 0 && this.pointers.size === 1) {
         const at = this.shownUnder(picture.at(event));
         this.plans = at !== null;
         if (at) session.plans.press(at, this.pixelsFrom(picture.at(event)));
@@ -524,12 +522,11 @@ export class VolumeView {
         this.held = this.patientAt(at, this.held);
         this.pointer.move(this.held);
       } else if (event.buttons & 2) this.moveCamera(() => this.camera.zoom(Math.exp(-dy / 150)), this.gesture);
-      else if (event.buttons & 4 || session.tool === "pan" || event.shiftKey)
+      else if (event.buttons & 4 || session.tool.value === "pan" || event.shiftKey)
         this.moveCamera(() => this.camera.pan(dx, dy), this.gesture);
       else if (this.turnsObject || event.altKey) this.turnObject(dx, dy);
       else this.moveCamera(() => this.camera.orbit(dx, dy), this.gesture);
       this.pointers.set(event.pointerId, at);
-      session.touch();
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
@@ -541,7 +538,6 @@ export class VolumeView {
       }
       // a target that was not sent yet is sent at the next interval
       if (this.rotation === this.rotationSent) this.rotation = null;
-      session.touch();
     };
     surface.addEventListener("pointerup", up);
     surface.addEventListener("pointercancel", up);
@@ -551,9 +547,8 @@ export class VolumeView {
         event.preventDefault();
         if (this.held) {
           const backward = this.camera.directionToPatient(this.camera.backward());
-          this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes!.voxelSize));
+          this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes.value!.voxelSize));
           this.pointer.move(this.held);
-          session.touch();
           // successive wheel events are one undo step
         } else this.moveCamera(() => this.camera.zoom(Math.exp(-event.deltaY / 500)), this.history.gesture, "wheel");
       },
@@ -578,7 +573,6 @@ export class VolumeView {
       else if (event.key === "Home") move(() => this.reset());
       else return;
       event.preventDefault();
-      session.touch();
     });
   }
 }

@@ -67,6 +67,8 @@ export const de: Words = {
     volume: "Volumenansicht",
     scope: "Endoskopansicht",
     capture: "Bildschirmfotos und Videos",
+    cuts: "Gewebeabtrag",
+    deformation: "Gewebeverformung",
   },
   partsMissing: (names) =>
     `Nicht geladen: ${names}. Alles andere funktioniert, ` +

@@ -65,6 +65,8 @@ export const en = {
     volume: "volume view",
     scope: "scope view",
     capture: "screenshots and videos",
+    cuts: "tissue removal",
+    deformation: "tissue deformation",
   },
   partsMissing: (names: string) =>
     `Could not be loaded: ${names}. Everything else works, including the emergency stop. Reload the page to try again.`,

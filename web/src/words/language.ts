@@ -2,7 +2,7 @@
 
 import { discardAnnouncements } from "../base/announce.js";
 import { byId } from "../base/dom.js";
-import { fetchPart, reportMissingParts } from "./part.js";
+import { fetchPart } from "./part.js";
 import { LANGUAGES, speak, type Language } from "./words.js";
 
 const KEY = "palpate.language";
@@ -12,15 +12,10 @@ const isKnown = (name: string | null): name is Language => name !== null && Obje
 export const preferred = (languages: readonly string[]): Language =>
   languages.map((tag) => tag.toLowerCase().split("-")[0]!).find(isKnown) ?? "en";
 
-const listeners: (() => void)[] = [];
-/** Registers a listener for changes of the language, which rewrites texts that are not registered by `says`. */
-export const onLanguage = (listener: () => void): void => void listeners.push(listener);
-
 /** Applies the initial language; resolves when it is loaded or has failed to load. */
 export function applyLanguage(): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
   const kept = localStorage.getItem(KEY);
-  onLanguage(reportMissingParts);
   choice.addEventListener("change", () => {
     localStorage.setItem(KEY, choice.value);
     void change(choice.value as Language);
@@ -38,5 +33,4 @@ async function change(language: Language): Promise<void> {
   const isSpoken = await fetchPart("language", async () => (await speak(language), true));
   if (!isSpoken) choice.value = document.documentElement.lang;
   discardAnnouncements();
-  for (const listener of listeners) listener();
 }

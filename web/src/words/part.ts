@@ -9,7 +9,7 @@ export type PartName = keyof Words["parts"];
 const missing = new Set<PartName>();
 
 /** Lists the parts that could not be loaded, in the current language. */
-export function reportMissingParts(): void {
+function reportMissingParts(): void {
   const line = byId("missing-parts");
   write(line, missing.size === 0 ? "" : words.partsMissing([...missing].map((name) => words.parts[name]).join(", ")));
   line.hidden = missing.size === 0;

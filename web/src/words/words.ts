@@ -1,6 +1,7 @@
 // Texts of the page in the current language. Elements store the names of their messages, so that a change of the
 // language rewrites them.
 
+import { signal } from "@preact/signals-core";
 import { write } from "../base/dom.js";
 import { en, type Words } from "./en.js";
 
@@ -12,8 +13,11 @@ export const LANGUAGES = {
 } satisfies Record<string, () => Promise<Words>>;
 export type Language = keyof typeof LANGUAGES;
 
-/** Texts in the current language. */
-export let words: Words = en;
+const current = signal<Words>(en);
+/** Texts in the current language. Effects that read one run again when the language changes. */
+export const words = new Proxy({} as Words, {
+  get: (_, name) => current.value[name as keyof Words],
+});
 
 export const capitalized = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);
 
@@ -63,8 +67,8 @@ export async function speak(language: Language): Promise<void> {
   wanted = language;
   const fetched = await LANGUAGES[language]();
   if (wanted !== language) return;
-  words = fetched;
   document.documentElement.lang = language;
+  current.value = fetched;
   for (const target of document.querySelectorAll<HTMLElement>(
     "[data-words], [data-words-title], [data-words-label], [data-words-placeholder]",
   ))

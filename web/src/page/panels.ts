@@ -1,0 +1,67 @@
+// Panels that few sessions need, each imported on first use.
+
+import { effect } from "@preact/signals-core";
+import { byId } from "../base/dom.js";
+import type { Connection } from "../protocol/connection.js";
+import type { Scene, TaskScope } from "../protocol/messages.js";
+import type { Requests } from "../state/requests.js";
+import type { Session } from "../state/session.js";
+import type { Vec3 } from "../base/geometry.js";
+import type { VolumeView } from "../volume/volume_view.js";
+import { Part } from "../words/part.js";
+import type { VoxelChanges } from "./voxels.js";
+
+export interface Uses {
+  session: Session;
+  connection: Connection;
+  requests: Requests;
+  volume: VolumeView;
+  voxels: VoxelChanges;
+  token(): string | null;
+  /** Sets up the view of a scope for a task. */
+  lookBy(scope: TaskScope): void;
+  /** Moves the planes to a position, patient frame. */
+  showPlace(place: Vec3): void;
+}
+
+export class Panels {
+  readonly timeline = new Part("recording", async () => {
+    const { session, connection, requests } = this.uses;
+    return new (await import("../panels/timeline.js")).Timeline(session, connection, requests);
+  });
+  readonly training = new Part("training", async () => {
+    const { session, connection, requests, volume, voxels, lookBy } = this.uses;
+    const { Training, Quiz } = await import("../training/training.js");
+    return new Training(session, connection, requests, volume, (toFind) => voxels.hide(toFind, Quiz), lookBy);
+  });
+  readonly lesson = new Part("lesson", async () => {
+    const { session, connection, requests, token } = this.uses;
+    return new (await import("../training/lesson.js")).Lesson(session, connection, requests, token);
+  });
+  readonly near = new Part("near", async () => {
+    const { session, connection } = this.uses;
+    return new (await import("../panels/near_panel.js")).NearPanel(session, connection);
+  });
+  readonly plan = new Part("plan", async () => {
+    const { session, connection, showPlace } = this.uses;
+    return new (await import("../panels/plan_panel.js")).PlanPanel(session, connection, showPlace);
+  });
+
+  constructor(private readonly uses: Uses) {
+    byId("plan-card").addEventListener("toggle", () => void this.plan.get());
+    effect(() => {
+      if (uses.session.plans.drawn.length > 0) void this.plan.get();
+    });
+  }
+
+  /** Loads the panels that a scene needs. */
+  async fetchFor({ tasks, recording, distances, no_go, may, role }: Scene): Promise<void> {
+    const wanted = [
+      ...(tasks && tasks.length > 0 ? [this.training] : []),
+      ...(may.includes("lesson") || role === "learner" || role === "teacher" ? [this.lesson] : []),
+      ...(recording ? [this.timeline] : []),
+      ...(distances || no_go.length > 0 ? [this.near] : []),
+    ];
+    await Promise.all(wanted.map((part) => part.get()));
+  }
+}
