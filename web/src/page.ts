@@ -19,7 +19,6 @@ import { Graphics } from "./page/graphics.js";
 import { Loading } from "./page/loading.js";
 import { Panels } from "./page/panels.js";
 import { VoxelChanges } from "./page/voxels.js";
-import { Bookmarks } from "./panels/bookmarks.js";
 import { CaptureButtons } from "./panels/capture_buttons.js";
 import { keepCards } from "./panels/cards.js";
 import { ContactPanel } from "./panels/contact.js";
@@ -29,8 +28,6 @@ import { showFacts } from "./panels/facts.js";
 import { FeelPanel } from "./panels/feel.js";
 import { Keys } from "./panels/keys.js";
 import { showLink } from "./panels/link.js";
-import { LoopPlots } from "./panels/loop_plots.js";
-import { StructuresPanel } from "./panels/structures_panel.js";
 import { nextTheme } from "./panels/theme.js";
 import { Toolbar } from "./panels/toolbar.js";
 import { showTracked } from "./panels/tracked.js";
@@ -72,6 +69,7 @@ export class Page {
     () => this.session.state.value,
     this.history,
   );
+  readonly permissions = new Permissions(this.session, this.connection);
   readonly renderer = new VolumeRenderer();
   readonly volume: VolumeView;
   readonly sections: SectionView[];
@@ -86,10 +84,16 @@ export class Page {
   readonly voxels: VoxelChanges;
   readonly panels: Panels;
   readonly captures: CaptureButtons;
+  readonly later = new Part("later", async () => {
+    const { session, requests, history, permissions, volume, sections } = this;
+    const { Bookmarks, LoopPlots, StructuresPanel } = await import("./panels/later.js");
+    new LoopPlots(session);
+    new Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
+    return new StructuresPanel(session, requests, history, permissions);
+  });
   readonly frames: Frames;
   isWhole = false; // all dynamically imported panels are loaded
   private readonly pictures;
-  private readonly bookmarks: Bookmarks;
 
   /** @param language  resolves when the page's texts are loaded */
   constructor(
@@ -139,7 +143,6 @@ export class Page {
       showPlace: (place) => this.showPlace("place", place),
     });
     this.captures = new CaptureButtons(session, this.pictures);
-    this.bookmarks = new Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
     this.addPanels();
     this.frames = new Frames({
       session,
@@ -206,15 +209,12 @@ export class Page {
   }
 
   private addPanels(): void {
-    const { session, connection, requests, history, panels, captures } = this;
-    const permissions = new Permissions(session, connection);
+    const { session, connection, requests, history, permissions, panels, captures } = this;
     const toolbar = new Toolbar(session, connection, requests, history, permissions);
     const device = new DevicePanel(session, requests, permissions);
     new FeelPanel(session, connection, requests, permissions);
-    new StructuresPanel(session, requests, history, permissions);
     new DisplayPanel(session, history);
     new ContactPanel(session);
-    new LoopPlots(session);
     showFacts(session);
     showLink(session, connection);
     showTracked(session);
@@ -267,14 +267,13 @@ export class Page {
     this.measures.forget();
     this.session.plans.forget();
     this.history.clear();
-    this.bookmarks.load();
   }
   /** Loads everything that the first section does not need. */
   private async fetchTheRest(): Promise<void> {
     // mark up to which the page's size is measured (tests/browser/smoke_test.py)
     performance.mark("first-section");
     this.renderer.begin();
-    await this.panels.fetchFor(this.session.scene.value!);
+    await Promise.all([this.later.get(), this.panels.fetchFor(this.session.scene.value!)]);
     this.isWhole = true;
   }
 

@@ -1,6 +1,6 @@
 // Bookmarks of views, stored per scene: camera, planes, layout, window and rotation of the object.
 
-import { effect, signal } from "@preact/signals-core";
+import { effect, signal, untracked } from "@preact/signals-core";
 import { byId, element } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3, type PlaneKind } from "../base/geometry.js";
@@ -82,12 +82,16 @@ export class Bookmarks {
       // moves the focus out of the text field, in which the space bar is not the emergency stop
       byId("bookmarks").querySelector<HTMLElement>("li:last-child .figure")?.focus();
     });
+    effect(() => {
+      const volumes = page.session.volumes.value;
+      if (volumes) untracked(() => this.load(volumes.hash));
+    });
     effect(() => this.show(this.list.value));
   }
 
-  /** Loads the stored bookmarks of the current scene. */
-  load(): void {
-    const kept: unknown = recallScene<KeptBookmarks>(this.page.session.scene.value!.volume.hash).bookmarks;
+  /** Loads the stored bookmarks of a scene, by the hash of its volume. */
+  private load(hash: string): void {
+    const kept: unknown = recallScene<KeptBookmarks>(hash).bookmarks;
     this.list.value = Array.isArray(kept) ? kept.filter(isBookmark) : [];
   }
   private change(list: Bookmark[]): void {

@@ -67,6 +67,7 @@ export const de: Words = {
     volume: "Volumenansicht",
     scope: "Endoskopansicht",
     capture: "Bildschirmfotos und Videos",
+    later: "Strukturen, Diagramme und Lesezeichen",
     cuts: "Gewebeabtrag",
     deformation: "Gewebeverformung",
   },

@@ -65,6 +65,7 @@ export const en = {
     volume: "volume view",
     scope: "scope view",
     capture: "screenshots and videos",
+    later: "structures, plots and bookmarks",
     cuts: "tissue removal",
     deformation: "tissue deformation",
   },

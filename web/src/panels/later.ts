@@ -1,0 +1,5 @@
+// Panels that the first section does not need, in a module of their own that is fetched after it.
+
+export { Bookmarks } from "./bookmarks.js";
+export { LoopPlots } from "./loop_plots.js";
+export { StructuresPanel } from "./structures_panel.js";
