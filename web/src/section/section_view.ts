@@ -282,7 +282,11 @@ export class SectionView {
     const { session, picture } = this;
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes.value || !session.scene.value) return;
-    if (resized) this.keepShown();
+    if (resized) {
+      // another size clears a canvas, even if it is that of the previous picture
+      this.drawn = "";
+      this.keepShown();
+    }
     if (this.measure.value && this.measure.value.kind !== session.tool.value) this.dropMeasure();
     this.plane = this.place();
     this.keepInView();
