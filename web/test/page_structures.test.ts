@@ -198,6 +198,14 @@ testsOf(page, "the page", () => {
     }
   });
 
+  test("figures of the servo loop are updated in a card that is closed at first", async () => {
+    const card = page.byId("servo-card") as HTMLDetailsElement;
+    assert.equal(card.open, false);
+    await page.wait("figures of the loop", () => /^\d+ Hz · /.test(card.querySelector("#loop")!.textContent!));
+    assert.equal(card.contains(page.byId("plot-late-value")), true);
+    assert.equal(card.contains(page.byId("plot-force-value")), false);
+  });
+
   test("help opens and closes by key and button, and single-key shortcuts can be disabled", () => {
     const isHidden = () => page.byId("help-box").hidden;
     const tool = () => document.querySelector<HTMLElement>("[data-tool][aria-checked=true]")!.dataset.tool;

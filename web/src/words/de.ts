@@ -271,7 +271,8 @@ export const de: Words = {
   toolNotSeen: "Instrument für das Trackingsystem nicht sichtbar",
 
   // force and loop
-  forceAndLoop: "Kraft und Servo",
+  forceCourse: "Kraftverlauf",
+  servo: "Servotakt",
   forcePlot: "Kraft, N",
   forcePlotAbout: "Kraft und Kraftgrenze in den letzten 10 Sekunden",
   latePlot: "Taktverspätung, µs",

@@ -267,7 +267,8 @@ export const en = {
   toolNotSeen: "tool not visible to the tracker",
 
   // force and loop
-  forceAndLoop: "Force and servo",
+  forceCourse: "Force over time",
+  servo: "Servo loop",
   forcePlot: "Force, N",
   forcePlotAbout: "Force and its limit over the last 10 seconds",
   latePlot: "Tick lateness, µs",
