@@ -387,13 +387,13 @@ class Lesson(Trainee):
     """The same block, before a learner and a teacher with tokens: what is theirs, and nothing else."""
 
     scene_name = Quiz.scene_name
-    LEARNER, TEACHER = "learner-token-0123456789", "teacher-token-0123456789"
+    LEARNER, OTHER, TEACHER = "learner-token-0123456789", "another-token-0123456789", "teacher-token-0123456789"
 
     @classmethod
     def options(cls):
         tokens = os.path.join(cls.folder.name, "tokens")
         with open(os.open(tokens, os.O_WRONLY | os.O_CREAT, 0o600), "w", encoding="utf-8") as file:
-            file.write(f"learner {cls.LEARNER} L042\nteacher {cls.TEACHER}\n")
+            file.write(f"learner {cls.LEARNER} L042\nlearner {cls.OTHER} L007\nteacher {cls.TEACHER}\n")
         return ["--task", "find-the-nodule", "--records", cls.records, "--token-file", tokens]
 
     def setUp(self):
@@ -455,7 +455,8 @@ class Lesson(Trainee):
         self.assertEqual(self.is_shown("lesson", "curves-show", "lesson-led", "method"), [True, True, True, True])
         self.page.wait(f"{at} === {place}")
         self.assertEqual(self.barriers(), [])
-        self.page.run("const name = document.getElementById('lesson-learner'); name.value = 'L007'; name.dispatchEvent(new Event('change'))")
+        self.assertEqual(self.is_shown("lesson-learners", "lesson-learner"), [True, False], "learners with a token are listed")
+        self.page.click("#lesson-learners [data-learner='L007']")
         self.page.wait("palpateViewer.state.lesson.learner === 'L007'")
         self.assertIn("L007", self.text("#lesson-note"))
         self.page.click("#lesson-names")

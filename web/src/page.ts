@@ -106,7 +106,7 @@ export class Page {
       (request) => requests.once({ type: "plan", ...request }),
       () => connection.allows("plan"),
     );
-    const pointer = new PointerDevice(session, connection);
+    const pointer = new PointerDevice(session, connection, this.permissions, requests);
     const volume = new VolumeView(
       session,
       renderer,
@@ -204,6 +204,7 @@ export class Page {
   private onState(state: State): void {
     const before = this.session.state.value;
     this.session.state.value = state;
+    if (state.lesson.over && !before?.lesson.over) toast(words.lessonOver);
     // a quiz begins or ends to hide names and voxels from this viewer
     if (before && before.lesson.veiled !== state.lesson.veiled) this.loading.reload();
   }

@@ -10,7 +10,7 @@ export function openToTests(page: Page): void {
   const { session, connection, sections, volume, voxels } = page;
   const section = (kind: string) => sections.find((one) => one.kind === kind)!;
   const hook = {
-    /** State of the connection: "connecting", "connected", "lost", "refused" or "ended". */
+    /** State of the connection: "connecting", "connected", "lost", "refused", "ended" or "over". */
     get link() {
       return connection.link.value;
     },

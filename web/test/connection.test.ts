@@ -91,6 +91,21 @@ test("temporary errors are retried at increasing intervals", () => {
   }
 });
 
+test("a lesson that the teacher has ended is neither lost nor connected again", () => {
+  const { made, sockets, timers, links, told } = connection();
+  const state = (over: boolean) => ({ data: JSON.stringify({ type: "state", lesson: { over } }) });
+  sockets[0]!.onmessage(WELCOME);
+  sockets[0]!.onmessage(state(false));
+  sockets[0]!.onmessage(state(true));
+  sockets[0]!.onclose({ code: 1001 });
+  assert.deepEqual([links.at(-1), timers.length, told.unanswered], ["over", 0, 0]);
+  // another session at the same address
+  made.open();
+  sockets[1]!.onmessage(WELCOME);
+  sockets[1]!.onclose({ code: 1001 });
+  assert.deepEqual([links.at(-1), timers.length], ["lost", 1]);
+});
+
 test("a stop without a connection is sent to the next one within its time limit", async (t) => {
   let now = 1000;
   t.mock.method(performance, "now", () => now);

@@ -4,8 +4,9 @@
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1]
 //                                    [--hold no] [--shaft no] [--tool probe] [--burr ball] [--second no] [--yield no]
-//                                    [--more 0] [--kept FOLDER]
+//                                    [--more 0] [--kept FOLDER] [--task no]
 //
+//   --token-file F  lines as of palpate's: role, token, and a learner's pseudonym
 //   --protocol N    announced version of the protocol
 //   --refuse STATUS HTTP status of all responses of /api/ and /ws
 //   --scan ramp     unsigned 16-bit scan, most of whose values lie in 1/256 of the range, on a grid whose axes are
@@ -20,6 +21,7 @@
 //   --repeat N      subdivision of each voxel into N^3; 2: 9.6 million in all, as many as a clinical scan of a knee has
 //   --hold yes      volumes are withheld until a request of /mock/release
 //   --yield yes     deformable tissue under the tip
+//   --task yes      a task, whose runs nobody can begin
 //   --kept FOLDER   cache of voxels, which saves a second at the next start
 //
 // /mock/stops lists the times of stops, in ms since 1970. /mock/yield?at=0,0,0&mm=1,0,0&wide=5&device=0 displaces the
@@ -49,6 +51,7 @@ const options = {
   second: "no",
   kept: "",
   yield: "no",
+  task: "no",
 };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
@@ -57,16 +60,19 @@ const tokens = new Map(
     ? readFileSync(options["token-file"], "utf8")
         .split("\n")
         .filter(Boolean)
-        .map((line) => line.split(" ").reverse())
+        .map((line) => line.split(" "))
+        .map(([role, token, learner = null]) => [token, { role, learner }])
     : [],
 );
-// permissions by role, as palpate grants them to a session without tasks
+// permissions by role: docs/reference/viewer-protocol.md
 const rights = {
   view: ["look", "stop", "unseen"],
   control: ["look", "stop", "unseen", "hand", "feel", "plan", "play"],
+  learner: ["look", "stop", "hand", "own_runs"],
+  teacher: ["look", "stop", "unseen", "hand", "feel", "plan", "play", "lesson", "all_runs"],
 };
-const whoIs = (role) => ({ role, learner: null, may: rights[role] });
-const roleOf = (token) => (tokens.size === 0 ? "control" : (tokens.get(token) ?? null));
+const holderOf = (token) => (tokens.size === 0 ? { role: "control", learner: null } : (tokens.get(token) ?? null));
+const whoIs = ({ role, learner }) => ({ role, learner, may: rights[role] });
 
 // knee of simple shapes, mm from the joint; where shapes overlap, the first one counts
 const length = (x, y, z) => Math.sqrt(x * x + y * y + z * z);
@@ -274,10 +280,30 @@ const second =
         },
       ]
     : [];
-const scene = (role) => ({
+const tasks = [
+  {
+    name: "probing",
+    title: "Probing",
+    briefing: "Touch the meniscus.",
+    quiz: false,
+    ordered: false,
+    ends_with_steps: true,
+    time_limit_s: null,
+    answer_s: null,
+    to_find: [],
+    in_a_row: 1,
+    scope: null,
+    regions: [],
+    steps: [],
+    forces: [],
+    protected: [],
+    metrics: [],
+  },
+];
+const scene = (holder) => ({
   protocol,
   palpate: "0.0.0-mock",
-  ...whoIs(role),
+  ...whoIs(holder),
   side: "left",
   oriented: true,
   modality: "mr",
@@ -322,7 +348,7 @@ const scene = (role) => ({
   },
   rate_hz: 1000,
   recording: null,
-  tasks: [],
+  tasks: options.task === "yes" ? tasks : [],
   distances: null,
   caveats: [{ concerns: "force", text: "tissues of 0.5 to 0.6 N/mm are felt as one where they touch" }],
   no_go: [],
@@ -407,14 +433,14 @@ const server = createServer((request, response) => {
     release();
     return answer(200, {}, "");
   }
-  const role = roleOf((request.headers.authorization ?? "").replace(/^Bearer /, ""));
+  const holder = holderOf((request.headers.authorization ?? "").replace(/^Bearer /, ""));
   if (options.refuse) return answer(Number(options.refuse), {}, "");
-  if (!role) return answer(401, {}, "");
+  if (!holder) return answer(401, {}, "");
   if (pathname === "/api/scene")
     return answer(
       200,
       { "Content-Type": "application/json", "Cache-Control": "no-store" },
-      JSON.stringify(scene(role)),
+      JSON.stringify(scene(holder)),
     );
   const kind = { [`/api/volume/scan/${hash}`]: "scan", [`/api/volume/labels/${hash}`]: "labels" }[pathname];
   if (!kind) return answer(404, {}, "");
@@ -580,8 +606,35 @@ const sockets = new WebSocketServer({
   handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false),
 });
 const viewers = new Map();
+// settings of the lesson that a teacher leads
+const lesson = { learner: null, task: null, names: false, over: false };
+const pageOf = (learner) => [...viewers].findLast(([, viewer]) => viewer.learner === learner)?.[0] ?? null;
+const lessonFor = ({ role, learner }) => ({
+  ...lesson,
+  learner: role === "teacher" || learner === lesson.learner ? lesson.learner : null,
+  of_another: role === "learner" && lesson.learner !== null && lesson.learner !== learner,
+  veiled: false,
+  learners:
+    role === "teacher"
+      ? [...tokens.values()]
+          .filter((holder) => holder.role === "learner")
+          .map((holder) => ({
+            learner: holder.learner,
+            here: pageOf(holder.learner) !== null,
+            pointer: pointer !== null && viewers.get(pointer)?.learner === holder.learner,
+          }))
+      : null,
+});
+/** Changes the lesson; closes all connections if the session ends. */
+function lead({ pointer: passedTo, end, ...values }) {
+  if (values.learner === "") values.learner = null;
+  Object.assign(lesson, values, end ? { over: true } : {});
+  if (passedTo !== undefined) pointer = pageOf(passedTo);
+  else if (values.learner) pointer = pageOf(values.learner);
+  if (end) setTimeout(() => [...viewers.keys()].forEach((socket) => socket.close(1001)), 100);
+}
 const tellState = () => {
-  for (const socket of viewers.keys())
+  for (const [socket, viewer] of viewers)
     socket.send(
       JSON.stringify({
         type: "state",
@@ -590,13 +643,20 @@ const tellState = () => {
         viewers: viewers.size,
         pointer: pointer === socket,
         pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer",
-        lesson: { learner: null, of_another: false, task: null, names: false, veiled: false },
+        lesson: lessonFor(viewer),
       }),
     );
 };
 function refusal(message, viewer) {
   if (message.type === "stop") return null;
-  if (viewer.role !== "control") return { what: "This viewer may look, not change.", how: "Ask for a control token." };
+  if (message.type === "lesson" && viewer.role !== "teacher") return { what: "Only a teacher leads a lesson." };
+  if (message.pointer && pageOf(message.pointer) === null)
+    return { what: "No page of that learner is connected.", where: "pointer" };
+  if (message.type === "pointer" && message.take && pointer !== null && viewers.get(pointer) !== viewer)
+    return { what: "Another viewer has the pointer.", where: "take" };
+  if (message.type === "pointer" && lessonFor(viewer).of_another)
+    return { what: "The lesson is led by another viewer now.", where: "learner" };
+  if (viewer.role === "view") return { what: "This viewer may look, not change.", how: "Ask for a control token." };
   if (message.max_force_N > 1.4)
     return {
       what: "The force limit is above what the scene allows.",
@@ -644,10 +704,11 @@ sockets.on("connection", (socket) => {
     if (viewer && message.type === "stop") stopsAt_ms.push(came_ms);
     if (message.type === "hello") {
       if (message.protocol !== protocol) return socket.close(4406);
-      const role = roleOf(message.token ?? "");
-      if (!role) return socket.close(4401);
-      viewers.set(socket, { role, yielded: message.yielded === true });
-      socket.send(JSON.stringify({ type: "welcome", ...whoIs(role), protocol }));
+      const holder = holderOf(message.token ?? "");
+      if (!holder) return socket.close(4401);
+      viewers.set(socket, { ...holder, yielded: message.yielded === true });
+      socket.send(JSON.stringify({ type: "welcome", ...whoIs(holder), protocol }));
+      if (pointer === null && lesson.learner !== null && holder.learner === lesson.learner) pointer = socket;
       if (strokes.length > 0) socket.send(cutFrom(0));
       if (message.yielded) for (const { told, bytes } of yields.values()) if (told) socket.send(bytes);
       return tellState();
@@ -679,6 +740,7 @@ sockets.on("connection", (socket) => {
     if (type === "rearm")
       Object.assign(state, { emergency_stop: false, stop: null, armed: options.input === "device" });
     if (type === "pointer") pointer = values.take ? socket : null;
+    if (type === "lesson") lead(values);
     if (type === "set" && values.motor && !state.motor) {
       undone.length = 0;
       changeStrokes(() => strokes.push(nextStroke()));

@@ -96,9 +96,12 @@ export class Toolbar {
     else if (!isPointer && session.tool.peek() === "touch") session.tool.value = "window";
     this.wasPointer = isPointer;
   }
-  /** Requests the pointer once in a connection, silently, unlike when the user chooses the tool. */
+  /**
+   * Requests the pointer once in a connection, silently, unlike when the user chooses the tool. A teacher's page leaves
+   * it to the learners until a press.
+   */
   private takePointer(): void {
-    if (this.hasAsked || this.session.tool.peek() !== "touch") return;
+    if (this.hasAsked || this.session.tool.peek() !== "touch" || this.connection.allows("lesson")) return;
     this.hasAsked = true;
     void this.connection.ask({ type: "pointer", take: true });
   }

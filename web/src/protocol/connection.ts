@@ -7,8 +7,8 @@ import { decodeYield, isYield, type Yield } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { words } from "../words/words.js";
 
-/** State of the connection; "ended": no attempts until open() is called. */
-export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
+/** State of the connection; "ended", and "over" after a lesson: no attempts until open() is called. */
+export type Link = "connecting" | "connected" | "lost" | "refused" | "ended" | "over";
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
@@ -71,6 +71,7 @@ export class Connection {
   private timer = 0;
   private nextId = 1;
   private heard_ms = 0;
+  private isOver = false; // a teacher has ended the session of the current connection
   private unsentStop_ms = -Infinity; // time of the latest unacknowledged stop
   private readonly waiting = new Map<
     number,
@@ -89,6 +90,7 @@ export class Connection {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.heard_ms = performance.now();
+    this.isOver = false;
     if (this.link.peek() !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
       const hello = {
@@ -217,6 +219,7 @@ export class Connection {
         this.unsentStop_ms = -Infinity;
         break;
       case "state":
+        this.isOver = (message as State).lesson.over;
         this.listener.onState(message as State);
         break;
       case "cut":
@@ -259,6 +262,7 @@ export class Connection {
       this.listener.onToken();
       return;
     }
+    if (this.isOver) return this.setLink("over");
     this.setLink("lost");
     this.timer = window.setTimeout(() => this.open(), this.retry_ms * (0.8 + 0.4 * Math.random()));
     this.retry_ms = Math.min(2 * this.retry_ms, LONGEST_RETRY_MS);

@@ -146,6 +146,12 @@ export interface State extends Settings {
   lesson: Lesson;
 }
 
+/** Learner with a token, as reported to a teacher. */
+export interface LessonLearner {
+  learner: string; // pseudonym
+  here: boolean; // a page of this learner is connected
+  pointer: boolean; // the learner's page moves the tip
+}
 /** Settings of a lesson that this viewer may know. */
 export interface Lesson {
   learner: string | null; // owner of the runs; null for viewers other than teachers and that learner
@@ -153,6 +159,8 @@ export interface Lesson {
   task: string | null; // only task that learners may begin; null: any
   names: boolean; // names hidden by a quiz are shown to learners
   veiled: boolean; // a quiz hides names and voxels from this viewer
+  learners: LessonLearner[] | null; // learners with a token; null for viewers other than teachers
+  over: boolean; // a teacher has ended the session; the server closes the connection next
 }
 
 /**

@@ -454,7 +454,7 @@ export class SectionView {
         return this.release();
       }
       if (event.button !== 0) return;
-      if (session.tool.value === "touch" && this.pointer.isTaken) {
+      if (session.tool.value === "touch" && this.pointer.isAvailable) {
         this.holdAt(this.patientAt(picture.at(event)));
         this.pointer.hold(this.held.value!, event.pointerType === "touch");
       } else if (session.tool.value === "ruler" || session.tool.value === "angle") {
@@ -564,7 +564,8 @@ export class SectionView {
   }
 
   /**
-   * Moves the tip by an arrow or page key if this viewer has the pointer; the tip is held until the key is released.
+   * Moves the tip by an arrow or page key if this viewer has the pointer or may take it; the tip is held until the key
+   * is released.
    * @returns whether the key has moved the tip
    */
   private moveTipByKey(key: string): boolean {
@@ -579,8 +580,8 @@ export class SectionView {
     };
     const direction = directions[key];
     const tip = this.pointer.position ?? this.session.pose.value?.devices[0]?.tip;
-    if (!direction || !tip || this.session.tool.value !== "touch" || !this.pointer.isTaken || this.pointers.size > 0)
-      return false;
+    const isTouching = this.session.tool.value === "touch" && this.pointer.isAvailable;
+    if (!direction || !tip || !isTouching || this.pointers.size > 0) return false;
     const to = add(this.held.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel));
     if (!this.byKeys) this.pointer.hold(to, false);
     this.byKeys = true;

@@ -2,6 +2,8 @@
 
 import type { Connection } from "../protocol/connection.js";
 import { scale, add, sub, length, type Vec3 } from "../base/geometry.js";
+import type { Permissions } from "./permissions.js";
+import type { Requests } from "./requests.js";
 import type { Session } from "./session.js";
 
 const LEAST_INTERVAL_MS = 1000 / 120;
@@ -17,18 +19,25 @@ export class PointerDevice {
   private way: Vec3[] = []; // remaining waypoints; the last one is the target
   private sent_ms = 0; // time of the latest message
   private timer = 0;
+  private isAwaited = false; // this page has requested the pointer for the current press
 
   constructor(
     private readonly session: Session,
     private readonly connection: Connection,
+    private readonly permissions: Permissions,
+    private readonly requests: Requests,
   ) {}
 
-  get isTaken(): boolean {
+  private get isTaken(): boolean {
     return this.session.state.value?.pointer === true;
+  }
+  /** Whether a press moves the tip: this page has the pointer, or may take it because no viewer has it. */
+  get isAvailable(): boolean {
+    return this.isTaken || (this.session.state.value?.pointer_by === null && this.permissions.device.value);
   }
 
   /**
-   * Begins to move the tip to `p`, patient frame.
+   * Begins to move the tip to `p`, patient frame; takes the pointer first, if no viewer has it.
    * @param over  waypoints before `p`
    */
   hold(p: Vec3, isFinger: boolean, over: Vec3[] = []): void {
@@ -40,6 +49,9 @@ export class PointerDevice {
     this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
     clearInterval(this.timer);
     this.timer = window.setInterval(() => this.send(), LEAST_INTERVAL_MS);
+    this.isAwaited = !this.isTaken;
+    if (this.isAwaited)
+      void this.requests.once({ type: "pointer", take: true }).then((isGranted) => isGranted || this.release());
   }
   move(p: Vec3): void {
     if (this.session.holding.value) this.way[this.way.length - 1] = p;
@@ -53,6 +65,12 @@ export class PointerDevice {
   private send(): void {
     if (!this.position) return;
     const now = performance.now();
+    if (!this.isTaken) {
+      if (this.isAwaited) this.sent_ms = Math.max(this.sent_ms, now);
+      else this.release(); // a teacher has passed the pointer to another page
+      return;
+    }
+    this.isAwaited = false;
     const elapsed = now - this.sent_ms;
     let way = sub(this.way[0]!, this.position);
     while (length(way) < 1e-3 && this.way.length > 1) {

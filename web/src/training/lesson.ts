@@ -1,10 +1,10 @@
-// Panel of a lesson: identity of the learner, permitted task, names hidden by a quiz, and learning curves.
+// Panel of a lesson: whose turn it is, who moves the tip, permitted task, names hidden by a quiz, and learning curves.
 
 import { effect } from "@preact/signals-core";
 import { toast } from "../base/announce.js";
-import type { Scene } from "../protocol/messages.js";
+import type { LessonLearner, Scene, State } from "../protocol/messages.js";
 import type { Connection } from "../protocol/connection.js";
-import { byId, write } from "../base/dom.js";
+import { byId, element, press, write } from "../base/dom.js";
 import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
 import { says, words } from "../words/words.js";
@@ -28,18 +28,28 @@ function showPage(host: HTMLElement, html: string): void {
 /** Time within which a second press confirms the end of the session. */
 const SURE_MS = 4000;
 
+/** Row of the list of learners. */
+interface LearnerRow {
+  turn: HTMLButtonElement; // gives the turn to the learner
+  status: HTMLElement;
+  pass: HTMLButtonElement; // passes the tip to the learner
+}
+
 export class Lesson {
   private endAsked_ms = -Infinity;
+  private anyone: HTMLButtonElement | null = null; // gives the turn to no particular learner
+  private rows = new Map<string, LearnerRow>(); // rows of the list by pseudonym
 
   constructor(
     private readonly session: Session,
     private readonly connection: Connection,
-    requests: Requests,
+    private readonly requests: Requests,
     private readonly token: () => string | null,
   ) {
-    const ask = (asked: Record<string, unknown>) => void requests.once({ type: "lesson", ...asked });
+    const ask = (asked: Record<string, unknown>) => void this.ask(asked);
     const learner = byId<HTMLInputElement>("lesson-learner");
     learner.addEventListener("change", () => ask({ learner: learner.value.trim() }));
+    byId("lesson-take").addEventListener("click", () => void this.takeTip());
     byId("lesson-task").addEventListener("change", (event) => ask({ task: (event.target as HTMLSelectElement).value }));
     byId("lesson-names").addEventListener("change", (event) =>
       ask({ names: (event.target as HTMLInputElement).checked }),
@@ -50,7 +60,7 @@ export class Lesson {
       this.endAsked_ms = isSure ? -Infinity : performance.now();
       if (isSure) ask({ end: true });
       says(byId("lesson-end"), { text: isSure ? "endSession" : "endSessionAsked" });
-      if (!isSure) setTimeout(() => says(byId("lesson-end"), { text: "endSession" }), SURE_MS);
+      if (!isSure) window.setTimeout(() => says(byId("lesson-end"), { text: "endSession" }), SURE_MS);
     });
     byId("curves-show").addEventListener("click", () => void this.showCurves());
     byId("curves-close").addEventListener("click", () => this.closeCurves());
@@ -62,7 +72,19 @@ export class Lesson {
       this.listTasks(scene);
       this.showLesson();
     });
-    effect(() => this.showLesson());
+    effect(() => {
+      void requests.refusals.value;
+      this.showLesson();
+    });
+  }
+
+  private ask(asked: Record<string, unknown>): Promise<boolean> {
+    return this.requests.once({ type: "lesson", ...asked });
+  }
+  /** Takes the pointer from its holder, if there is one. */
+  private async takeTip(): Promise<void> {
+    const isHeld = this.session.state.value?.pointer_by === "viewer";
+    if (!isHeld || (await this.ask({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
   }
 
   /** Shows the identity of this viewer, and the controls that its permissions allow. */
@@ -82,24 +104,87 @@ export class Lesson {
     says(byId("curves-show"), { text: connection.allows("all_runs") ? "allCurves" : "ownCurves" });
   }
   private showLesson(): void {
-    const lesson = this.session.state.value?.lesson;
-    if (!lesson) return;
+    const state = this.session.state.value;
+    if (!state) return;
+    const { lesson } = state;
     write(
       byId("lesson-note"),
-      this.connection.allows("lesson")
-        ? lesson.learner === null
-          ? words.lessonOfNobody
-          : words.lessonOf(lesson.learner)
-        : lesson.of_another
-          ? words.lessonOfAnother
-          : lesson.veiled
-            ? words.lessonVeiled
-            : words.lessonYours,
+      lesson.over
+        ? words.lessonOver
+        : this.connection.allows("lesson")
+          ? lesson.learner === null
+            ? words.lessonOfNobody
+            : words.lessonOf(lesson.learner)
+          : lesson.of_another
+            ? words.lessonOfAnother
+            : lesson.veiled
+              ? words.lessonVeiled
+              : words.lessonYours,
     );
+    this.showLearners(state);
+    this.showTip(state);
     const input = byId<HTMLInputElement>("lesson-learner");
     if (document.activeElement !== input) input.value = lesson.learner ?? "";
     byId<HTMLSelectElement>("lesson-task").value = lesson.task ?? "";
     byId<HTMLInputElement>("lesson-names").checked = lesson.names;
+  }
+  /** Whether a viewer of this session moves the tip. */
+  private get hasPointer(): boolean {
+    return this.session.scene.value?.device.input === "pointer";
+  }
+  /** Shows the learners with a token; without any, a field for a pseudonym. */
+  private showLearners({ lesson }: State): void {
+    const learners = lesson.learners ?? [];
+    byId("lesson-learners").hidden = learners.length === 0;
+    byId("lesson-learner-line").hidden = learners.length > 0;
+    if (learners.length !== this.rows.size || learners.some(({ learner }) => !this.rows.has(learner)))
+      this.listLearners(learners);
+    if (this.anyone) press(this.anyone, lesson.learner === null);
+    for (const { learner, here, pointer } of learners) {
+      const { turn, status, pass } = this.rows.get(learner)!;
+      press(turn, lesson.learner === learner);
+      says(status, { text: pointer ? "movesTip" : here ? "isHere" : "isAway" });
+      pass.hidden = !this.hasPointer;
+      pass.disabled = !here || pointer || (lesson.learner !== null && lesson.learner !== learner);
+    }
+  }
+  private listLearners(learners: LessonLearner[]): void {
+    const turnOf = (learner: string) => {
+      const turn = element("button", { type: "button", className: "name" });
+      turn.dataset.learner = learner;
+      turn.addEventListener("click", () => void this.ask({ learner }));
+      return turn;
+    };
+    this.anyone = says(turnOf(""), { text: "anyone", title: "anyoneTitle" });
+    this.rows = new Map(
+      learners.map(({ learner }) => {
+        const turn = says(turnOf(learner), { title: "nextTurn" }, learner);
+        turn.textContent = learner;
+        const pass = says(element("button", { type: "button" }), { text: "passTip", label: "passTipTo" }, learner);
+        pass.addEventListener("click", () => void this.ask({ pointer: learner }));
+        return [learner, { turn, status: element("span", { className: "quiet" }), pass }];
+      }),
+    );
+    byId("lesson-learners").replaceChildren(
+      element("div", {}, this.anyone),
+      ...[...this.rows.values()].map(({ turn, status, pass }) => element("div", {}, turn, status, pass)),
+    );
+  }
+  /** Shows who moves the tip. */
+  private showTip({ lesson, pointer_by }: State): void {
+    const holder = lesson.learners?.find(({ pointer }) => pointer);
+    byId("lesson-tip").hidden = !this.hasPointer;
+    write(
+      byId("lesson-tip-text"),
+      holder
+        ? words.tipMovedBy(holder.learner)
+        : pointer_by === "you"
+          ? words.tipMovedByYou
+          : pointer_by === "viewer"
+            ? words.tipMovedByOther
+            : words.tipFree,
+    );
+    byId<HTMLButtonElement>("lesson-take").disabled = pointer_by === "you";
   }
   private listTasks({ tasks }: Scene): void {
     byId("lesson-task").replaceChildren(

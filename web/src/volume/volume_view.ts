@@ -486,7 +486,7 @@ export class VolumeView {
       const tip = session.pose.value?.devices[0]?.tip;
       if (
         session.tool.value === "touch" &&
-        this.pointer.isTaken &&
+        this.pointer.isAvailable &&
         event.button === 0 &&
         !this.turnsObject &&
         tip &&
