@@ -99,6 +99,7 @@ export class StructuresPanel {
     });
   }
 
+  /** Rebuilds the panel for a scene. */
   private build(scene: Scene): void {
     const { session } = this;
     this.rows = [];
@@ -165,6 +166,7 @@ export class StructuresPanel {
     });
     return [{ tissue, places, box, fold, eye, rows }];
   }
+  /** Updates the visibility buttons of the groups: all, some or none of the structures are visible. */
   private showGroups(looks: Look[]): void {
     for (const { places, eye } of this.groups) {
       const count = places.filter((place) => looks[place]!.visible).length;
@@ -222,7 +224,7 @@ export class StructuresPanel {
     (to.children[[...line.children].indexOf(target)] as HTMLElement).focus();
   }
 
-  /** Fills the menu of presets that apply to this scene. It keeps no selection, because a preset is an action. */
+  /** Fills the menu with the presets that apply to this scene. A preset is an action: nothing stays selected. */
   private offerPresets(scene: Scene): void {
     const names = PRESETS.filter((name) => hasBone(scene) || name === "scene" || name === "solid");
     byId("looks").replaceChildren(
@@ -376,10 +378,10 @@ export class StructuresPanel {
     return line;
   }
 
-  /** Moves sliders to the current values, except one that is being dragged. */
+  /** Sets the sliders to the current values, except one that is being dragged. */
   private show(state: State): void {
     const isAllowed = this.permissions.feel.value;
-    // sparse: tissues without structures have no row
+    // visits existing rows only: tissues without contact or structures have none
     this.rows.forEach((row, place) => {
       const tissue = state.tissues[place];
       if (!tissue) return;
@@ -396,7 +398,7 @@ export class StructuresPanel {
     });
   }
 
-  /** Highlights the row of the structure in contact. */
+  /** Highlights the row of the structure in contact; 0: none. */
   private touched(label: number): void {
     for (const [own, line] of this.lines) line.classList.toggle("touched", own === label && label > 0);
   }

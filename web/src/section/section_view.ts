@@ -58,10 +58,10 @@ export interface SectionStand {
 /** Placement of a section's picture. */
 interface View {
   mmPerPixel: number; // mm per CSS pixel
-  pan: [number, number]; // displacement of the picture's centre, right and down, mm
-  offset_mm: number; // offset along the normal from the session's anchor
+  pan: [number, number]; // displacement of the picture's centre to the right and down, mm
+  offset_mm: number; // offset of the plane from the session's anchor, along its normal
 }
-/** Direction that the oblique plane contains: tool axis, force, or none. */
+/** Direction that the oblique plane contains: tool axis or force. "fixed": none, it is an anatomical plane. */
 export type Along = "tool" | "force" | "fixed";
 export const ALONG: Along[] = ["tool", "force", "fixed"];
 /** Width of the slice slider at the right edge, which overlays leave free; CSS pixels. */
@@ -90,15 +90,16 @@ const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.
 export class SectionView {
   readonly picture: Picture;
   readonly along = signal<Along>("tool");
-  /** Anatomical plane to whose normal the oblique plane's is as close as possible. */
+  /** Anatomical plane whose normal the oblique plane's normal is as close to as its direction allows. */
   readonly like = signal<Anatomical>("sagittal");
   private readonly view = signal<View>({ mmPerPixel: 0.25, pan: [0, 0], offset_mm: 0 });
-  normal: Vec3 = [1, 0, 0]; // unit normal of the plane
-  private hanging: Hanging | undefined;
+  normal: Vec3 = [1, 0, 0]; // unit normal of the plane, patient frame; smoothed for the oblique plane
+  private hanging: Hanging | undefined; // display convention of the previous frame
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
-  private byKeys = false;
-  private readonly held = signal<Vec3 | null>(null); // target of the tip while it is moved here, a point of the plane
-  private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // position on this picture
+  private byKeys = false; // the tip is held by a key
+  /** Target of the tip while this picture moves it; the plane then contains it. null: not moved here. */
+  private readonly held = signal<Vec3 | null>(null);
+  private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // mouse over this picture
   private drawn = ""; // key of all that the drawn pixels depend on, besides the appearance of the volume
   private drawnAppearance: Session["appearance"]["value"] | null = null;
   private drawn_ms = -Infinity; // time at which the current contents were first drawn
@@ -111,9 +112,11 @@ export class SectionView {
     (slice) => this.goTo(slice),
     () => (this.history.gesture += 1),
   );
-  private plans = false; // the current press creates or moves a trajectory
-  private readonly measure = signal<Pick<Measure, "kind" | "points"> | null>(null); // measurement in progress
-  private readonly restsAt = signal<Vec3 | null>(null); // fixed anchor of the plane during a measurement
+  private plans = false; // the current press edits a trajectory of the plan
+  /** Measure in progress; its last point follows the mouse. */
+  private readonly measure = signal<Pick<Measure, "kind" | "points"> | null>(null);
+  /** Anchor of the plane while a measure is in progress; null: the session's. */
+  private readonly restsAt = signal<Vec3 | null>(null);
 
   constructor(
     readonly kind: PlaneKind,
@@ -151,7 +154,7 @@ export class SectionView {
   centre(): void {
     this.show({ offset_mm: 0 });
   }
-  /** Extent across the shorter side of the picture, mm; 0: never shown. */
+  /** Extent across the shorter side of the picture, mm. 0: the picture was never shown. */
   get across_mm(): number {
     return this.view.value.mmPerPixel * this.size;
   }
@@ -293,7 +296,7 @@ export class SectionView {
     const frame = picture.frame();
     const mm = this.view.value.mmPerPixel / frame.ratio;
 
-    // key of all that the section's pixels depend on, besides the appearance of the volume
+    // everything that determines the section's pixels, except the appearance of the volume
     const key = JSON.stringify([
       this.plane,
       mm,
@@ -315,8 +318,9 @@ export class SectionView {
     };
     const appearance = session.appearance.value;
     const isOther = key !== this.drawn || appearance !== this.drawnAppearance;
+    // estimated drawing time at full resolution, relative to the time allowed
     const most = this.slicer.cost_msOf(this.plane, session.slab.value, frame.width * frame.height) / max_ms;
-    // keeps the previous picture until the shader of another kind is compiled
+    // another kind of section needs another shader, which compiles in the background
     this.isAwaited =
       isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.value.kind !== "none", session.strain.value);
     if (this.isAwaited) {
@@ -394,7 +398,7 @@ export class SectionView {
     if (!session.volumes.value) return;
     const normal = normalOf(this.plane);
     const { first_mm, step_mm } = slicesAlong(session.volumes.value, normal);
-    // relative to the target plane, because the drawn one lags behind
+    // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
     const held = this.held.value;
     if (held) this.moveTip(add(held, by));
@@ -405,7 +409,7 @@ export class SectionView {
   /** Pans the picture so that a followed tip stays out of the outer 8 % on each side. */
   private keepInView(): void {
     const tip = this.session.pose.value?.devices[0]?.tip;
-    // not during a press or a measurement
+    // the picture must not move under a press or a measure in progress
     if (
       !tip ||
       !this.session.planes.value.follow ||
@@ -541,7 +545,7 @@ export class SectionView {
 
   /** Makes a point the target of the tip. */
   private holdAt(p: Vec3): void {
-    // without an offset, a following plane does not jump when the tip is released
+    // an offset would take effect again at the release, and a plane that follows the tip would jump
     if (this.session.planes.value.follow) this.centre();
     this.held.value = p;
   }
@@ -637,12 +641,12 @@ export class SectionView {
   }
   private addMeasurePoint(p: Vec3): void {
     if (!this.measure.value) {
-      // fixes the plane, so that all points of the measure lie on it
+      // hold the plane in place, so that it contains every point of the measure
       this.restsAt.value = sub(this.plane.centre, scale(this.normal, this.view.value.offset_mm));
       this.measure.value = { kind: this.session.tool.value as "ruler" | "angle", points: [p, p] };
       return;
     }
-    // a touch has no preceding hover, which would have placed this point
+    // sets the point that follows the mouse: a touch is not preceded by a hover
     this.moveMeasurePoint(p);
     const measure = this.measure.value;
     if (isWhole(measure)) this.finishMeasure();
