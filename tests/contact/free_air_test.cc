@@ -100,7 +100,7 @@ class FreeAirPress {
   }
 
  private:
-  void extend(const Vector<Patient>& step) {
+  void lead(const Vector<Patient>& step) {
     tip_ += step;
     advance();
     went_round_ = went_round_ || (is_free() && !is_straight_way());

@@ -226,7 +226,7 @@ class Press {
   double multiplier_mm() const { return (state_.position - tip_).norm(); }
 
   // A hand that presses no harder than it wants to, and moves no faster than it can.
-  void extend(const Vector<Patient>& way) {
+  void lead(const Vector<Patient>& way) {
     Vector<Patient> pressed = tip_ + way - state_.position;
     if (pressed.norm() > max_mm_) pressed = pressed * (max_mm_ / pressed.norm());
     Vector<Patient> step = state_.position + pressed - tip_;

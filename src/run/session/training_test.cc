@@ -445,7 +445,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   const auto do_run = [&](const std::string& learner) {
     ASSERT_TRUE(training->begin("ball", learner).ok());
     for (const std::uint64_t end = n + 400; n < end; ++n) training->see(tick(n, 0.4));
-    EXPECT_FALSE(training->teach({"L043", {}, {}, false}).ok()) << "not in the middle of a run";
+    EXPECT_FALSE(training->teach({.learner = "L043"}).ok()) << "not in the middle of a run";
     ASSERT_TRUE(training->end_run().ok());
     wait_until_kept(*training);
   };
@@ -460,17 +460,17 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   do_run("L007");
   EXPECT_EQ(training->debriefing()->runs, 2);
   // a teacher chooses the learner of runs that are begun without a name
-  ASSERT_TRUE(training->teach({"L042", {}, {}, false}).ok());
+  ASSERT_TRUE(training->teach({.learner = "L042"}).ok());
   EXPECT_TRUE(training->state().keeps);
   EXPECT_EQ(training->lesson().learner, "L042");
   do_run("");
-  ASSERT_TRUE(training->teach({"", {}, {}, false}).ok());
+  ASSERT_TRUE(training->teach({.learner = ""}).ok());
   do_run("");
   EXPECT_EQ(kept, (std::vector<std::string>{"L007", "L042", "L007", "L042"}));
   // and the task that may be begun
-  EXPECT_EQ(training->teach({{}, "none", {}, false}).error().where, "task");
-  EXPECT_EQ(training->teach({"two\nlines", {}, {}, false}).error().kind, ErrorKind::kBadInput);
-  ASSERT_TRUE(training->teach({{}, "ball", {}, false}).ok());
+  EXPECT_EQ(training->teach({.task = "none"}).error().where, "task");
+  EXPECT_EQ(training->teach({.learner = "two\nlines"}).error().kind, ErrorKind::kBadInput);
+  ASSERT_TRUE(training->teach({.task = "ball"}).ok());
   EXPECT_TRUE(training->begin("ball").ok());
 }
 
