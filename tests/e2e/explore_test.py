@@ -595,7 +595,7 @@ class Explore(cli.PalpateTest):
             process.send_signal(signal.SIGINT)
             _, error = process.communicate(timeout=300)
             self.assertEqual(process.returncode, cli.OK, error)
-            self.assertEqual("plan.toml: what was changed of the plan in the page was not saved" in error, not saves, error)
+            self.assertEqual("plan.toml: changes to the plan made in the page were not saved and are lost" in error, not saves, error)
             if saves:
                 self.assertRegex(plan.read_text(), r'(?s)^# for Monday\ntitle = "p"\n.*name = "other"')
             else:

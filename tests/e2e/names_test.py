@@ -50,18 +50,18 @@ class Names(cli.PalpateTest):
         labels = write_nrrd(self.folder / "liver_and_tumour.nrrd", blocks)
         table = self.folder / "knee.tsv"
         table.write_text("index\tname\n1\tfemur\n2\tfemoral_cartilage\n")
-        said = f"2 labels have their names from {table}, the only table beside it"
+        said = f"2 labels have their names from {table}, the only table next to it"
         self.assertIn(said, " ".join(self.succeed("info", labels).stdout.split()))
         self.assertEqual(json.loads(self.succeed("info", labels, "--json").stdout)["names_table"], str(table))
         scene = self.folder / "scene.toml"
         self.assertIn(said, self.succeed("scene", "new", labels, "-o", scene).stderr)
         text = scene.read_text()
-        self.assertIn('names = "knee.tsv"\n# names of the labels are from the only table beside it', text)
+        self.assertIn('names = "knee.tsv"\n# names of the labels are from the only table next to it', text)
         self.assertIn('# preset guessed from the name\'s term "cartilage"', text)
         page = self.folder / "run.html"
         done = self.succeed("simulate", labels, "-o", self.folder / "run.h5", "--report", page)
         self.assertIn(said, done.stderr)
-        self.assertIn("<dt>Names of structures</dt><dd>the only table beside it", page.read_text())
+        self.assertIn("<dt>Names of structures</dt><dd>the only table next to it", page.read_text())
         self.assertNotIn("knee.tsv", page.read_text())
 
         # it is not used where it may be another's

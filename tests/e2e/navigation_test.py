@@ -65,7 +65,7 @@ class Navigation(cli.PalpateTest):
         mirrored = {name: [-p[0], p[1], p[2]] for name, p in POINTS.items()}
         self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("mirrored.csv", mirrored), says="mirror images")
         some = self.lines("some.csv", {name: (*p, 0.5) if name == "fibula" else p for name, p in POINTS.items()})
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, some, says="of 1 of 5 points")
+        self.fail_clearly(cli.BAD_INPUT, "register", scan, some, says="of only 1 of 5 points")
         self.fail_clearly(cli.BAD_INPUT, "register", scan, os.path.join(self.folder, "missing.csv"), says="missing.csv")
         self.fail_clearly(cli.USAGE, "register", scan, scan, "--surface", "knee-phantom", says="--touched")
         self.fail_clearly(cli.USAGE, "register", scan, scan, "-o", scan, says="scan.csv")
@@ -101,7 +101,7 @@ class Navigation(cli.PalpateTest):
         nowhere = self.lines("nowhere.csv", {str(n): (31 * n % 90, 17 * n % 70, 53 * n % 80) for n in range(20)})
         surface = ("--surface", "knee-phantom:spacing=1.5", "--structure", "tibia")
         self.fail_clearly(cli.BAD_INPUT, "register", scan, seen, *surface, "--touched", nowhere, says="do not fit the surface")
-        self.fail_clearly(cli.USAGE, "register", scan, seen, *surface[:3], "tibbia", "--touched", nowhere, says='perhaps "tibia" is meant')
+        self.fail_clearly(cli.USAGE, "register", scan, seen, *surface[:3], "tibbia", "--touched", nowhere, says='did you mean "tibia"?')
 
 
 if __name__ == "__main__":

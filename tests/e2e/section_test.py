@@ -139,7 +139,7 @@ class Section(cli.KneeTest):
             (cli.USAGE, ["--plane", "oblique"], "needs a direction"),
             (cli.USAGE, ["--plane", "axial", "--direction", "1,2,3"], "only an oblique section"),
             (cli.USAGE, ["--plane", "diagonal"], "axial"),
-            (cli.USAGE, ["--window", "5,5"], "--window: the window's lower end"),
+            (cli.USAGE, ["--window", "5,5"], "--window: the lower end of the window"),
             (cli.USAGE, ["--fill", "--outline"], "--outline"),
             (cli.USAGE, ["--pixels", "100"], "whole number between 320 and 4096")])
 

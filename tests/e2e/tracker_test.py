@@ -161,7 +161,7 @@ class Live(cli.PalpateTest):
         done = self.succeed("register", self.scan(), tracker.address, *stream, "--tip", tip_file, "--fle", FLE_MM,
                             "--target=" + ",".join(map(str, PLACE)), "-o", registration_file)
         self.assertIn("touch medial (1 of 5)", done.stderr)
-        self.assertIn("fibula: taken, held within 0.00 mm", done.stderr)
+        self.assertIn("fibula: recorded, held within 0.00 mm", done.stderr)
         registration = json.loads(registration_file.read_text())
         self.assertEqual(registration["reference"], REFERENCE)
         self.assertEqual([point["name"] for point in registration["by_points"]["points"]], list(POINTS))

@@ -98,7 +98,7 @@ TEST_F(FileTest, WhoEndsAtOnceLeavesNothingUnfinished) {
 TEST_F(FileTest, ADeviceIsNotReplaced) {
   const auto result = write_file("/dev/null", "x");
   ASSERT_FALSE(result.ok());
-  EXPECT_NE(result.error().what.find("ordinary"), std::string::npos);
+  EXPECT_NE(result.error().what.find("regular file"), std::string::npos);
   EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
@@ -114,7 +114,7 @@ TEST_F(FileTest, WhatStandsInTheWayIsNamed) {
   for (const char* below : {"a/b", "a/b/c"})
     EXPECT_EQ(write_file(folder_ / below, "x").error().where, (folder_ / "a").string());
   const Error error = output_error(folder_ / "a", ENOTDIR);
-  EXPECT_NE(error.message().find("/a: is a file and not a folder"), std::string::npos) << error.message();
+  EXPECT_NE(error.message().find("/a: is a file, not a folder"), std::string::npos) << error.message();
   // a folder that exists but is not writable is not reported as missing
   EXPECT_NE(write_file("/proc/x.h5", "x").error().what.find("does not accept files"), std::string::npos);
 }

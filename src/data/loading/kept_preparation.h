@@ -18,7 +18,7 @@ namespace palpate {
 
 /// Version of the cached results. Increment it whenever a function's result for the same parameters changes,
 /// which invalidates earlier entries. The test KeptPreparation.GoldenHash detects an omission.
-inline constexpr std::uint32_t kPreparationVersion = 7;
+inline constexpr std::uint32_t kPreparationVersion = 8;
 
 /// Cached slow steps of one model; labels are identified by their address.
 class CachedPreparation final : public Preparing {

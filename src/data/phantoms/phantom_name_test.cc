@@ -85,7 +85,7 @@ TEST(PhantomName, FaultsAreNamedWithTheWayOut) {
   EXPECT_THAT(message("knee-phantom:lesion-depth=2"), HasSubstr("without `lesion`"));
   EXPECT_THAT(message("knee-phantom:lesion-at=2"), HasSubstr("without `lesion`"));
   EXPECT_THAT(message("knee-phantom:visible=no"), HasSubstr("without `lesion`"));
-  EXPECT_THAT(message("knee-phantom:lesion=3,lesion-at=1"), HasSubstr("no place on femur, which has 1"));
+  EXPECT_THAT(message("knee-phantom:lesion=3,lesion-at=1"), HasSubstr("not a place on femur, which has 1"));
   EXPECT_THAT(message("knee-phantom:lesion=3,lesion-in=femoral_cartilage,lesion-at=4"),
               HasSubstr("`lesion-at` is"));
   EXPECT_THAT(message("knee-phantom:defect-in=patellar_cartilage"), HasSubstr("without `defect`"));
@@ -94,7 +94,7 @@ TEST(PhantomName, FaultsAreNamedWithTheWayOut) {
   EXPECT_THAT(message("knee-phantom:lesion=2,spacing=0.3x0.3x1.5"),
               HasSubstr("too small for voxels of 1.5 mm"));
   EXPECT_THAT(message("shell-phantom:thickness=1,spacing=0.6"), HasSubstr("diagonal of a voxel, 1.04 mm"));
-  EXPECT_THAT(message("shell-phantom:radius=5,thickness=5"), HasSubstr("hollow"));
+  EXPECT_THAT(message("shell-phantom:radius=5,thickness=5"), HasSubstr("no cavity"));
   EXPECT_THAT(message("skull-phantom:temporal=7"), HasSubstr("thicker than the rest"));
   EXPECT_THAT(message("gland-phantom:skin=0.5"), HasSubstr("`skin` of 0.5 mm"));
 }
@@ -104,7 +104,10 @@ TEST(PhantomName, WhatIsTooLargeIsRefusedBeforeMemoryIsTaken) {
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().what, HasSubstr("889 million voxels; a phantom has at most 200 million"));
   // the suggested value is accepted
-  const std::string advice = refused.error().remedy.substr(0, refused.error().remedy.find(' '));
+  const std::string& remedy = refused.error().remedy;
+  const auto from = remedy.find("spacing=");
+  ASSERT_NE(from, std::string::npos) << remedy;
+  const std::string advice = remedy.substr(from, remedy.find(' ', from) - from);
   EXPECT_TRUE(parse_phantom("skull-phantom:" + advice).ok()) << advice;
   // also for parameters that do not come from a name
   SkullParameters skull;

@@ -70,7 +70,7 @@ TEST(NewScene, SaysWhichTermOfANameSuggestsItsPreset) {
                         "# guessed from its name's term \"cyst\": air or fluid, which does not resist\n"));
   EXPECT_THAT(*text, HasSubstr("name = \"hip_implant\"\n"
                                "# no preset for its name's term \"implant\": add a stiffness"));
-  EXPECT_THAT(*text, HasSubstr("name = \"stomach\"\n# its name suggests no preset:"));
+  EXPECT_THAT(*text, HasSubstr("name = \"stomach\"\n# its name matches no preset:"));
 }
 
 // a long list of terms is wrapped into several comment lines

@@ -391,7 +391,7 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
       "[second_tool]\nkind = 'burr'\n";
   const auto unsaid = parse_scene(tissues + both, "t");
   ASSERT_FALSE(unsaid.ok());
-  EXPECT_THAT(unsaid.error().message(), HasSubstr("tissue \"bone\" is bone to a shaver"));
+  EXPECT_THAT(unsaid.error().message(), HasSubstr("tissue \"bone\" cannot be cut by a shaver"));
   const auto cone =
       parse_scene(tissues + "[tool]\nkind = 'shaver'\nshape = 'cone'\nlength = 9\ntip_diameter = 2\n", "t");
   ASSERT_FALSE(cone.ok());
@@ -580,7 +580,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "did you mean scan?"},
         BadScene{TISSUE "[limits]\nmax_forse = 3\n", 5, "unknown key", "did you mean max_force?"},
         BadScene{TISSUE "[[no_go]]\nstructures = [1]\n", 4, "a no-go region without a name", "add: name"},
-        BadScene{TISSUE "[[no_go]]\nname = 'n'\n", 4, "no-go region \"n\" is nowhere", "a region is made of"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\n", 4, "no-go region \"n\" has no geometry", "a region is made of"},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nradius = 2\n", 4,
                  "is defined in more than one way", "a region is made of"},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\npoint = [0,0,0]\n", 4, "has no `outward`", "superior"},
@@ -721,7 +721,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = ''\nlabels = [1]\n", 2, "name is empty", ""},
         BadScene{"[[tissue]]\nname = 'a'\n", 1, "neither labels nor a threshold", ""},
         BadScene{TISSUE "threshold = [1, 2]\n", 1, "both labels and a threshold", ""},
-        BadScene{TISSUE "embedding = true\n", 4, "is an embedding, and has labels as well", ""},
+        BadScene{TISSUE "embedding = true\n", 4, "is an embedding, but has labels as well", ""},
         BadScene{TISSUE "air_below = -400\n", 4, "has air_below but is not an embedding", "embedding = true"},
         BadScene{"[[tissue]]\nname = 'a'\nembedding = true\n[[tissue]]\nname = 'b'\nembedding = "
                  "true\n[data]\nlabels = 'l'\n",
@@ -740,10 +740,10 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "rests_on = ['skull']\n", 1, "rests on \"skull\"", "the tissues are a"},
         BadScene{"device = 'touch'\n[[step]]\napproach = 'femur'\n", 2, "a palpation script, not a scene",
                  "--script"},
-        BadScene{TISSUE "rests_on = ['a']\n", 1, "in a circle: a on a", ""},
+        BadScene{TISSUE "rests_on = ['a']\n", 1, "is circular: a on a", ""},
         BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\nrests_on = ['c']\n"
                         "[[tissue]]\nname = 'c'\nlabels = [3]\nrests_on = ['b']\n",
-                 5, "in a circle: b on c on b", ""},
+                 5, "is circular: b on c on b", ""},
         BadScene{TISSUE "rests_on = ['b']\nstiffness = 1.5\n[[tissue]]\nname = 'b'\nlabels = [2]\n", 1,
                  "\"a\" (1.5 N/mm) is stiffer than \"b\" (1 N/mm)", "inward"},
         BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\nfelt = false\n", 1,

@@ -51,20 +51,20 @@ inline const std::vector<DhdFault>& dhd_faults() {
                     [](FakeDhdDevice& device) { device.restored = true; }, words};
   };
   static const std::vector<DhdFault> faults{
-      flag_fault("unplugged", &FakeDhdDevice::plugged, false, "not there any more"),
+      flag_fault("unplugged", &FakeDhdDevice::plugged, false, "disconnected"),
       flag_fault("failing", &FakeDhdDevice::fails, true, "cannot be opened"),
       flag_fault("mute", &FakeDhdDevice::mute, true, "does not answer"),
       flag_fault("deaf", &FakeDhdDevice::deaf, true, "does not answer"),
       flag_fault("power", &FakeDhdDevice::power, false, "no power"),
       flag_fault("calibration", &FakeDhdDevice::initialised, false, "not initialised"),
-      flag_fault("error", &FakeDhdDevice::error, true, "an error"),
-      flag_fault("nowhere", &FakeDhdDevice::nowhere, true, "a place that is none"),
-      flag_fault("crooked", &FakeDhdDevice::crooked, true, "a place that is none"),
-      trip("button", 1, "switched off at the device"),
-      trip("velocity", 2, "faster than it allows"),
-      trip("watchdog", 3, "nobody spoke to it"),
+      flag_fault("error", &FakeDhdDevice::error, true, "reports an error"),
+      flag_fault("nowhere", &FakeDhdDevice::nowhere, true, "an invalid position"),
+      flag_fault("crooked", &FakeDhdDevice::crooked, true, "an invalid position"),
+      trip("button", 1, "disabled at the device"),
+      trip("velocity", 2, "exceeded its speed limit"),
+      trip("watchdog", 3, "received no commands"),
       trip("usb", 5, "USB"),
-      trip("deadman", 6, "nobody holds"),
+      trip("deadman", 6, "is not held"),
       {"replugged uninitialised",
        [](FakeDhdDevice& device) {
          device.plugged = false;
@@ -74,7 +74,7 @@ inline const std::vector<DhdFault>& dhd_faults() {
          device.plugged = true;
          device.initialised = true;
        },
-       "not there any more"},
+       "disconnected"},
   };
   return faults;
 }

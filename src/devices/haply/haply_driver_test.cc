@@ -179,7 +179,7 @@ TEST(HaplyDriver, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
   service.stop();
   EXPECT_NE(refusal().find("no Inverse Service answers"), std::string::npos);
   service.start("4.0.0");
-  EXPECT_NE(refusal().find("does not know: 4.0"), std::string::npos);
+  EXPECT_NE(refusal().find("is not supported: 4.0"), std::string::npos);
   service.stop();
   service.start("3.1.1");
   service.present = false;

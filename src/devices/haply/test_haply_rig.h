@@ -32,11 +32,11 @@ using HaplyFault = DriverFault<FakeInverseService>;
 
 inline const std::vector<HaplyFault>& haply_faults() {
   static const std::vector<HaplyFault> faults{
-      flag_fault("silent", &FakeInverseService::silent, true, "silent"),
-      flag_fault("deaf", &FakeInverseService::deaf, true, "silent"),
-      flag_fault("broken", &FakeInverseService::breaks_json, true, "no state"),
-      flag_fault("other", &FakeInverseService::says_other, true, "no state"),
-      flag_fault("place", &FakeInverseService::odd_place, true, "no state"),
+      flag_fault("silent", &FakeInverseService::silent, true, "sends no states"),
+      flag_fault("deaf", &FakeInverseService::deaf, true, "sends no states"),
+      flag_fault("broken", &FakeInverseService::breaks_json, true, "not device states"),
+      flag_fault("other", &FakeInverseService::says_other, true, "not device states"),
+      flag_fault("place", &FakeInverseService::odd_place, true, "not device states"),
       flag_fault("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
       flag_fault("power", &FakeInverseService::power, false, "no power"),
       flag_fault("ready", &FakeInverseService::ready, false, "not ready"),

@@ -205,7 +205,7 @@ TEST(OpenHaptics, WithoutItsOwnGuardsItIsNotBegun) {
   const auto refused = rig.driver->open(false);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().kind, ErrorKind::kUnavailable);
-  EXPECT_THAT(refused.error().message(), HasSubstr("guards"));
+  EXPECT_THAT(refused.error().message(), HasSubstr("the force limits of the library"));
 }
 
 class HdCalibrations : public ::testing::TestWithParam<int> {};

@@ -53,19 +53,19 @@ inline const std::vector<HdFault>& hd_faults() {
     return HdFault{name, [=](FakeHd& fake) { fake.device[0].error = code; }, [](FakeHd&) {}, words};
   };
   static const std::vector<HdFault> faults{
-      flag("unplugged", &FakeHdDevice::plugged, false, "not reach"),
-      flag("communication", &FakeHdDevice::communication, false, "not reach"),
-      flag("nowhere", &FakeHdDevice::nowhere, true, "a place that is none"),
-      flag("crooked", &FakeHdDevice::crooked, true, "a place that is none"),
-      flag("mute", &FakeHdDevice::mute, true, "a place that is none"),
+      flag("unplugged", &FakeHdDevice::plugged, false, "has lost the device"),
+      flag("communication", &FakeHdDevice::communication, false, "has lost the device"),
+      flag("nowhere", &FakeHdDevice::nowhere, true, "an invalid position"),
+      flag("crooked", &FakeHdDevice::crooked, true, "an invalid position"),
+      flag("mute", &FakeHdDevice::mute, true, "an invalid position"),
       flag("calibration", &FakeHdDevice::never_calibrates, true, "not calibrated"),
       error("warm", 0x200, "motors are warm"),
       error("force", 0x201, "force was too high"),
       error("impulse", 0x202, "force was too high"),
-      error("velocity", 0x203, "faster than it allows"),
+      error("velocity", 0x203, "exceeded its speed limit"),
       error("forceError", 0x204, "force was too high"),
-      error("deviceFault", 0x300, "not reach"),
-      error("timer", 0x304, "not reach"),
+      error("deviceFault", 0x300, "has lost the device"),
+      error("timer", 0x304, "has lost the device"),
       {"slow and lost",
        [](FakeHd& fake) {
          fake.hangs = true;
@@ -73,9 +73,9 @@ inline const std::vector<HdFault>& hd_faults() {
          fake.device[0].error = 0x300;
          fake.hangs = false;
        },
-       [](FakeHd&) {}, "not reach"},
+       [](FakeHd&) {}, "has lost the device"},
       {"stalled", [](FakeHd& fake) { fake.stalled = true; }, [](FakeHd& fake) { fake.stalled = false; },
-       "stands still"},
+       "has stalled"},
   };
   return faults;
 }
@@ -85,7 +85,7 @@ inline const std::vector<HdFault>& hd_faults_and_hang() {
   static const std::vector<HdFault> faults = [] {
     std::vector<HdFault> all = hd_faults();
     all.push_back({"hanging", [](FakeHd& fake) { fake.hangs = true; },
-                   [](FakeHd& fake) { fake.hangs = false; }, "stands still"});
+                   [](FakeHd& fake) { fake.hangs = false; }, "has stalled"});
     return all;
   }();
   return faults;

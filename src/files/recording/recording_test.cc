@@ -307,12 +307,12 @@ TEST(Recording, DescribesEveryBit) {
     return found == columns.end() ? std::string("no such column") : found->description();
   };
   EXPECT_THAT(description(internal::tick_columns(), "switches"),
-              ::testing::StartsWith("what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency "
+              ::testing::StartsWith("switches that are on: 1 friction, 2 viscosity, 4 paused, 8 emergency "
                                     "stop, 16 passivity, 32 motor"));
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: reasons why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
-            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 tissue solved");
+            "kind of request: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 tissue solved");
   EXPECT_EQ(
       description(internal::event_columns(), "asked_by"),
       "source of the request: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer with "

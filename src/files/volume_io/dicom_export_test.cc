@@ -128,7 +128,7 @@ TEST(DicomExport, WhatSegCannotHoldIsAnError) {
   for (auto& layer : tilted.layers) layer = Volume<LabelId>(sheared, layer.voxels());
   const auto refused = write_dicom_segmentation(folder / "out.dcm", tilted);
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().message(), HasSubstr("square"));
+  EXPECT_THAT(refused.error().message(), HasSubstr("orthogonal"));
   labels.segments = {{7, "nothing", {1, 2, 3}, 0, 7}};
   EXPECT_FALSE(write_dicom_segmentation(folder / "out.dcm", labels));
   EXPECT_FALSE(std::filesystem::exists(folder / "out.dcm"));

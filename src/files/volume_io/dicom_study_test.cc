@@ -102,7 +102,7 @@ TEST(DicomStudy, ANumberDecidesAndWhatSpeaksAgainstItIsSaid) {
   EXPECT_EQ(chosen->index, 2u);
   EXPECT_THAT(chosen->notes,
               ElementsAre(AllOf(HasSubstr("made on volume 2"), HasSubstr("volume 3 was requested")),
-                          HasSubstr("another frame of reference than volume 3")));
+                          HasSubstr("a different frame of reference from volume 3")));
   EXPECT_FALSE(chosen->is_stated);
   const auto closest =
       choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 2);

@@ -1601,7 +1601,7 @@ TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
   EXPECT_THAT(other.error().what, HasSubstr("was not made on these images"));
   const auto asked = study(masks, 1);
   ASSERT_TRUE(asked);
-  EXPECT_THAT(asked->notes, ::testing::ElementsAre(HasSubstr("in another frame of reference than volume 1")));
+  EXPECT_THAT(asked->notes, ::testing::ElementsAre(HasSubstr("in a different frame of reference from volume 1")));
   // the same frame of reference, and none
   masks.frame_of_reference = "1.2.5.9753";
   EXPECT_THAT(study(masks, 1)->notes,
@@ -1795,11 +1795,11 @@ TEST_F(StructureSet, WhatIsLeftOutOrFilledInIsTold) {
   EXPECT_EQ(read->labels.segments.size(), 4u);
   EXPECT_EQ(voxels_of(*read, 6), 15u);
   EXPECT_THAT(warnings_,
-              AllOf(HasSubstr("structures without a closed contour, which are left out: point, nothing"),
+              AllOf(HasSubstr("structures without a closed contour, which were left out: point, nothing"),
                     HasSubstr("2 contours are open, points or less than a triangle"),
-                    HasSubstr("lacks contours in 1 plane between others"), HasSubstr("are taken: beyond"),
-                    HasSubstr("reach beyond the scan and are cut off there: beyond"),
-                    HasSubstr("lie outside of the scan: far")));
+                    HasSubstr("lacks contours in 1 plane between others"), HasSubstr("are used: beyond"),
+                    HasSubstr("extend beyond the scan and are cut off there: beyond"),
+                    HasSubstr("lie outside the scan: far")));
 }
 
 TEST_F(StructureSet, WhatCannotBeIsRefusedByASentence) {

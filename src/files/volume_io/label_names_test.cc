@@ -89,7 +89,7 @@ TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
   std::string warning;
   const auto warn = [&](const std::string& said) { warning = said; };
   EXPECT_EQ(read_labels(file, {}, {}, warn)->unnamed.size(), 3u);
-  EXPECT_NE(warning.find("that of other.nrrd"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("belong to other.nrrd"), std::string::npos) << warning;
   // the scan is not a label map
   const auto of_scan =
       read_labels(file, {}, {}, warn, Doubtful::kRefused, VoxelCaching::kOff, nullptr, {}, other);

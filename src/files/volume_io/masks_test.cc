@@ -171,7 +171,7 @@ TEST(Masks, WhatIsNoMaskIsRefusedByName) {
                         other.origin = Point<Patient>(12, -40, 8);
                         ASSERT_TRUE(write_volume(file, Volume<std::uint8_t>(other)));
                       }),
-              HasSubstr("another grid than aorta.nii.gz"));
+              HasSubstr("a different grid from aorta.nii.gz"));
   EXPECT_THAT(refusal("spleen.nhdr",
                       [&](const fs::path& file) {
                         write_text(file,

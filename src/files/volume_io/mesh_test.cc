@@ -141,7 +141,7 @@ TEST(Mesh, WhatIsNotReadIsSaid) {
     const auto file = parse_mesh(bytes, format, "f");
     return file ? std::string("is read") : file.error().message();
   };
-  EXPECT_THAT(refusal(packed, MeshFormat::kVtkXml), HasSubstr("packed by vtkLZ4DataCompressor"));
+  EXPECT_THAT(refusal(packed, MeshFormat::kVtkXml), HasSubstr("compressed by vtkLZ4DataCompressor"));
   EXPECT_THAT(
       refusal("# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\n", MeshFormat::kVtkLegacy),
       HasSubstr("holds no POLYDATA"));

@@ -577,7 +577,7 @@ TEST(NiftiForms, AMirrorOrMoreThanAVoxelIsSaidWithBothReadings) {
   };
   const std::string mirrored = warnings_of(nifti_of_two_forms(0, 0, -1));
   EXPECT_NE(mirrored.find("a qform and an sform that differ by a mirror"), std::string::npos) << mirrored;
-  EXPECT_NE(mirrored.find("by the sform, which is taken, its axes are RAS"), std::string::npos) << mirrored;
+  EXPECT_NE(mirrored.find("by the sform, which is used, its axes are RAS"), std::string::npos) << mirrored;
   EXPECT_NE(mirrored.find("by the qform its axes are RAI"), std::string::npos) << mirrored;
   EXPECT_NE(mirrored.find("--form q or s"), std::string::npos) << mirrored;
   const std::string shifted = warnings_of(nifti_of_two_forms(0, 20, 1));

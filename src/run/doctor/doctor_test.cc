@@ -69,8 +69,8 @@ TEST(Doctor, ATimerThatIsLateIsSaid) {
   timer.on_time = 0.93;
   const DoctorLine with_rights = timer_line(timer, true), without = timer_line(timer, false);
   EXPECT_EQ(with_rights.finding, Finding::kMissing);
-  EXPECT_THAT(without.cure, HasSubstr("rights"));
-  EXPECT_THAT(with_rights.cure, Not(HasSubstr("rights")));
+  EXPECT_THAT(without.cure, HasSubstr("permissions"));
+  EXPECT_THAT(with_rights.cure, Not(HasSubstr("permissions")));
 }
 
 DeviceRegistry two_devices(bool first_ready) {

@@ -849,7 +849,7 @@ TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
   live_->follow_script();
   ASSERT_TRUE(live_->method_failure());
   EXPECT_EQ(live_->method_failure()->where, "b-spline");
-  EXPECT_THAT(live_->method_failure()->what, HasSubstr("other stiffnesses"));
+  EXPECT_THAT(live_->method_failure()->what, HasSubstr("other stiffness values"));
   EXPECT_EQ(live_->state().method, ForceMethod::kProxy);
 }
 

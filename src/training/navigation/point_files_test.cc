@@ -95,8 +95,8 @@ TEST(ParseMarkups, KeepsThemApartWithTheirTypes) {
 TEST(ParsePoints, RefusesByTheLine) {
   EXPECT_THAT(refused_points(""), HasSubstr("has no point"));
   EXPECT_THAT(refused_points("name,x,y,z\n"), HasSubstr("has no point"));
-  EXPECT_THAT(refused_points("a,1,2,3\nb,4,5\n"), HasSubstr("points.csv:2: is no point"));
-  EXPECT_THAT(refused_points("a,1,2,nan\n"), HasSubstr("points.csv:1: is no point"));
+  EXPECT_THAT(refused_points("a,1,2,3\nb,4,5\n"), HasSubstr("points.csv:2: is not a point"));
+  EXPECT_THAT(refused_points("a,1,2,nan\n"), HasSubstr("points.csv:1: is not a point"));
   EXPECT_THAT(refused_points("a,1,2,3,0\n"), HasSubstr("error must be above 0"));
   EXPECT_THAT(refused_points("# CoordinateSystem = XYZ\n"), HasSubstr("\"XYZ\""));
   EXPECT_THAT(refused_points("{"), HasSubstr("not a JSON file"));
