@@ -4,7 +4,7 @@ import { toast } from "./base/announce.js";
 import { write, byId } from "./base/dom.js";
 import { Page } from "./page.js";
 import { applyTheme } from "./panels/theme.js";
-import { anySlicer } from "./section/slicer.js";
+import { anySlicer } from "./section/any_slicer.js";
 import { applyLanguage } from "./words/language.js";
 import { words } from "./words/words.js";
 

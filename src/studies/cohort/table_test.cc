@@ -50,7 +50,7 @@ TEST(CohortTable, EachFaultIsNamedWithItsLine) {
                         {"study\n", "cases", "has no case"},
                         {"case\tsegmentation\nA\tb\n", "cases:1", "the column study is missing"},
                         {"study\tcolour\n", "cases:1", "no column \"colour\""},
-                        {"study\tscan\n", "cases:1", "twice"},
+                        {"study\tscan\n", "cases:1", "repeated"},
                         {"study\na\tb\n", "cases:2", "2 fields"},
                         {"study\tseed\na\t-1\n", "cases:2", "is not a number"},
                         {"study\tseed\na\t1.5\n", "cases:2", "is not a number"},

@@ -484,17 +484,3 @@ export const samplesThrough = (through: Vec3, density: number): number =>
 
 /** Common interface of the slicers by WebGL 2 and on the main thread. */
 export type AnySlicer = Pick<Slicer, keyof Slicer>;
-
-/**
- * Slicer by WebGL 2, else on the main thread.
- * @param onPlain  called if WebGL 2 is unavailable
- */
-export async function anySlicer(onPlain: () => void): Promise<AnySlicer> {
-  try {
-    return new Slicer();
-  } catch {
-    onPlain();
-    const { PlainSlicer } = await import("./plain_slicer.js");
-    return new PlainSlicer();
-  }
-}
