@@ -100,8 +100,8 @@ constexpr auto kEventColumns = [] {
                PALPATE_EVENT(change.contact) + n * sizeof(double),
                kContactProperties[n].ascii_unit.data(),
                "-",
-               n == 0 ? "model: value that the tissue has from then on; of a law the factor by which its "
-                        "cells are longer than the scene's, 0: as before"
+               n == 0 ? "model: new value of the tissue; for a law the ratio of its cell size to the "
+                        "scene's, 0: unchanged"
                       : "model: new value of the tissue"};
   std::ranges::copy(kEventColumnsAfterProperties, next);
   return columns;
