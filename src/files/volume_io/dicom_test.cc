@@ -1601,7 +1601,8 @@ TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
   EXPECT_THAT(other.error().what, HasSubstr("was not made on these images"));
   const auto asked = study(masks, 1);
   ASSERT_TRUE(asked);
-  EXPECT_THAT(asked->notes, ::testing::ElementsAre(HasSubstr("in a different frame of reference from volume 1")));
+  EXPECT_THAT(asked->notes,
+              ::testing::ElementsAre(HasSubstr("in a different frame of reference from volume 1")));
   // the same frame of reference, and none
   masks.frame_of_reference = "1.2.5.9753";
   EXPECT_THAT(study(masks, 1)->notes,

@@ -523,7 +523,8 @@ TEST(ScopeTask, IsOfferedWhereASecondDeviceHoldsTheScope) {
   options.have_to_fit = true;
   const auto refused = Training::start(options, *model, 1, {});
   ASSERT_FALSE(refused.ok());
-  EXPECT_THAT(refused.error().message(), HasSubstr("watch.toml:2: the task needs a second device for the scope"));
+  EXPECT_THAT(refused.error().message(),
+              HasSubstr("watch.toml:2: the task needs a second device for the scope"));
 }
 
 TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {

@@ -133,9 +133,11 @@ TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
     return found ? std::string("accepted") : found.error().message();
   };
   const Distance ball = [](const Eigen::Vector3d& x) { return x.norm() - 20; };
-  EXPECT_THAT(refused(ball, sample_surface(ball, 60, random)), HasSubstr("do not constrain the rotation about"));
+  EXPECT_THAT(refused(ball, sample_surface(ball, 60, random)),
+              HasSubstr("do not constrain the rotation about"));
   const Distance rod = [](const Eigen::Vector3d& x) { return capsule(x, {-100, 0, 0}, {100, 0, 0}, 9); };
-  EXPECT_THAT(refused(rod, sample_surface(rod, 60, random)), HasSubstr("do not constrain the translation along"));
+  EXPECT_THAT(refused(rod, sample_surface(rod, 60, random)),
+              HasSubstr("do not constrain the translation along"));
   auto mirrored = sample_surface(rods, 60, random);
   for (auto& place : mirrored) place = {-place.x(), place.y(), place.z()};
   EXPECT_THAT(refused(rods, mirrored),
