@@ -3437,7 +3437,7 @@ outward = "right"
             return [...document.querySelectorAll("#near tr")].filter((row) => !row.hidden).map((row) => [row.cells[0].textContent, row.cells[1].textContent, row.querySelector(".swatch").style.background]);""")
         names = {structure["label"]: structure["name"].replace("_", " ") for structure in self.scene["structures"]}
         self.assertEqual([row[0].split(" · ")[0] for row in rows], [names[one["label"]] for one in near])
-        self.assertEqual(rows[0][:1], ["patella · keep 4.00 mm"])
+        self.assertEqual(rows[0][:1], ["patella · keep 4.00 mm away"])
         self.assertTrue(all(row[1].endswith("mm") and row[2].startswith("rgb") for row in rows), rows)
         self.page.wait("palpateViewer.draw(), document.getElementById('near-words').textContent.startsWith('patella: ')")
 
