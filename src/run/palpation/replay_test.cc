@@ -5,6 +5,7 @@
 
 #include "loading/test_loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/servo/feel.h"
 
 namespace palpate {
 namespace {
@@ -94,7 +95,7 @@ TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
   const auto result = replay(recording_, loaded_.model);
   ASSERT_TRUE(result.ok());
   EXPECT_THAT(result->difference,
-              HasSubstr("recorded with different settings: output.ramp_in_s 0.4, here 0.5"));
+              ::testing::HasSubstr("recorded with different settings: output.ramp_in_s 0.4, here 0.5"));
 }
 
 TEST_F(ReplayTest, EveryInputOfATickMatters) {
