@@ -7,9 +7,9 @@
 /// docs/concepts/conventions.md: Patient is LPS (+x to the patient's left, +y posterior, +z superior), World
 /// is the workspace (+x right, +y forward, +z up, origin at the centre of the volume).
 ///
-/// Errors. A function returns PLP_OK or says why it did nothing; plp_last_error() is the reason in words. No
-/// argument ends the program: null pointers, numbers that are not finite, sizes and indices out of range, and
-/// handles of another type are errors. A handle that was destroyed must not be used.
+/// Errors. A function returns PLP_OK, or an error status and changes nothing; plp_last_error() has the reason
+/// as text. No argument terminates the program: null pointers, non-finite numbers, sizes and indices out of
+/// range, and handles of another type are errors. A destroyed handle must not be used.
 ///
 /// Structs begin with their size. plp_X_init(&x, sizeof x) sets it and the defaults, so that a program keeps
 /// its meaning when a later library has members behind those that it knows.
@@ -50,9 +50,9 @@ typedef enum plp_status {
   PLP_BAD_INPUT = 1,      ///< An argument, a file or a setting that cannot be used as it is
   PLP_USAGE = 2,          ///< Settings that do not go together
   PLP_OUTPUT = 3,         ///< A file could not be written
-  PLP_UNAVAILABLE = 4,    ///< A data set, a library or a thread is not to be had
+  PLP_UNAVAILABLE = 4,    ///< A data set, a library or a thread is not available
   PLP_INTERRUPTED = 5,    ///< Reserved
-  PLP_OUT_OF_MEMORY = 6,  ///< Nothing was done, and everything is as it was
+  PLP_OUT_OF_MEMORY = 6,  ///< Nothing was changed
   PLP_INTERNAL = 7        ///< A fault of the library
 } plp_status;
 
@@ -173,8 +173,8 @@ PLP_API plp_status plp_model_create(const plp_labels* labels, const plp_tissue* 
                                     const plp_structure* structures, size_t structure_count,
                                     const plp_tool* tools, size_t tool_count,
                                     const plp_model_options* options, plp_model** model);
-/// Loads what `palpate` takes: a data set ("knee-phantom:spacing=2"), a scene file or a volume. Results of
-/// preparation are kept on disk, as by `palpate` (docs/guide/cache.md).
+/// Loads a scene as `palpate` does: a data set ("knee-phantom:spacing=2"), a scene file or a volume. Prepared
+/// data are cached on disk, as by `palpate` (docs/guide/cache.md).
 /// @param segmentation  second of two volumes; null: none
 /// @param options       null: the defaults. Title and force limit are the scene's own
 PLP_API plp_status plp_model_load(const char* scene, const char* segmentation,
@@ -184,7 +184,7 @@ PLP_API plp_status plp_model_load(const char* scene, const char* segmentation,
 PLP_API plp_status plp_model_change(const plp_model* model, size_t tissue, const plp_tissue* properties,
                                     plp_model** next);
 
-/// Path of a ball that takes away what it sweeps, in Patient.
+/// Straight sweep of a ball whose swept volume is removed; in Patient.
 typedef struct plp_cut {
   uint32_t size;
   uint32_t reserved;  ///< 0
@@ -192,7 +192,7 @@ typedef struct plp_cut {
   double radius_mm;
 } plp_cut;
 PLP_API plp_status plp_cut_init(plp_cut* cut, size_t size);
-/// Next version: with the swept volume taken away. The model must be prepared for the proxy.
+/// Next version: with the swept volume removed. The model must be prepared for the proxy.
 PLP_API plp_status plp_model_cut(const plp_model* model, const plp_cut* cuts, size_t count, plp_model** next);
 /// Frees a model; sessions, loops and versions that use it keep what they need. Null: nothing.
 PLP_API void plp_model_destroy(plp_model* model);
@@ -200,7 +200,7 @@ PLP_API void plp_model_destroy(plp_model* model);
 typedef struct plp_model_info {
   uint32_t size;
   uint32_t version;
-  uint64_t content_hash;                ///< Hash of everything that is felt
+  uint64_t content_hash;                ///< Hash of all data that determine forces
   const char* title;                    ///< Valid as long as the model
   int32_t dims[3];                      ///< Voxels along i, j, k
   int32_t method;                       ///< plp_method of a session by default
@@ -327,7 +327,7 @@ typedef struct plp_record {
   double field;              ///< Value of a direct method's field at the tip
   double unclamped_force_N;  ///< Magnitude before the output stage
   double limit_N;
-  double energy_mJ;           ///< Energy that the hand has put in and not got back
+  double energy_mJ;           ///< Net energy that the operator has put into the simulation
   double damping_N_s_per_m;   ///< Added by the passivity controller
   uint32_t contact_label[6];  ///< Contacts, strongest first within a layer; label 0 ends the list
   uint32_t contact_part[6];   ///< Part of the tool: its points, then its capsules
@@ -370,14 +370,14 @@ PLP_API void plp_session_destroy(plp_session* session);
 PLP_API plp_status plp_session_tick(plp_session* session, const plp_pose* poses, double dt_s,
                                     plp_wrench* wrenches);
 /// Advances by `ticks` ticks of one duration.
-/// @param poses     ticks * devices, those of one tick beside each other
+/// @param poses     ticks * devices; the poses of one tick are consecutive
 /// @param wrenches  ticks * devices; null: not wanted
 /// @param records   ticks * devices, each of the size of the first; null: not wanted
 PLP_API plp_status plp_session_run(plp_session* session, const plp_pose* poses, size_t ticks, double dt_s,
                                    plp_wrench* wrenches, plp_record* records);
 /// Record of the last tick. Error before the first.
 PLP_API plp_status plp_session_record(const plp_session* session, size_t device, plp_record* record);
-/// Goes back to the beginning: time 0, no contact, the model as it is.
+/// Resets the session: time 0, no contact; the model stays.
 PLP_API plp_status plp_session_reset(plp_session* session);
 /// Continues with a later version of the session's model; the force blends over.
 PLP_API plp_status plp_session_set_model(plp_session* session, const plp_model* model);
@@ -428,8 +428,8 @@ PLP_API void plp_run_destroy(plp_run* run);
 
 // ---- loops: palpate ticks
 
-/// A servo thread that ticks by itself. The host posts poses, at any rate, and looks at the latest tick. Of
-/// the options of a session it ignores `slew_N_per_s`, and it solves no soft tissue.
+/// A servo thread that ticks by itself. The host posts poses at any rate and reads the latest tick. A
+/// loop ignores the session option `slew_N_per_s` and does not solve soft tissue.
 typedef struct plp_loop plp_loop;
 
 typedef struct plp_loop_options {
@@ -456,7 +456,7 @@ typedef struct plp_loop_health {
   uint32_t size;
   int32_t running;  ///< 0: it has ended
   uint64_t ticks;
-  uint64_t skipped;  ///< Ticks that were due and left out
+  uint64_t skipped;  ///< Ticks that were due and omitted
   double rate_hz;    ///< Measured
   double on_time;    ///< Share of the ticks that were on time, 0 ... 1
   double lateness_p99_us, compute_p99_us;
@@ -511,7 +511,7 @@ typedef struct plp_field {
 } plp_field;
 /// Member number `index` of a struct, e.g. "plp_record". Error beyond the last one.
 PLP_API plp_status plp_struct_field(const char* name, size_t index, plp_field* field);
-/// Size of a struct in the library, bytes; 0: there is none of this name.
+/// Size of a struct in the library, bytes; 0: unknown name.
 PLP_API size_t plp_struct_size(const char* name);
 
 #ifdef __cplusplus

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <memory>
 #include <string>
@@ -9,6 +10,7 @@
 #include "c/record.h"
 #include "palpate/device/settings.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/servo/servo_loop.h"
 
 struct plp_run {
   static constexpr palpate::c::Tag kTag = palpate::c::Tag::kRun;
@@ -16,7 +18,7 @@ struct plp_run {
 
   palpate::c::Tag tag = kTag;
   std::size_t devices = 1;
-  std::vector<plp_record> records;  ///< Records of one tick beside each other
+  std::vector<plp_record> records;  ///< The records of one tick are consecutive
   palpate::SimulationResult result;
 };
 
@@ -24,6 +26,12 @@ namespace palpate::c {
 namespace {
 
 constexpr std::int64_t kMaxSeed = std::int64_t{1} << 53;
+
+std::string range_text(double min, double max, const char* unit) {
+  char text[80];
+  std::snprintf(text, sizeof text, "give %g to %g %s", min, max, unit);
+  return text;
+}
 
 Result<SimulationOptions> simulation_of(const plp_run_options& options) {
   SimulationOptions simulation;
@@ -36,16 +44,14 @@ Result<SimulationOptions> simulation_of(const plp_run_options& options) {
   if (options.seed >= 0) simulation.seed = static_cast<std::uint64_t>(options.seed);
   if (!std::isnan(options.max_force_N)) {
     if (!(options.max_force_N >= kMaxForceRange.min && options.max_force_N <= kMaxForceRange.max))
-      return Error{
-          ErrorKind::kBadInput, "a force limit of " + std::to_string(options.max_force_N) + " N",
-          "max_force_N",
-          "give " + std::to_string(kMaxForceRange.min) + " to " + std::to_string(kMaxForceRange.max) + " N"};
+      return Error{ErrorKind::kBadInput, "a force limit of " + std::to_string(options.max_force_N) + " N",
+                   "max_force_N", range_text(kMaxForceRange.min, kMaxForceRange.max, "N")};
     simulation.max_force_N = options.max_force_N;
   }
   if (!std::isnan(options.rate_hz)) {
-    if (!(options.rate_hz >= 250 && options.rate_hz <= 10000))
+    if (!(options.rate_hz >= kMinRate_hz && options.rate_hz <= kMaxRate_hz))
       return Error{ErrorKind::kBadInput, "a rate of " + std::to_string(options.rate_hz) + " ticks a second",
-                   "rate_hz", "give 250 to 10000"};
+                   "rate_hz", range_text(kMinRate_hz, kMaxRate_hz, "Hz")};
     simulation.rate_hz = options.rate_hz;
   }
   return simulation;

@@ -46,9 +46,10 @@ void LawChoice::end() {
     yields_.store(nullptr);
     solver = std::move(solver_);
     if (solver != nullptr && solver->failures() > 0)
-      later_warnings_.push_back("memory ran out while soft tissue was solved, " +
-                                std::to_string(solver->failures()) +
-                                " times: its force was that of a homogeneous half-space meanwhile");
+      later_warnings_.push_back(
+          "memory ran out while soft tissue was solved" +
+          (solver->failures() > 1 ? " (" + std::to_string(solver->failures()) + " times)" : std::string()) +
+          ": its force was that of a homogeneous half-space meanwhile");
   }
 }
 
