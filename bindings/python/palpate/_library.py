@@ -13,7 +13,7 @@ LIBRARY = "libpalpate.so.0"
 
 
 class Error(Exception):
-    """A call that palpate refused. The text says what is wrong, where, and how to mend it."""
+    """A call that palpate refused. The text states the fault, its place and the remedy."""
 
 
 class BadInput(Error, ValueError):
@@ -29,11 +29,11 @@ class OutputError(Error, OSError):
 
 
 class Unavailable(Error, LookupError):
-    """A data set, a library or a thread is not to be had."""
+    """A data set, a library or a thread is not available."""
 
 
 class OutOfMemory(Error, MemoryError):
-    """Nothing was done, and everything is as it was."""
+    """Memory ran out; nothing was changed."""
 
 
 class Internal(Error, RuntimeError):
@@ -125,7 +125,7 @@ def sized(struct: Type[ctypes.Structure]) -> Any:
 
 
 def records(count: int) -> np.ndarray:
-    """Room for this many ticks."""
+    """Zeroed records for this number of ticks, with their size set."""
     made = np.zeros(count, RECORD)
     made["size"] = RECORD.itemsize
     return made

@@ -52,8 +52,8 @@ class Run:
         hash: 64-bit hash over all ticks: that of `palpate simulate`, too.
         rate: ticks a second.
         max_force, limit: greatest force, and the limit of the force, N.
-        failed_steps: number of steps of the script that did not get what they asked for.
-        trouble: a sentence about each, and about limits.
+        failed_steps: number of steps of the script that failed.
+        trouble: a sentence about each failed step, and about limits.
     """
 
     def __init__(self, model: Model, handle: int) -> None:
@@ -172,6 +172,6 @@ def read(file: Union[str, "os.PathLike[str]"]) -> Recording:
     """Opens a recording (HDF5). A damaged file is an error, never a crash.
 
     Raises:
-        BadInput: no recording.
+        BadInput: the file is not a recording, or is damaged.
     """
     return Recording(c.made(c.lib.plp_recording_open, os.fsencode(file)))

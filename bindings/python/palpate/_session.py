@@ -29,10 +29,10 @@ def _options(frame: str, method: Optional[str], settings: "dict[str, Any]") -> A
 
 
 class Session:
-    """Devices that touch a model, ticked by the caller: the same forces to the bit for the same inputs.
+    """Devices in contact with a model, ticked by the caller. Equal inputs give equal forces, bit for bit.
 
     Args:
-        model: what is touched.
+        model: model in contact.
         frame: of tips, orientations and forces: "patient" (LPS) or "world".
         method: force method that the model is prepared for; None: the model's.
         settings: devices=1, friction=True, viscosity=True, passivity=True, solve_soft_tissue=False, max_force=3 (N),
@@ -120,7 +120,7 @@ class Session:
         return records[0]
 
     def reset(self) -> None:
-        """Back to the beginning: time 0, no contact, the model as it is."""
+        """Resets the session: time 0, no contact; the model stays."""
         c.check(c.lib.plp_session_reset(self._handle))
 
     @property
@@ -132,10 +132,10 @@ class Session:
 
 
 class Loop:
-    """A servo thread that ticks by itself. Python posts poses and looks at the latest tick; it is never within the servo.
+    """A servo thread that ticks by itself. Python posts poses and reads the latest tick; the servo never waits for it.
 
     Args:
-        model: what is touched.
+        model: model in contact.
         frame: of the poses: "patient" (LPS) or "world".
         method: as for Session.
         rate: ticks a second, 250 ... 10000.
