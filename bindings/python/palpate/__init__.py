@@ -4,8 +4,8 @@
     scene = pp.load("knee-phantom:spacing=2")
     depth, force = pp.simulate(scene, seed=1).press("patella")
 
-Lengths are mm, forces N, torques N mm, times s. Positions are in the patient (LPS) unless a frame says otherwise. Every call
-that fails raises an Error with what is wrong and how to mend it, and leaves everything as it was. Needs NumPy and libpalpate.so.
+Lengths are mm, forces N, torques N mm, times s. Positions are in the patient (LPS) unless a frame says otherwise. A call
+that fails raises an Error with the fault and the remedy, and changes nothing. Needs NumPy and libpalpate.so.
 """
 
 from ._library import (METHODS, BadInput, Error, Internal, OutOfMemory, OutputError, Unavailable, Usage, lib as _lib)
