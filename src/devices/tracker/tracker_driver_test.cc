@@ -137,7 +137,7 @@ TEST_F(TrackedTip, GoesWithThePatientsMarkers) {
   server_.move(kTool, {moved * kToolPose});
   EXPECT_TRUE(comes_to(tip));
   server_.move(kReference, {moved * reference, false});
-  EXPECT_TRUE(says("ReferenceToTracker is not seen"));
+  EXPECT_TRUE(says("ReferenceToTracker is not visible"));
 }
 
 TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
@@ -145,7 +145,7 @@ TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
   ASSERT_TRUE(comes_to(tip_of(kToolPose)));
   server_.move(kTool, {kToolPose, false});
   EXPECT_TRUE(soon([&] { return seen_.age_s() > 0.05; }));
-  EXPECT_TRUE(says("StylusToTracker is not seen"));
+  EXPECT_TRUE(says("StylusToTracker is not visible"));
   EXPECT_LT((seen_.last().tip.eigen() - tip_of(kToolPose)).norm(), 0.001) << "where it was seen last";
   server_.move(kTool, {kToolPose});
   EXPECT_TRUE(is_well());

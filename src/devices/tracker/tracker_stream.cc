@@ -171,8 +171,8 @@ class TrackerStream::Core {
     if (now_ns - reference_.at_ns > kUnseen_ns)
       return unavailable(printable_name(settings_.reference) + " is not visible",
                          "turn the patient's markers towards the tracker, and clear the view");
-    return unavailable("tells " + printable_name(settings_.transform) + " and " +
-                           printable_name(settings_.reference) + " of different times",
+    return unavailable("sends " + printable_name(settings_.transform) + " and " +
+                           printable_name(settings_.reference) + " with different time stamps",
                        "make its server send both from one frame (in PLUS: from one data collection device)");
   }
 
