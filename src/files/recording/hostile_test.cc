@@ -15,6 +15,7 @@
 #include "base/test_seed.h"
 #include "recording/columns.h"
 #include "recording/hdf5_handle.h"
+#include "recording/header_fields.h"
 #include "recording/stream.h"
 #include "recording/test_support.h"
 
@@ -207,9 +208,9 @@ TEST_F(Hostile, HeadersAreChecked) {
               HasSubstr("hand"));
   EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "clock", string_type(7).get(), "sundial"); }),
               HasSubstr("clock is neither virtual nor real"));
-  const std::uint32_t newer = 6, minor = 77;
+  const std::uint32_t newer = internal::kFormatMajor + 1, minor = 77;
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format_major", H5T_STD_U32LE, &newer); }),
-              HasSubstr("written by a newer palpate: format 6"));
+              HasSubstr("written by a newer palpate: format " + std::to_string(newer)));
   EXPECT_EQ(error_after([&](hid_t f) { set_attribute(f, "format_minor", H5T_STD_U32LE, &minor); }),
             "no error");
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format", string_type(3).get(), "abc"); }),
