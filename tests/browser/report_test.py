@@ -129,6 +129,9 @@ class ReportInABrowser(unittest.TestCase):
                    const box = over.getBoundingClientRect();
                    return [Math.round(arguments[0] > 0 ? box.left + 2 : box.right - 2), Math.round(box.top + 50)];""", side)
             self.page.pointer({"type": "pointerMove", "x": x, "y": y})
+            # the plots draw their legends in a later frame; until then one without a cursor is "-"
+            self.page.wait("[...document.querySelectorAll('.u-legend')].every((l) => "
+                           "l.querySelector('.u-value').textContent !== '-')")
             legends = self.page.run(
                 "return [...document.querySelectorAll('.u-legend')].map((l) => l.querySelector('.u-value').textContent)")
             self.assertEqual(len(set(legends)), 1, "the cursors move together")

@@ -183,7 +183,7 @@ TEST_F(HandTruth, ADirectionThatIsBlockedFailsByName) {
   }});
   run(closed, touch("approach = \"a\"\nfrom = \"posterior\"") + touch_named("a"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(HasSubstr("no free way to it from that direction")));
+  EXPECT_THAT(result_.trouble, Each(HasSubstr("no free path to it from that direction")));
   expect_never_deeper(1, 1.2);
 }
 
