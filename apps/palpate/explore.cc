@@ -98,17 +98,30 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   return claims;
 }
 
-// function that starts the viewer server; empty without viewers
+// servers of a session, which end with it
+struct Servers {
+  std::unique_ptr<ViewerServer> viewers;
+  std::unique_ptr<OpenIgtLinkServer> openigtlink;
+};
+
+// function that starts the requested servers; empty without one
 // @param address  set to the URL of the page
 std::function<Result<std::shared_ptr<void>>(LiveHost&)> viewers_of(const ExploreArguments& options,
                                                                    Console& console, ViewerFaultQueue& faults,
                                                                    std::string& address) {
-  if (options.no_viewer) return {};
+  if (options.no_viewer && !options.serving.openigtlink) return {};
   return [&](LiveHost& host) -> Result<std::shared_ptr<void>> {
-    auto server = serve(host, options.serving, console, faults);
-    if (!server) return server.error();
-    address = (*server)->url();
-    return std::shared_ptr<void>(*std::move(server));
+    auto servers = std::make_shared<Servers>();
+    if (!options.no_viewer) {
+      auto server = serve(host, options.serving, console, faults);
+      if (!server) return server.error();
+      address = (*server)->url();
+      servers->viewers = *std::move(server);
+    }
+    auto published = publish(host, options.serving, console, faults);
+    if (!published) return published.error();
+    servers->openigtlink = *std::move(published);
+    return std::shared_ptr<void>(std::move(servers));
   };
 }
 

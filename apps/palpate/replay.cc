@@ -44,6 +44,8 @@ int show_recording(RecordingSource recording, const LoadedScene& loaded,
   ViewerFaultQueue faults;
   const auto server = serve(**playback, options.serving, console, faults);
   if (!server) return console.fail(server.error());
+  const auto published = publish(**playback, options.serving, console, faults);
+  if (!published) return console.fail(published.error());
   console.note("to see it, open " + (*server)->url() + "; Ctrl-C ends it");
   while (!progress.stopped()) {
     faults.show_next(console);

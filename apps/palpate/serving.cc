@@ -23,6 +23,26 @@ void add_serving_options(CLI::App& verb, ServingOptions& options) {
   verb.add_option("--tls-key", options.viewers.tls_key, "Private key of the certificate (PEM)");
   verb.add_option("--host-name", options.viewers.host_names,
                   "Additional host name of the page; may be repeated");
+  verb.add_option_function<int>(
+          "--openigtlink",
+          [&options](int port) {
+            if (!options.openigtlink) options.openigtlink.emplace();
+            options.openigtlink->port = port;
+          },
+          "Publish the tool, the force and the section by OpenIGTLink at this port, 0 for any free port; 3D "
+          "Slicer expects " +
+              std::to_string(kOpenIgtLinkPort))
+      ->check(whole_between(0, 65535))
+      ->type_name("PORT");
+  verb.add_option_function<std::string>(
+          "--openigtlink-listen",
+          [&options](const std::string& address) {
+            if (!options.openigtlink) options.openigtlink.emplace();
+            options.openigtlink->address = address;
+          },
+          "Numeric address of this machine to publish on, without access control; default: 127.0.0.1")
+      ->needs("--openigtlink")
+      ->type_name("ADDRESS");
 }
 
 void ViewerFaultQueue::put(const std::string& line) {
@@ -58,6 +78,17 @@ Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptio
     // if the address itself is unavailable, the error of the first attempt is returned
     if (next) return next;
   }
+  return server;
+}
+
+Result<std::unique_ptr<OpenIgtLinkServer>> publish(const ViewerHost& host, const ServingOptions& options,
+                                                   Console& console, ViewerFaultQueue& faults) {
+  if (!options.openigtlink) return std::unique_ptr<OpenIgtLinkServer>();
+  OpenIgtLinkOptions settings = *options.openigtlink;
+  settings.log = [&faults](const std::string& fault) { faults.put(fault); };
+  auto server = OpenIgtLinkServer::start(host, settings);
+  if (server)
+    console.note("OpenIGTLink at " + settings.address + " port " + std::to_string((*server)->port()));
   return server;
 }
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "palpate/openigtlink_server/openigtlink_server.h"
 #include "palpate/server/viewer_server.h"
 #include "verb.h"
 
@@ -17,6 +18,7 @@ namespace palpate::app {
 struct ServingOptions {
   std::optional<int> port;  ///< Port; empty: kViewerPort, or the next free one
   ViewerServerOptions viewers;
+  std::optional<OpenIgtLinkOptions> openigtlink;  ///< Empty: not published by OpenIGTLink
 };
 void add_serving_options(CLI::App& verb, ServingOptions& options);
 
@@ -39,5 +41,9 @@ class ViewerFaultQueue {
 /// @param faults  must outlive the server
 Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptions& options, Console& console,
                                             ViewerFaultQueue& faults);
+/// Starts publishing by OpenIGTLink, if requested; null: not requested.
+/// @param faults  must outlive the server
+Result<std::unique_ptr<OpenIgtLinkServer>> publish(const ViewerHost& host, const ServingOptions& options,
+                                                   Console& console, ViewerFaultQueue& faults);
 
 }  // namespace palpate::app

@@ -309,9 +309,9 @@ class LiveHost;
 class PlaybackHost;
 
 /// Session or recording as seen by its viewers: what there is to be looked at. A host that is neither a
-/// LiveHost nor a PlaybackHost can only be looked at and stopped. Every member is called on the server's
-/// thread (scene() also by start()) unless stated otherwise; none may wait for the servo, and none may take
-/// longer than copying one tick's data (milliseconds).
+/// LiveHost nor a PlaybackHost can only be looked at and stopped. scene(), snapshot(), state() and labels()
+/// are called on any thread, every other member on the server's unless stated otherwise; none may wait for
+/// the servo, and none may take longer than copying one tick's data (milliseconds).
 class ViewerHost {
  public:
   virtual ~ViewerHost() = default;

@@ -17,8 +17,8 @@
 #include <thread>
 #include <vector>
 
+#include "openigtlink/test_messages.h"
 #include "palpate/base/check.h"
-#include "tracker/test_messages.h"
 
 namespace palpate::test {
 

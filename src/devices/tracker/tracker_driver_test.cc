@@ -9,6 +9,7 @@
 #include "device/test_wall.h"
 #include "palpate/base/clock.h"
 #include "palpate/device/interpolated_pose.h"
+#include "palpate/openigtlink/encoding.h"
 #include "tracker/test_tracker_server.h"
 
 namespace palpate {

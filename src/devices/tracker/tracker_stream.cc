@@ -23,7 +23,8 @@
 
 #include "palpate/base/clock.h"
 #include "palpate/base/printable.h"
-#include "tracker/messages.h"
+#include "palpate/openigtlink/encoding.h"
+#include "palpate/openigtlink/messages.h"
 
 namespace palpate {
 namespace {
@@ -255,7 +256,7 @@ class TrackerStream::Core {
       tool_ = {};
       reference_ = {};
     }
-    igtl::Reader messages;
+    igtl::PoseReader messages;
     std::vector<std::uint8_t> bytes(1 << 16);
     while (!end_.load()) {
       if (!await(file, POLLIN, monotonic_ns() + kSilent_ns))

@@ -1,4 +1,4 @@
-#include "server/address.h"
+#include "palpate/server/address.h"
 
 #include <gtest/gtest.h>
 

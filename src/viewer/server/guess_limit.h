@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <map>
 
-#include "server/address.h"
+#include "palpate/server/address.h"
 #include "server/token_bucket.h"
 
 namespace palpate::server {

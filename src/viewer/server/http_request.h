@@ -3,7 +3,7 @@
 #include <chrono>
 #include <string_view>
 
-#include "server/address.h"
+#include "palpate/server/address.h"
 
 namespace palpate::server {
 

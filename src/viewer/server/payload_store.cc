@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "palpate/base/check.h"
-#include "server/ordinary_thread.h"
+#include "palpate/server/ordinary_thread.h"
 
 namespace palpate::server {
 

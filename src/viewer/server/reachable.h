@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "server/address.h"
+#include "palpate/server/address.h"
 
 /// Addresses at which a browser can reach the server.
 namespace palpate::server {

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "palpate/base/check.h"
+#include "palpate/server/ordinary_thread.h"
 #include "palpate/server/viewer_server.h"
 #include "server/connection.h"
 #include "server/hub.h"
-#include "server/ordinary_thread.h"
 #include "server/reachable.h"
 #include "server/transport.h"
 

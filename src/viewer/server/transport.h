@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "palpate/base/result.h"
-#include "server/address.h"
+#include "palpate/server/address.h"
 #include "server/http_request.h"
 
 /// Network interface of the viewer server. network.cc implements it with Boost.Asio, Boost.Beast and OpenSSL,

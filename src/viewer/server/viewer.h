@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "palpate/device/telemetry.h"
-#include "server/address.h"
+#include "palpate/server/address.h"
 #include "server/near_message.h"
 #include "server/pose_message.h"
 #include "server/request.h"

@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "palpate/base/for_each_index.h"
-#include "server/ordinary_thread.h"
+#include "palpate/server/ordinary_thread.h"
 #include "server/pose_message.h"
 #include "server/volume_payload.h"
 #include "server/wire_writer.h"

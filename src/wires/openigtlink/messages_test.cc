@@ -1,4 +1,4 @@
-#include "tracker/messages.h"
+#include "palpate/openigtlink/messages.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,8 @@
 #include <random>
 
 #include "base/test_seed.h"
-#include "tracker/test_messages.h"
+#include "openigtlink/test_messages.h"
+#include "palpate/openigtlink/encoding.h"
 
 namespace palpate::igtl {
 namespace {
@@ -38,7 +39,7 @@ struct Read {
 };
 // @param piece  bytes at a time; 0: all at once
 Read read(const MessageBytes& bytes, std::size_t piece = 0) {
-  Reader reader;
+  PoseReader reader;
   Read out;
   const std::size_t step = piece > 0 ? piece : std::max<std::size_t>(1, bytes.size());
   for (std::size_t from = 0; from < bytes.size() && out.refused.empty(); from += step) {

@@ -1,4 +1,4 @@
-#include "tracker/messages.h"
+#include "palpate/openigtlink/messages.h"
 
 // the input in one piece and byte by byte, also with a corrected checksum
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -15,7 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         ++poses;
       };
     };
-    palpate::igtl::Reader at_once, by_bytes;
+    palpate::igtl::PoseReader at_once, by_bytes;
     const bool fine = at_once.take(bytes, count(whole)).ok();
     bool fine_by_bytes = true;
     for (std::size_t n = 0; n < bytes.size() && fine_by_bytes; ++n)

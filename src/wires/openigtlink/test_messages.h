@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "tracker/messages.h"
+#include "palpate/openigtlink/messages.h"
 
 /// Messages as a tracker's server writes them.
 namespace palpate::test {

@@ -10,7 +10,7 @@
 
 #include "palpate/base/result.h"
 
-/// OpenIGTLink messages of a tracker's server (openigtlink.org, protocol versions 1 to 3). Big-endian.
+/// Decoding of OpenIGTLink messages (openigtlink.org, protocol versions 1 to 3). Big-endian.
 ///
 ///    0    u16       version: 1, or 2 and 3 if metadata follow the content
 ///    2    char[12]  type: TRANSFORM, POSITION, TDATA, QTDATA ..., zero-padded
@@ -29,7 +29,7 @@
 /// by an identity matrix.
 namespace palpate::igtl {
 
-inline constexpr std::size_t kHead_bytes = 58;
+inline constexpr std::size_t kHead_bytes = 58, kType_bytes = 12, kName_bytes = 20;
 
 /// Pose of a tool, or the report that it was not seen.
 struct PoseMessage {
@@ -40,30 +40,54 @@ struct PoseMessage {
   Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();
 };
 
-/// Incremental parser for input in pieces of any size. Bodies other than poses are skipped without buffering,
-/// so memory stays below 64 KiB.
-class Reader {
- public:
-  using Told = std::function<void(const PoseMessage&)>;
+/// Head of a message.
+struct Head {
+  unsigned version = 1;
+  std::string type, name;   ///< Raw bytes up to the first zero
+  std::uint64_t stamp = 0;  ///< As in PoseMessage
+  std::uint64_t crc = 0;    ///< Checksum of the body
+};
 
+/// Splits a stream, which arrives in pieces of any size, into messages. Bodies that are not wanted are
+/// skipped without buffering, so memory stays below 64 KiB.
+class MessageSplitter {
+ public:
+  /// Whether the bodies of messages of a type are buffered.
+  using WantsBody = bool (*)(const std::string& type);
+  /// Receives each complete message; the body of a type that is not wanted is empty.
+  using OnMessage = std::function<void(const Head&, std::span<const std::uint8_t> body)>;
+
+  explicit MessageSplitter(WantsBody wants_body) : wants_body_(wants_body) {}
+  /// Errors: kBadInput if the input is not OpenIGTLink; the splitter is then unusable.
+  Result<void> take(std::span<const std::uint8_t> bytes, const OnMessage& on_message);
+
+ private:
+  Result<void> begin_body();
+
+  WantsBody wants_body_;
+  std::vector<std::uint8_t> head_bytes_, body_;
+  Head head_;
+  std::uint64_t missing_ = 0;  // remaining bytes of the body
+  bool is_in_body_ = false, is_buffered_ = false;
+};
+
+/// Decodes the poses in a stream.
+class PoseReader {
+ public:
+  using OnPose = std::function<void(const PoseMessage&)>;
+
+  PoseReader();
   /// Errors: kBadInput if the input is not OpenIGTLink; the reader is then unusable.
-  Result<void> take(std::span<const std::uint8_t> bytes, const Told& told);
+  Result<void> take(std::span<const std::uint8_t> bytes, const OnPose& on_pose);
   /// Number of pose messages that were dropped because of a wrong checksum or length.
   std::uint64_t damaged() const { return damaged_; }
 
  private:
-  Result<void> begin_body();
-  void end_body(const Told& told);
+  void decode(const Head& head, std::span<const std::uint8_t> body, const OnPose& on_pose);
 
-  std::vector<std::uint8_t> head_, body_;
-  std::uint64_t missing_ = 0;  // remaining bytes of the body
-  bool is_in_body_ = false, is_kept_ = false;
+  MessageSplitter messages_;
   std::uint64_t damaged_ = 0;
 };
-
-/// First message of a client: a STATUS (OK) of version 2, which tells the server that it may use that
-/// version.
-std::vector<std::uint8_t> greeting();
 
 /// CRC-64 (ECMA 182) as the protocol uses it.
 std::uint64_t crc64(std::span<const std::uint8_t> bytes);

@@ -1,4 +1,4 @@
-#include "tracker/messages.h"
+#include "palpate/openigtlink/messages.h"
 
 #include <algorithm>
 #include <bit>
@@ -19,7 +19,7 @@ constexpr std::uint64_t kMaxImage_bytes = std::uint64_t{1} << 28, kMaxOther_byte
 // beyond the range of any tracking system
 constexpr double kFarthest_mm = 10'000;
 constexpr std::size_t kTypeAt = 2, kNameAt = 14, kStampAt = 34, kBodyAt = 42, kCrcAt = 50;
-constexpr std::size_t kType_bytes = 12, kName_bytes = 20, kMatrix_bytes = 48, kQuaternion_bytes = 28;
+constexpr std::size_t kMatrix_bytes = 48, kQuaternion_bytes = 28;
 // name, type and a zero
 constexpr std::size_t kElementHead_bytes = kName_bytes + 2;
 
@@ -129,72 +129,82 @@ std::uint64_t crc64(Bytes bytes) {
   return crc;
 }
 
-Result<void> Reader::take(Bytes bytes, const Told& told) {
+Result<void> MessageSplitter::take(Bytes bytes, const OnMessage& on_message) {
   while (!bytes.empty()) {
     if (!is_in_body_) {
-      const std::size_t some = std::min(bytes.size(), kHead_bytes - head_.size());
-      head_.insert(head_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(some));
+      const std::size_t some = std::min(bytes.size(), kHead_bytes - head_bytes_.size());
+      head_bytes_.insert(head_bytes_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(some));
       bytes = bytes.subspan(some);
-      if (head_.size() < kHead_bytes) return {};
+      if (head_bytes_.size() < kHead_bytes) return {};
       if (auto begun = begin_body(); !begun) return begun;
     }
     const std::size_t some = std::min<std::uint64_t>(bytes.size(), missing_);
-    if (is_kept_) body_.insert(body_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(some));
+    if (is_buffered_)
+      body_.insert(body_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(some));
     bytes = bytes.subspan(some);
     missing_ -= some;
-    if (missing_ == 0) end_body(told);
+    if (missing_ > 0) return {};
+    is_in_body_ = false;
+    head_bytes_.clear();
+    on_message(head_, std::exchange(body_, {}));
   }
   return {};
 }
 
-Result<void> Reader::begin_body() {
-  const std::uint64_t version = whole(head_, 0, 2);
-  missing_ = whole(head_, kBodyAt, 8);
-  const std::string type = text(Bytes(head_).subspan(kTypeAt, kType_bytes));
+Result<void> MessageSplitter::begin_body() {
+  const Bytes head(head_bytes_);
+  head_ = {static_cast<unsigned>(whole(head, 0, 2)), text(head.subspan(kTypeAt, kType_bytes)),
+           text(head.subspan(kNameAt, kName_bytes)), whole(head, kStampAt, 8), whole(head, kCrcAt, 8)};
+  missing_ = whole(head, kBodyAt, 8);
+  const std::string& type = head_.type;
   const bool is_type = !type.empty() && std::all_of(type.begin(), type.end(), [](char c) {
     return (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
   });
-  is_kept_ = is_pose(type);
+  is_buffered_ = wants_body_(type);
   const bool is_image = type == "IMAGE" || type == "VIDEO" || type == "NDARRAY" || type == "POLYDATA";
-  // bounds the length, since a wrong one would swallow the following poses
-  const std::uint64_t max_bytes = is_kept_ ? kMaxBody_bytes : is_image ? kMaxImage_bytes : kMaxOther_bytes;
-  if (version < 1 || version > 3 || !is_type || missing_ > max_bytes)
+  // bounds the length, since a wrong one would swallow the following messages
+  const std::uint64_t max_bytes = is_buffered_ ? kMaxBody_bytes
+                                  : is_image   ? kMaxImage_bytes
+                                               : kMaxOther_bytes;
+  if (head_.version < 1 || head_.version > 3 || !is_type || missing_ > max_bytes)
     return Error{ErrorKind::kBadInput, "does not send OpenIGTLink messages", "",
                  "check that the address is that of a tracking server (PLUS: port 18944)"};
   is_in_body_ = true;
   return {};
 }
 
-void Reader::end_body(const Told& told) {
-  const std::vector<std::uint8_t> head = std::exchange(head_, {}), body = std::exchange(body_, {});
-  is_in_body_ = false;
-  if (!is_kept_) return;
-  const auto content = crc64(body) == whole(head, kCrcAt, 8)
-                           ? content_of(static_cast<unsigned>(whole(head, 0, 2)), body)
-                           : std::nullopt;
+PoseReader::PoseReader() : messages_(is_pose) {}
+
+Result<void> PoseReader::take(Bytes bytes, const OnPose& on_pose) {
+  return messages_.take(bytes, [&](const Head& head, Bytes body) {
+    if (is_pose(head.type)) decode(head, body, on_pose);
+  });
+}
+
+void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
+  const auto content = crc64(body) == head.crc ? content_of(head.version, body) : std::nullopt;
   if (!content) {
     ++damaged_;
     return;
   }
-  const std::string type = text(Bytes(head).subspan(kTypeAt, kType_bytes));
-  const bool has_matrix = type == "TRANSFORM" || type == "TDATA";
+  const bool has_matrix = head.type == "TRANSFORM" || head.type == "TDATA";
   const std::size_t pose_bytes = has_matrix ? kMatrix_bytes : kQuaternion_bytes;
   const auto take_numbers = has_matrix ? take_matrix : take_quaternion;
   PoseMessage message;
-  message.stamp = whole(head, kStampAt, 8);
+  message.stamp = head.stamp;
 
   // a single pose, under the message's own name
-  if (type == "TRANSFORM" || type == "POSITION") {
+  if (head.type == "TRANSFORM" || head.type == "POSITION") {
     if (content->poses.size() != pose_bytes) {
       ++damaged_;
       return;
     }
-    message.name = text(Bytes(head).subspan(kNameAt, kName_bytes));
+    message.name = head.name;
     if (const auto whole_name = content->words.find("IGTL_DEVICE_NAME"); whole_name != content->words.end())
       message.name = whole_name->second;
     take_numbers(content->poses, message);
     message.seen = message.seen && is_said_to_be_seen(content->words, "TransformStatus");
-    return told(message);
+    return on_pose(message);
   }
 
   // several poses, each under its own name
@@ -217,29 +227,8 @@ void Reader::end_body(const Told& told) {
         }
     take_numbers(one.subspan(kElementHead_bytes), message);
     message.seen = message.seen && is_said_to_be_seen(content->words, key);
-    told(message);
+    on_pose(message);
   }
-}
-
-std::vector<std::uint8_t> greeting() {
-  // extended head, then code 1 (OK) without sub-code, name or text
-  constexpr std::size_t kHead = 12, kContent = 2 + 8 + 20 + 1, kWordsHead = 2;
-  std::vector<std::uint8_t> bytes(kHead_bytes + kHead + kContent + kWordsHead, 0);
-  const auto put = [&](std::size_t at, std::size_t count, std::uint64_t value) {
-    for (std::size_t n = count; n-- > 0; value >>= 8) bytes[at + n] = static_cast<std::uint8_t>(value);
-  };
-  const auto put_text = [&](std::size_t at, std::string_view words) {
-    std::copy(words.begin(), words.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
-  };
-  put(0, 2, 2);
-  put_text(kTypeAt, "STATUS");
-  put_text(kNameAt, "palpate");
-  put(kBodyAt, 8, bytes.size() - kHead_bytes);
-  put(kHead_bytes, 2, kHead);
-  put(kHead_bytes + 2, 2, kWordsHead);
-  put(kHead_bytes + kHead, 2, 1);
-  put(kCrcAt, 8, crc64(Bytes(bytes).subspan(kHead_bytes)));
-  return bytes;
 }
 
 }  // namespace palpate::igtl
