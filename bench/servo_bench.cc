@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
@@ -77,7 +78,9 @@ Result<Knee> knee_of(const std::string& what, LabelMap labels, ForceMethod metho
   const std::string title = title_of(what, labels.geometry());
   auto model = build_model(*scene, {std::move(labels), nullptr, true});
   if (!model) return model.error();
-  auto ready = ready_for(*std::move(model), {&method, 1});
+  // the footprint is counted in the field, whatever the method
+  const std::array methods{method, ForceMethod::kTrilinear};
+  auto ready = ready_for(*std::move(model), methods);
   if (!ready) return ready.error();
   return Knee{title, {*std::move(scene), *std::move(ready), ""}};
 }
@@ -145,8 +148,7 @@ Footprint footprint_of(const Model& model, const PalpationPath& path) {
         [&](const auto& volume) {
           for (int way = 0; way <= count; ++way) {
             const auto to_surface = outward * (std::copysign(step_mm, device.depth_mm) * way);
-            const Point<Voxel> x =
-                model.field->X_VoxelPatient() * (tip + (known ? to_surface : Vector<Patient>()));
+            const Point<Voxel> x = labels.X_VoxelPatient() * (tip + (known ? to_surface : Vector<Patient>()));
             bool inside = true;
             for (int axis = 0; axis < 3; ++axis)
               inside = inside && x[axis] >= 0 && x[axis] < labels.geometry().dims[axis] - 1;

@@ -186,7 +186,7 @@ Result<std::shared_ptr<const Model>> plane(TissueLaw law) {
   auto made = make_model(std::move(parts));
   if (!made) return made.error();
   const ForceMethod proxy = ForceMethod::kProxy;
-  return prepared_for(made->model, {&proxy, 1});
+  return prepared_for(*made, {&proxy, 1});
 }
 
 // A corner of three blocks separated by gaps of air, each soft on a hard core; or the same as rigid layers.
@@ -228,7 +228,7 @@ Result<std::shared_ptr<const Model>> corner(TissueLaw law) {
   auto made = make_model(std::move(parts));
   if (!made) return made.error();
   const ForceMethod proxy = ForceMethod::kProxy;
-  return prepared_for(made->model, {&proxy, 1});
+  return prepared_for(*made, {&proxy, 1});
 }
 
 /// A tool of four spheres pressed into that corner so deep that each is in contact with, or near, three soft

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -181,13 +182,21 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
                          "leave it out, or give a volume; a scene file has sigma, engine and bits under "
                          "[preparation]"});
   }
-  const auto report_memory = [](const SceneMemory& memory) {
+  const auto print_memory = [](const SceneMemory& memory) {
     const std::uint64_t beside = memory.scan + memory.model.labels;
     std::printf(
         "memory    up to %s, of which the field keeps %s\n",
         memory_text(std::max(memory.read + memory.model.labels, beside + memory.model.making_field)).c_str(),
         memory_text(memory.model.field).c_str());
     std::fflush(stdout);
+  };
+  // a scene rendered by the proxy is loaded without the field
+  SceneMemory without_field;
+  const auto report_memory = [&](const SceneMemory& memory) {
+    if (memory.model.making_field > 0)
+      print_memory(memory);
+    else
+      without_field = memory;
   };
   const auto loaded = load_felt_target(options.source, console, {}, report_memory);
   if (!loaded) return console.fail(loaded.error());
@@ -198,7 +207,15 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
   const auto name_of = [&](LabelId id) { return model.name_of(id); };
   if (auto warned = warn_of_leaks(*model.labels, felt, name_of, console); !warned)
     return console.fail(warned.error());
-  const FieldVolume& field = model.field->storage();
+  if (model.field == nullptr) {
+    const FieldMemory of_field = memory_of_ramp_field(model);
+    without_field.model.field = of_field.stays;
+    without_field.model.making_field = of_field.peak;
+    print_memory(without_field);
+  }
+  const auto ready = ready_for(loaded->model, std::array{ForceMethod::kTrilinear}, console.progress());
+  if (!ready) return console.fail(ready.error());
+  const FieldVolume& field = (*ready)->field->storage();
   if (const auto written = write(options.output, field); !written) return console.fail(written.error());
   print_field(field, model.sigma_mm, model.ramp_width_mm);
   return kExitOk;

@@ -85,7 +85,7 @@ int draw_section(const SectionOptions& options, Console& console) {
   const auto attached = attachment_of(*loaded, options.keep_identifiers);
   if (!attached) return console.fail(attached.error());
   const Model& model = *loaded->model;
-  const auto picture = section_picture(model, request_of(options, model.field->geometry()));
+  const auto picture = section_picture(model, request_of(options, model.labels->geometry()));
   if (!picture) {
     Error error = picture.error();
     if (error.where == "centre") error.where = "--at";

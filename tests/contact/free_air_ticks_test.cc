@@ -112,7 +112,7 @@ void press(const Body& body, double radius_mm, const Point<Patient>& start, cons
   figures.pulled += pulled;
 }
 
-// with all that a tick asks for, which includes the direct methods' field
+// a model prepared for a tick by the proxy
 Body whole_body(const LabelMap& map, TissueLaw law, double radius_mm) {
   const Model proposed = soft_and_bone_model(map);
   ModelParts parts;
@@ -126,7 +126,7 @@ Body whole_body(const LabelMap& map, TissueLaw law, double radius_mm) {
   auto made = make_model(std::move(parts));
   PALPATE_CHECK(made.ok());
   const ForceMethod proxy = ForceMethod::kProxy;
-  auto ready = prepared_for(made->model, {&proxy, 1});
+  auto ready = prepared_for(*made, {&proxy, 1});
   PALPATE_CHECK(ready.ok());
   return {*ready, (*ready)->surfaces};
 }

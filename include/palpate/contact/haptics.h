@@ -11,14 +11,15 @@
 #include <vector>
 
 #include "palpate/base/contact_properties.h"
-#include "palpate/base/progress.h"
+#include "palpate/base/force_method.h"
 #include "palpate/contact/distances.h"
 #include "palpate/contact/elastic_constants.h"
 #include "palpate/contact/feel.h"
-#include "palpate/contact/force_field.h"
+#include "palpate/contact/method_settings.h"
 #include "palpate/contact/no_go.h"
 #include "palpate/contact/proxy.h"
 #include "palpate/contact/relaxation.h"
+#include "palpate/sampling/sampling.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
 
@@ -150,6 +151,7 @@ struct Caveat {
 };
 
 class Carving;
+class ForceField;
 
 /// Immutable snapshot of everything a tick reads. A new version replaces it; unchanged parts are shared
 /// between versions.
@@ -158,7 +160,8 @@ struct Model {
   /// Number of versions up to this one that were local edits, i.e. only removed or restored tissue. Their
   /// forces are not blended in, and contact with surfaces they did not change continues without interruption.
   std::uint32_t edits = 0;
-  std::uint64_t content_hash = 0;  ///< Hash of field, labels, tissues, tools, limits and method settings
+  std::uint64_t content_hash =
+      0;  ///< Hash of labels, tissues, tools, limits and settings, and of a smoothed field
   std::uint64_t hash_before_removal = 0;  ///< content_hash of the same model without any removal
   std::string title;
   Side side = Side::kUnknown;
@@ -167,12 +170,13 @@ struct Model {
   bool oriented = true;            ///< false: the files do not state the patient orientation
   std::vector<Caveat> caveats;
 
-  /// Scalar field of the direct methods: inward ramps or smoothed labels.
+  /// Scalar field of the direct methods on the grid of `labels`: inward ramps or smoothed labels. null: no
+  /// direct method is prepared, as in a model for the proxy alone.
   std::shared_ptr<const Field> field;
-  /// Segmentation flattened to one label per voxel, on the field's grid with a margin of background
-  /// (label_bricks).
+  bool field_in_eight_bits = false;  ///< Resolution of the field's values; else 16 bits
+  /// Segmentation flattened to one label per voxel, with a margin of background (label_bricks).
   std::shared_ptr<const Bricks<LabelId>> labels;
-  std::shared_ptr<const Volume<float>> scan;  ///< Scan on the same grid; may be null
+  std::shared_ptr<const Volume<float>> scan;  ///< Scan on the grid of `labels`; may be null
   std::vector<Segment> segments;              ///< Names and colours of the labels
   /// Segments in which each label is nested (palpate/volume/overlaps.h), smallest first, by LabelId. Labels
   /// beyond the end are nested in none.
@@ -183,8 +187,8 @@ struct Model {
   /// 1.
   std::vector<float> level_of_label;
 
-  /// Prepared force field of each direct method, by ForceMethod. null: not prepared; the trilinear one always
-  /// is.
+  /// Prepared force field of each direct method (palpate/direct/force_field.h), by ForceMethod. null: not
+  /// prepared. With `field` the trilinear one is always prepared.
   std::array<std::shared_ptr<const ForceField>, kDirectMethods.size()> methods;
   /// Surfaces for the proxy: one per felt structure, then the common surfaces of touching structures and
   /// layers. Empty: not prepared.
@@ -251,7 +255,14 @@ struct Model {
   bool has(ForceMethod method) const {
     return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;
   }
-  /// Force field of a direct method; of the trilinear method if it is not prepared or not direct.
+  /// Method by which a tick renders: the requested one if it is prepared, otherwise the trilinear one, or the
+  /// proxy in a model without direct methods.
+  ForceMethod rendered_method(ForceMethod method) const {
+    if (has(method)) return method;
+    return has(ForceMethod::kTrilinear) ? ForceMethod::kTrilinear : ForceMethod::kProxy;
+  }
+  /// Force field of a direct method; of the trilinear method if it is not prepared or not direct. Requires
+  /// `field`.
   const ForceField& force_field(ForceMethod method) const {
     return *methods[has(method) && method != ForceMethod::kProxy ? index_of(method) : 0];
   }
@@ -275,24 +286,6 @@ struct Model {
 /// Collective name of the model's burrs, e.g. "burr or shaver". Empty: there is none.
 std::string cutter_name(const Model& model);
 
-/// Prepares the force field of one direct method. The model must have field, labels, levels, tissues and
-/// settings. Every method has the stiffness of the stiffest tissue at a flat surface of that tissue; the
-/// slope of the force elsewhere depends on the method's own filter width (docs/concepts/methods.md). Errors:
-/// kBadInput if the radius of a sphere method does not suit the voxel size.
-Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method);
-
-/// Checks what make_force_field() would check before it computes anything. Errors: its own.
-Result<void> check_force_field(const Model& model, ForceMethod method);
-/// Upper bound of the memory make_force_field() needs besides the model; bytes.
-std::uint64_t memory_of_force_field(const Model& model, ForceMethod method);
-
-/// The model with additional direct methods prepared; the same pointer if they already are. Version and
-/// content hash stay. For the surfaces of the proxy see palpate/loading/loading.h. Errors: those of
-/// make_force_field(), kInterrupted.
-Result<std::shared_ptr<const Model>> with_methods(std::shared_ptr<const Model> model,
-                                                  std::span<const ForceMethod> methods,
-                                                  const Progress& progress = {});
-
 /// The pose described at Model::X_WorldPatient for a grid.
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
 /// Pose of the patient while the object is rotated by `felt` about the world's origin.
@@ -311,15 +304,6 @@ struct ContactSite {
   double level = 0;
   double depth_mm = 0;  ///< Depth of the tip along the normal; > 0 below the structure's surface, < 0 above
 };
-
-/// Finds the structure in contact: the first felt label along the inward normal within Model::reach_mm,
-/// sampled every half voxel. If there is none (in a valley between structures, or deep inside where the field
-/// has no direction), the nearest one along 14 directions. The surface is the same for every force method:
-/// for smoothed labels where the field is midway between the label's level and that of the felt label
-/// covering it or free space; for ramps the boundary of the label's voxels. Bounded: at most a few hundred
-/// voxel look-ups.
-/// @param sample  sample of the force method at x; its gradient gives the normal
-ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample);
 
 /// Velocity over a sliding time window: sum of displacements over sum of times of the last `window_s` seconds
 /// (MERL c. 1997; 0.01 s), never a one-tick difference. Stored as running sums, so that a push costs the same
@@ -352,12 +336,5 @@ class VelocityWindow {
 /// @param max_N_s_per_mm  limit of the viscosity
 Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside,
                               double max_N_s_per_mm = std::numeric_limits<double>::infinity());
-
-/// Published pseudo-friction: a viscous force tangential to the surface, limited to the tissue's maximum and
-/// to mu |F_n|; N.
-/// @param max_N_s_per_mm  limit of the damping coefficient
-Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& velocity_mm_s,
-                                const Vector<Patient>& normal_force_N,
-                                double max_N_s_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

@@ -11,7 +11,8 @@
 #include "palpate/device/device_parameters.h"
 #include "palpate/device/telemetry.h"
 
-/// Contact of a device's tool with the model, by a direct force method or by the proxy.
+/// Contact of a device's tool with the model, and how the proxy computes it. For the direct force methods see
+/// palpate/direct/direct_methods.h.
 namespace palpate {
 
 /// Tick inputs common to all devices.
@@ -94,11 +95,6 @@ struct ToolContact {
   /// Whether the proxy was reset because tissue was put back over it; its force fades out.
   bool released = false;
 };
-
-/// Contact by a direct force method: sum over the tool's points.
-/// @param tick  inputs common to all devices
-/// @param hand  inputs of this device
-ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand);
 
 /// The tool's spheres and capsules in the operator's pose, in the patient frame.
 class PosedTool {

@@ -40,28 +40,43 @@ struct ModelParts {
   double smoothed_reach_mm = 0;  ///< Distance from a structure within which `smoothed` may exert force
 };
 
-/// Result of make_model().
-struct MadeModel {
-  /// Prepared for the trilinear method. Data for display only (scan, side) can be added.
-  std::shared_ptr<Model> model;
-  std::vector<RampFigures> ramps;  ///< One per felt structure; none for a smoothed field
-  double full_force_N = 0;         ///< Full scale of these ramps
-};
-/// Builds a model. Without felt structures its field is 0 everywhere.
+/// Builds a model from its parts. It still has to be prepared for a force method, by prepared_for(): its
+/// inward ramps are made where a direct method is first prepared. Only a smoothed field, and that of a model
+/// without felt structures, which is 0 everywhere, are there from the start, with the trilinear method. Data
+/// for display only (scan, side) can be added.
 /// Errors: kBadInput for parts that are missing, not finite, or refer to what is not there, with the name of
 /// the member as location; for a ramp width that does not suit the voxels, a burr less than two voxels
 /// across, an elastic constant out of range (elastic_constants.h), an invalid relaxation or too many
-/// different relaxation times, an invalid cell size, or an invalid no-go region (check_no_go); those of
-/// prepare_ramps; kInterrupted.
-Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing = {},
-                             const Progress& progress = {});
+/// different relaxation times, an invalid cell size, or an invalid no-go region (check_no_go).
+Result<std::shared_ptr<Model>> make_model(ModelParts parts);
 
-/// The model prepared for these methods in addition to its own; the same object if it already is. For the
+/// Result of with_ramp_field().
+struct MadeField {
+  std::shared_ptr<const Model> model;  ///< Prepared for the trilinear method
+  std::vector<RampFigures> ramps;      ///< One per felt structure
+  double full_force_N = 0;             ///< Full scale of these ramps
+};
+/// The model with a new field of inward ramps for its tissues, and with no direct method but the trilinear
+/// one. Requires Model::ramp_width_mm > 0. Version and content hash do not change. Errors: those of
+/// prepare_ramps; kInterrupted.
+Result<MadeField> with_ramp_field(const Model& model, const Preparing& preparing = {},
+                                  const Progress& progress = {});
+
+/// The model prepared for additional direct methods, with their field if it has none yet; the same object if
+/// it already is. Version and content hash do not change. Errors: those of with_ramp_field() and of
+/// with_methods() (palpate/direct/direct_methods.h).
+Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
+                                                         std::span<const ForceMethod> methods,
+                                                         const Preparing& preparing = {},
+                                                         const Progress& progress = {});
+
+/// The model prepared for these methods in addition to its own; the same object if it already is. For a
+/// direct method it gets the field that these methods share; a model for the proxy alone has none. For the
 /// proxy, felt structures that touch get a common outer surface, all others their own
 /// (palpate/surfaces/surfaces.h), which takes seconds; among structures that touch, those with a puncture
 /// force and the remainder beneath them get additional surfaces. Structures whose distances the model
 /// reports, or that are no-go regions, get their own surface and its tree, whatever the methods. Version and
-/// content hash do not change. Errors: those of with_methods and prepare_surfaces; kBadInput for more
+/// content hash do not change. Errors: those of with_direct_methods and prepare_surfaces; kBadInput for more
 /// surfaces than the proxy supports; kInterrupted.
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,

@@ -33,7 +33,7 @@ struct RunSetup {
 ///                the largest felt structures that the tool can reach. Larger ones that it cannot reach are
 ///                listed in Script::limitations and `trouble`, with the reason.
 /// Errors: an unknown device or hand, with the line of the script; no reachable structure without a script;
-/// those of with_methods.
+/// those of ready_for.
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& script,
                             const SimulationOptions& options, const Progress& progress);
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/direct/force_field.h"
 #include "palpate/rendering/rendering.h"
 
 /// Parts of the picture of a force method: sampling in a section, and page layout.

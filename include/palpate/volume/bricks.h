@@ -119,6 +119,8 @@ class Bricks : public BrickLayout {
   Bricks with(const PatchOf<T>& patch) const;
 
   const GridGeometry& geometry() const { return geometry_; }
+  /// Inverse of GridGeometry::X_PatientVoxel(), computed once.
+  const Transform<Voxel, Patient>& X_VoxelPatient() const { return X_VoxelPatient_; }
   T outside() const { return outside_; }
   BrickView<T> view() const {
     return {table_.data(), counts_[0], static_cast<std::ptrdiff_t>(counts_[0]) * counts_[1]};
@@ -204,6 +206,7 @@ class Bricks : public BrickLayout {
   void fill(const BrickAt& brick_at);
 
   GridGeometry geometry_;
+  Transform<Voxel, Patient> X_VoxelPatient_;
   T outside_;
   std::array<int, 3> counts_;
   std::vector<const T*> table_;

@@ -146,7 +146,7 @@ TEST(Api, ARunHasTheHashThatItHasInCxx) {
   auto made = make_model(std::move(parts));
   ASSERT_TRUE(made.ok());
   const ForceMethod proxy = ForceMethod::kProxy;
-  const auto felt = prepared_for(made->model, {&proxy, 1});
+  const auto felt = prepared_for(*made, {&proxy, 1});
   ASSERT_TRUE(felt.ok());
   EXPECT_EQ(info_of(model.get()).content_hash, (*felt)->content_hash);
   Parameters parameters;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "c/label_slices.h"
+#include "palpate/direct/force_field.h"
 #include "palpate/model/make_model.h"
 
 namespace palpate::c {
@@ -116,7 +117,7 @@ Result<void> add_structures(const plp_structure* structures, std::size_t count, 
 Result<std::shared_ptr<const Model>> made_model(ModelParts parts, ForceMethod method) {
   auto made = make_model(std::move(parts));
   if (!made) return made.error();
-  return prepared_for(std::move(made->model), {&method, 1});
+  return prepared_for(*std::move(made), {&method, 1});
 }
 
 plp_status create(const plp_labels& labels, const plp_tissue* tissues, std::size_t tissue_count,

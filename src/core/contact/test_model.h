@@ -5,6 +5,7 @@
 
 #include "contact/test_proxy_surfaces.h"
 #include "palpate/contact/haptics.h"
+#include "palpate/direct/direct_methods.h"
 
 /// Analytic model for tests: a ball of bone at the patient's origin, optionally with a shell of cartilage.
 /// The field is an ideal Gaussian ramp sampled at voxel centres.

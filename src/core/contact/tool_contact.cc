@@ -5,48 +5,16 @@
 #include <span>
 
 #include "contact/proxy_spheres.h"
+#include "palpate/base/insertion_sort.h"
 #include "palpate/contact/feel.h"
 #include "palpate/device/felt_stiffness.h"
 
 namespace palpate {
 namespace {
 
-/// Contact of one point of the tool, and the magnitude of its normal force.
-struct PointForce {
-  PointContact contact;
-  double normal_N = 0;
-};
-
-/// Contact of one point by a direct method.
-/// @param full_force_N     force at field value 1
-/// @param max_N_s_per_mm  limit of the total damping at this point
-/// @param x                position of the point
-PointForce touch(const TickContext& tick, double full_force_N, double max_N_s_per_mm, const Point<Patient>& x,
-                 const Vector<Patient>& velocity_mm_s) {
-  const ForceField& field = tick.model.force_field(tick.method);
-  PointForce met;
-  PointContact& contact = met.contact;
-  contact.proxy = x;
-  contact.sample = field.sample(x);
-  const Vector<Patient> normal_N = normal_force(contact.sample, full_force_N);
-  met.normal_N = normal_N.norm();
-  contact.force_N = normal_N;
-  contact.site = find_contact_site(tick.model, x, contact.sample);
-  if (contact.site.tissue < 0) return met;
-
-  const Tissue& tissue = tick.model.tissues[static_cast<std::size_t>(contact.site.tissue)];
-  const double left_N_s_per_mm =
-      tick.viscosity ? std::max(0.0, max_N_s_per_mm - tissue.viscosity_N_s_per_mm) : max_N_s_per_mm;
-  if (tick.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N, left_N_s_per_mm);
-  if (tick.viscosity)
-    contact.force_N +=
-        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, max_N_s_per_mm);
-  return met;
-}
-
 // label of the voxel at a point; 0 outside the volume
 LabelId label_at(const Model& model, const Point<Patient>& at) {
-  const Point<Voxel> p = model.field->X_VoxelPatient() * at;
+  const Point<Voxel> p = model.labels->X_VoxelPatient() * at;
   const auto& dims = model.labels->geometry().dims;
   std::array<int, 3> index{};
   for (int axis = 0; axis < 3; ++axis) {
@@ -95,13 +63,6 @@ Vector<Patient> normal_of(const ProxyResult& result) {
   return (along + aside * (result.friction / off)).normalized();
 }
 
-// stable insertion sort; std::stable_sort may allocate
-template <class T, class Before>
-void sort_few(std::span<T> few, Before before) {
-  for (auto next = few.begin(); next != few.end(); ++next)
-    std::rotate(std::upper_bound(few.begin(), next, *next, before), next, next + 1);
-}
-
 // contact point on the surface
 Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
                         std::span<const ToolSphere> spheres) {
@@ -122,8 +83,8 @@ std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<
   std::array<const ProxyContact*, kMaxContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contacts);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
-  sort_few(std::span(order).first(count),
-           [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
+  insertion_sort(std::span(order).first(count),
+                 [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
   std::size_t n = 0;
   for (; n < std::min(count, reported.size()); ++n) {
     const ProxyContact& contact = *order[n];
@@ -203,37 +164,6 @@ double DeviceContext::max_damping_N_s_per_mm() const {
   return device.max_damping_N_s_per_mm > 0
              ? RenderedStiffness(device).in_patient(device.max_damping_N_s_per_mm)
              : std::numeric_limits<double>::infinity();
-}
-
-ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
-  const DeviceParameters& gains = hand.device;
-  const auto points = static_cast<double>(hand.tool.points_mm.size());
-  ToolContact tool;
-  // forces of points in contact at the same time add up
-  const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
-  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
-  const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
-  const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
-  tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
-  std::size_t reported = 0;
-  for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
-    const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
-    const PointForce met = touch(tick, full_force_N, max_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
-                                 hand.velocity_mm_s);
-    const Vector<World> force_N = tick.X_WorldPatient * met.contact.force_N;
-    tool.asked.force_N += force_N * gains.force_gain;
-    tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
-    if (part == 0 || met.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
-      tool.strongest = met.contact;
-    if (!met.contact.is_touch()) continue;
-    static_assert(kMaxContactsReported >= kMaxToolParts);
-    tool.contacts[reported++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy,
-                                 met.normal_N};
-  }
-  sort_few(std::span(tool.contacts).first(reported),
-           [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
-  tool.felt[0] = all_of_it(tool.strongest);
-  return tool;
 }
 
 PosedTool::PosedTool(const TickContext& tick, const DeviceContext& hand)

@@ -33,7 +33,6 @@ Model notch() {
         labels.at(i, j, k) = p.x() < 0 ? kWall : p.z() < 0 ? kFloor : LabelId{0};
       }
   model.labels = label_bricks(labels);
-  model.field = std::make_shared<const Field>(Volume<std::uint16_t>(grid));
   model.tissues.resize(1);
   model.tissues[0].stiffness_N_per_mm = kNotchStiffness_N_per_mm;
   model.tissue_of_label = {-1, -1, -1, 0, 0};
@@ -149,23 +148,6 @@ TEST(ToolContact, InnerLayersFollowTheOutermostStructure) {
   EXPECT_NEAR(contact.contacts[1].force_N, (bone - shell) * (kDeep_mm - kShell_mm), 0.1);
   EXPECT_NEAR(contact.asked.force_N.norm(), contact.contacts[0].force_N + contact.contacts[1].force_N, 0.05);
   EXPECT_LT((contact.contacts[1].place - (Point<Patient>() + out * kBoneRadius_mm)).norm(), 0.1);
-}
-
-TEST(ToolContact, DirectMethodsReportEveryPointInside) {
-  Model model = testing::with_ramps(testing::ball_model(), 4);
-  model.tools[0].points_mm = {{0, 0, 0}, {0, 0, -1}, {0, 0, 5}};
-  const TickContext tick{model, ForceMethod::kTrilinear, false, false, 1e-3, {}, {}};
-  const DeviceParameters device;
-  const DeviceContext hand{
-      model.tools[0], device, Eigen::Matrix3d::Identity(), {0, 0, kBoneRadius_mm - 0.5}, {}};
-  const ToolContact contact = touch_directly(tick, hand);
-  ASSERT_EQ(count(contact), 2);
-  EXPECT_EQ(contact.contacts[0].part, 1);
-  EXPECT_EQ(contact.contacts[1].part, 0);
-  EXPECT_NEAR(contact.contacts[0].force_N, 1.5 * 1.5, 0.1);
-  EXPECT_NEAR(contact.contacts[1].force_N, 1.5 * 0.5, 0.1);
-  EXPECT_NEAR(contact.asked.force_N.z(), contact.contacts[0].force_N + contact.contacts[1].force_N, 1e-6);
-  EXPECT_EQ(contact.contacts[0].place, (Point<Patient>(0, 0, kBoneRadius_mm - 1.5)));
 }
 
 TEST(ToolContact, NoContactInFreeSpace) {

@@ -6,8 +6,8 @@
 #include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
 #include "palpate/contact/tissue_values.h"
-#include "palpate/model/ramp_structures.h"
-#include "palpate/surfaces/ramps.h"
+#include "palpate/direct/direct_methods.h"
+#include "palpate/model/make_model.h"
 
 namespace palpate {
 namespace {
@@ -107,7 +107,8 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Mode
     next->methods = made.methods;
   } else {
     next->methods = {};
-    next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, made);
+    if (made.has(ForceMethod::kTrilinear))
+      next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, made);
   }
 
   hash_after(felt, change, *next);
@@ -123,19 +124,9 @@ Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, cons
   if (!can_make_fields(felt))
     return Error{ErrorKind::kBadInput,
                  "a union Gaussian is prepared only once, for the stiffness values of the scene", "", ""};
-  const double stiffest = felt.greatest_stiffness_N_per_mm();
-  auto ramps = prepare_ramps(*felt.labels, ramp_structures(felt, *felt.labels),
-                             {.stiffest_N_per_mm = stiffest, .width_mm = felt.ramp_width_mm}, progress);
-  if (!ramps) return ramps.error();
-  auto model = std::make_shared<Model>(felt);
-  model->field = made.field->bytes_per_voxel() == 1
-                     ? std::make_shared<const Field>(in_eight_bits(ramps->field))
-                     : std::make_shared<const Field>(ramps->field);
-  for (std::size_t label = 0; label < model->level_of_label.size(); ++label)
-    if (const Tissue* tissue = model->tissue_of(static_cast<LabelId>(label)))
-      model->level_of_label[label] = level_of(*tissue, weight_of(*tissue, stiffest));
-  model->methods = {};
-  std::shared_ptr<const Model> ready = std::move(model);
+  auto field = with_ramp_field(felt, {}, progress);
+  if (!field) return field.error();
+  std::shared_ptr<const Model> ready = std::move(field->model);
   for (const ForceMethodInfo& info : kDirectMethods) {
     if (!made.has(info.method)) continue;
     auto more = with_methods(ready, {&info.method, 1}, progress);

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "contact/test_model.h"
+#include "palpate/direct/direct_methods.h"
 #include "palpate/loading/loading.h"
 #include "palpate/servo/servo.h"
 

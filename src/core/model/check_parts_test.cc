@@ -120,7 +120,7 @@ TEST(CheckParts, NothingIsPreparedOrChangedWithoutAModel) {
 
   const auto made = make_model(block());
   ASSERT_TRUE(made.ok()) << made.error().message();
-  const auto model = prepared_for(made->model, {&proxy, 1});
+  const auto model = prepared_for(*made, {&proxy, 1});
   ASSERT_TRUE(model.ok()) << model.error().message();
   EXPECT_FALSE(next_version({*model, nullptr}, {.version = 2, .tissue = 0}).ok());
   EXPECT_FALSE(next_version({*model, *model}, unchanged(**model, 12)).ok());
@@ -182,7 +182,7 @@ TEST(CheckParts, RandomPartsGiveAModelThatTicksOrAnError) {
       continue;
     }
     const ForceMethod methods[] = {ForceMethod::kProxy, ForceMethod::kTrilinear};
-    const auto model = prepared_for(made->model, methods);
+    const auto model = prepared_for(*made, methods);
     if (!model.ok()) continue;
     ++models;
     Parameters parameters;

@@ -63,7 +63,7 @@ std::shared_ptr<const Model> limb(TissueLaw law,
   auto made = make_model(std::move(parts));
   PALPATE_CHECK(made.ok());
   const ForceMethod proxy = ForceMethod::kProxy;
-  known = prepared_for(made->model, {&proxy, 1}).value();
+  known = prepared_for(*made, {&proxy, 1}).value();
   return known;
 }
 

@@ -14,6 +14,7 @@
 #include "model/check_parts.h"
 #include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
+#include "palpate/direct/direct_methods.h"
 #include "palpate/model/ramp_structures.h"
 #include "palpate/tissue/elastic_grid.h"
 
@@ -108,11 +109,15 @@ void hash_values(std::uint64_t& hash, const Values&... values) {
 
 std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
-  std::visit([&](const auto& voxels) { hash_word(hash, voxels.content_hash()); }, model.field->bricks());
+  // ramps follow from labels, tissues and width, so they need not be made for the hash
+  if (model.ramp_width_mm > 0)
+    hash_value(hash, model.field_in_eight_bits);
+  else
+    std::visit([&](const auto& voxels) { hash_word(hash, voxels.content_hash()); }, model.field->bricks());
   hash_word(hash, model.labels->content_hash());
   // grids of slightly different size may have the same bricks
   for (const int dim : model.labels->geometry().dims) hash_word(hash, static_cast<std::uint64_t>(dim));
-  const auto X = model.field->geometry().X_PatientVoxel();
+  const auto X = model.labels->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
   // no-go regions in order, because telemetry refers to them by index
@@ -197,20 +202,19 @@ std::shared_ptr<const Field> field_of(Bricks<T> voxels) {
   return std::make_shared<const Field>(std::move(voxels));
 }
 
-Result<std::shared_ptr<const Field>> ramp_field(const Model& model, bool eight_bits,
-                                                const Preparing& preparing, const Progress& progress,
-                                                MadeModel& made) {
-  const GridGeometry& grid = model.labels->geometry();
-  const std::vector<RampStructure> structures = ramp_structures(model, *model.labels);
-  if (structures.empty())
-    return eight_bits ? field_of(Bricks<std::uint8_t>(grid, 0)) : field_of(Bricks<std::uint16_t>(grid, 0));
-  auto ramps = preparing.ramps(
-      *model.labels, structures,
-      {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
-  if (!ramps) return ramps.error();
-  made.ramps = std::move(ramps->structures);
-  made.full_force_N = ramps->full_force_N;
-  return eight_bits ? field_of(in_eight_bits(ramps->field)) : field_of(std::move(ramps->field));
+// sets the field of the direct methods, and with it the trilinear one
+Result<void> set_field(std::shared_ptr<const Field> field, Model& model) {
+  model.field = std::move(field);
+  auto trilinear = make_force_field(model, ForceMethod::kTrilinear);
+  if (!trilinear) return trilinear.error();
+  model.methods = {};
+  model.methods[index_of(ForceMethod::kTrilinear)] = *std::move(trilinear);
+  return {};
+}
+
+// field of a model without felt structures
+std::shared_ptr<const Field> empty_field(const GridGeometry& grid, bool eight_bits) {
+  return eight_bits ? field_of(Bricks<std::uint8_t>(grid, 0)) : field_of(Bricks<std::uint16_t>(grid, 0));
 }
 
 }  // namespace
@@ -233,7 +237,7 @@ Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, Tis
   return times;
 }
 
-Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const Progress& progress) {
+Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
   if (auto fine = check_parts(parts); !fine) return fine.error();
   const GridGeometry& grid = parts.labels->geometry();
   for (std::size_t number = 0; number < parts.tools.size(); ++number)
@@ -261,25 +265,47 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   model->X_WorldPatient = supine_from_feet(grid);
   set_levels(*model);
 
-  MadeModel made;
   if (parts.smoothed != nullptr) {
-    model->field = std::move(parts.smoothed);
+    model->field_in_eight_bits = parts.smoothed->bytes_per_voxel() == 1;
     model->reach_mm = parts.smoothed_reach_mm;
+    if (auto set = set_field(std::move(parts.smoothed), *model); !set) return set.error();
   } else {
     const auto width_mm = ramp_width_mm(parts.ramp_width_mm, grid);
     if (!width_mm) return width_mm.error();
     model->ramp_width_mm = *width_mm;
-    auto field = ramp_field(*model, parts.eight_bits, preparing, progress, made);
-    if (!field) return field.error();
-    model->field = *std::move(field);
+    model->field_in_eight_bits = parts.eight_bits;
     model->reach_mm = grid.spacing_mm.maxCoeff() + kDeepestRamp_mm;
+    if (ramp_structures(*model, *model->labels).empty())
+      if (auto set = set_field(empty_field(grid, parts.eight_bits), *model); !set) return set.error();
   }
   model->content_hash = model->hash_before_removal = content_hash(*model);
-  auto trilinear = make_force_field(*model, ForceMethod::kTrilinear);
-  if (!trilinear) return trilinear.error();
-  model->methods[index_of(ForceMethod::kTrilinear)] = *std::move(trilinear);
-  made.model = std::move(model);
-  return made;
+  return model;
+}
+
+Result<MadeField> with_ramp_field(const Model& model, const Preparing& preparing, const Progress& progress) {
+  auto ramps = preparing.ramps(
+      *model.labels, ramp_structures(model, *model.labels),
+      {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
+  if (!ramps) return ramps.error();
+  auto made = std::make_shared<Model>(model);
+  set_levels(*made);
+  auto field =
+      model.field_in_eight_bits ? field_of(in_eight_bits(ramps->field)) : field_of(std::move(ramps->field));
+  if (auto set = set_field(std::move(field), *made); !set) return set.error();
+  return MadeField{std::move(made), std::move(ramps->structures), ramps->full_force_N};
+}
+
+Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
+                                                         std::span<const ForceMethod> methods,
+                                                         const Preparing& preparing,
+                                                         const Progress& progress) {
+  if (methods.empty()) return model;
+  if (model->field == nullptr) {
+    auto made = with_ramp_field(*model, preparing, progress);
+    if (!made) return made.error();
+    model = std::move(made->model);
+  }
+  return with_methods(std::move(model), methods, progress);
 }
 
 }  // namespace palpate

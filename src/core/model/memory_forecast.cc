@@ -211,27 +211,14 @@ SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vecto
   return all;
 }
 
-}  // namespace
-
-Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, const Preparing& preparing,
-                                       const Progress& progress) {
-  Model model;
-  model.labels = parts.labels;
-  model.tissues = parts.tissues;
-  model.tissue_of_label = parts.tissue_of_label;
-  model.tools = parts.tools;
-  const GridGeometry& grid = parts.labels->geometry();
-  const Estimate estimate(grid, figures_of(*parts.labels));
+// ramps: a band inside each structure as deep as its ramp rises
+FieldMemory field_memory(const Model& model, const Estimate& estimate, double ramp_width_mm) {
+  const GridGeometry& grid = model.labels->geometry();
   const double voxels = static_cast<double>(grid.voxel_count());
-  const double labels = static_cast<double>(parts.labels->bytes());
-
-  // ramps: a band inside each structure as deep as its ramp rises
-  const auto structures = ramp_structures(model, *parts.labels);
-  const double full_N =
-      model.greatest_stiffness_N_per_mm() * parts.ramp_width_mm.value_or(kUsualRampWidth_mm);
+  const double full_N = model.greatest_stiffness_N_per_mm() * ramp_width_mm;
   std::vector<LabelId> felt;
   double rising_mm3 = 0, position = 0;
-  for (const RampStructure& structure : structures) {
+  for (const RampStructure& structure : ramp_structures(model, *model.labels)) {
     felt.push_back(structure.label);
     const Body body = estimate.body({structure.label}, 0);
     const double depth_mm = std::min(full_N / structure.stiffness_N_per_mm, kDeepestRamp_mm);
@@ -247,40 +234,66 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   const double reach_mm = all.surface_mm2 > 0 ? rising_mm3 / all.surface_mm2 : 0;
   const double field = estimate.band_bytes(all, voxels, grid.spacing_mm, reach_mm, 0, 0);
   // tiles being raised, with the depth fields of a structure and those on top of it; then the bricks
-  double peak = field + std::max(field, position);
+  return {static_cast<std::uint64_t>(field),
+          static_cast<std::uint64_t>(with_heap(field + std::max(field, position)))};
+}
+
+}  // namespace
+
+Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOptions& options,
+                                       const Preparing& preparing, const Progress& progress) {
+  Model model;
+  model.labels = parts.labels;
+  model.tissues = parts.tissues;
+  model.tissue_of_label = parts.tissue_of_label;
+  model.tools = parts.tools;
+  const GridGeometry& grid = parts.labels->geometry();
+  const Estimate estimate(grid, figures_of(*parts.labels));
+  const double labels = static_cast<double>(parts.labels->bytes());
 
   MemoryForecast forecast;
-  forecast.making_field = static_cast<std::uint64_t>(with_heap(peak));
+  FieldMemory of_field;
+  if (options.field)
+    of_field = field_memory(model, estimate, parts.ramp_width_mm.value_or(kUsualRampWidth_mm));
+  forecast.field = of_field.stays;
+  forecast.making_field = of_field.peak;
+  const double field = static_cast<double>(of_field.stays);
+  double peak = 0;
   double surfaces = 0;
   // surfaces for the tool's distances that the proxy does not have, and all trees
   std::vector<LabelId> tracked = tracked_structures(parts.no_go, parts.reported_distances);
   double trees = 0;
   for (const LabelId label : tracked) trees += tree_bytes(estimate, label);
-  const bool has_surfaces = proxy || !tracked.empty();
-  const auto options = has_surfaces ? felt_surface_options(model.tools, grid) : SurfaceOptions();
-  if (!options) return options.error();
-  if (proxy) {
+  const bool has_surfaces = options.proxy || !tracked.empty();
+  const auto of_surfaces = has_surfaces ? felt_surface_options(model.tools, grid) : SurfaceOptions();
+  if (!of_surfaces) return of_surfaces.error();
+  if (options.proxy) {
     const auto groups = surfaces_needed(model, preparing, progress);
     if (!groups) return groups.error();
     for (const auto& group : *groups)
       if (group.size() == 1) std::erase(tracked, group.front());
-    const SurfaceBytes bytes = bytes_of_all(estimate, *groups, *options, labels);
+    const SurfaceBytes bytes = bytes_of_all(estimate, *groups, *of_surfaces, labels);
     peak = std::max(peak, field + bytes.makes);
     surfaces = bytes.stays;
   }
   if (!tracked.empty()) {
     std::vector<std::vector<LabelId>> alone;
     for (const LabelId label : tracked) alone.push_back({label});
-    const SurfaceBytes bytes = bytes_of_all(estimate, alone, *options, labels);
+    const SurfaceBytes bytes = bytes_of_all(estimate, alone, *of_surfaces, labels);
     peak = std::max(peak, field + surfaces + bytes.makes);
     surfaces += bytes.stays;
   }
   surfaces += trees;
   forecast.labels = parts.labels->bytes();
-  forecast.field = static_cast<std::uint64_t>(field);
   forecast.surfaces = static_cast<std::uint64_t>(surfaces);
-  forecast.peak = static_cast<std::uint64_t>(with_heap(std::max(peak, field + surfaces)));
+  forecast.peak =
+      std::max(of_field.peak, static_cast<std::uint64_t>(with_heap(std::max(peak, field + surfaces))));
   return forecast;
+}
+
+FieldMemory memory_of_ramp_field(const Model& model) {
+  const Estimate estimate(model.labels->geometry(), figures_of(*model.labels));
+  return field_memory(model, estimate, model.ramp_width_mm);
 }
 
 Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& preparing,

@@ -270,7 +270,7 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
                  "let background surround the labels, as label_bricks() does"};
   std::vector<ForceMethod> direct(methods.begin(), methods.end());
   const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
-  auto ready = with_methods(std::move(model), direct, progress);
+  auto ready = with_direct_methods(std::move(model), direct, preparing, progress);
   if (!ready) return ready;
   if (proxy && !(*ready)->has(ForceMethod::kProxy))
     ready = with_surfaces(*std::move(ready), preparing, progress);

@@ -373,8 +373,8 @@ Result<std::unique_ptr<ServoLoop>> ServoLoop::start(std::shared_ptr<const Model>
                                                     const std::vector<WorkspaceSettings>& workspaces,
                                                     const LoopSettings& settings) {
   if (auto error = settings_error(settings)) return *error;
-  if (model == nullptr || !model->has(ForceMethod::kTrilinear))
-    return usage("a loop without a prepared model", "give a model that make_model() has made");
+  if (model == nullptr || !model->has(model->rendered_method(ForceMethod::kProxy)))
+    return usage("a loop without a prepared model", "prepare the model by prepared_for()");
   if (auto opened = driver.open(settings.may_move); !opened) return opened.error();
   if (auto error = device_error(driver.devices().size(), workspaces)) return *error;
   auto loop = std::make_unique<Loop>(std::move(model), driver, parameters, workspaces, settings);

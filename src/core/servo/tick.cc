@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "palpate/base/hash.h"
+#include "palpate/direct/direct_methods.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
 #include "servo/output_stage.h"
@@ -179,10 +180,10 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
 }
 
 // whether a point is outside the volume, which extends half a voxel beyond the outermost voxel centres
-bool outside(const Field& field, const Point<Patient>& x) {
-  const Point<Voxel> p = field.X_VoxelPatient() * x;
+bool outside(const Bricks<LabelId>& labels, const Point<Patient>& x) {
+  const Point<Voxel> p = labels.X_VoxelPatient() * x;
   for (int axis = 0; axis < 3; ++axis)
-    if (!(p[axis] >= -0.5 && p[axis] <= field.geometry().dims[axis] - 0.5)) return true;
+    if (!(p[axis] >= -0.5 && p[axis] <= labels.geometry().dims[axis] - 0.5)) return true;
   return false;
 }
 
@@ -207,11 +208,11 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
   state.motor_on = on;
 }
 
-// contact of the tool by the selected method, or by a direct one if the model is not prepared for the proxy
+// contact of the tool by the selected method, or by another if the model is not prepared for it
 ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const DeviceContext& context,
                   const OutputRequest& request, SessionState::Hand& hand) {
   const Model& model = shared.tick.model;
-  if (shared.tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
+  if (model.rendered_method(shared.tick.method) == ForceMethod::kProxy) {
     const ProxyChange change = prepare_contact(model, in, request, hand);
     const MotorState motor = motor_of(shared, in, context.tool, request, hand.output);
     return advance_tool(shared.tick, context, change, motor, hand);
@@ -256,7 +257,7 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
     request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
   }
   apply_passivity(shared, in, contact, std::min(stop, 1.0), hand, request, out);
-  if (outside(*tick.model.field, tip)) out.flags |= kFlagOutside;
+  if (outside(*tick.model.labels, tip)) out.flags |= kFlagOutside;
   if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
   return tool;
 }
@@ -292,7 +293,7 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
 // whether a tick can be computed: a usable duration, devices with as many wrenches, and a prepared model
 bool is_usable(const Model& model, std::size_t devices, double dt_s, std::size_t wrenches) {
   return std::isfinite(dt_s) && dt_s >= 0 && devices >= 1 && devices <= kMaxDevices && devices == wrenches &&
-         model.has(ForceMethod::kTrilinear);
+         model.has(model.rendered_method(ForceMethod::kProxy));
 }
 
 // Outputs of a tick that cannot be computed: zero force, and the inputs in the record.
@@ -314,7 +315,7 @@ std::uint64_t force_source_digest(const Model& model, const Parameters& paramete
   std::uint64_t digest = kHashSeed;
   // local edits are excluded: removal of material takes effect without a blend
   hash_word(digest, model.version - model.edits);
-  const ForceMethod method = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
+  const ForceMethod method = model.rendered_method(parameters.method);
   hash_word(digest, static_cast<std::uint64_t>(method) << 8 | blended_switch_bits(parameters));
   for (std::size_t d = 0; d < devices; ++d) {
     hash_double(digest, parameters.device[d].force_gain);

@@ -110,7 +110,8 @@ void Bricks<T>::discount_place(const Brick& brick) {
 }
 
 template <class T>
-Bricks<T>::Bricks(const GridGeometry& grid, T outside, Unfilled) : geometry_(grid), outside_(outside) {
+Bricks<T>::Bricks(const GridGeometry& grid, T outside, Unfilled)
+    : geometry_(grid), X_VoxelPatient_(grid.X_PatientVoxel().inverse()), outside_(outside) {
   std::size_t bricks = 1;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     counts_[axis] = (grid.dims[axis] + 2 * kBorder - 1) / kCells + 1;

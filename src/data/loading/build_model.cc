@@ -193,7 +193,7 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
 }
 
 // warns of structures too thin to reach the force limit, weakest first
-void warn_of_thin_structures(const MadeModel& made, const Warn& warn) {
+void warn_of_thin_structures(const MadeField& made, const Warn& warn) {
   if (!warn) return;
   const Model& model = *made.model;
   // force that counts as sufficient if the scene has no limit
@@ -465,11 +465,16 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
 // its preparation, not here.
 Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready, const Preparing& preparing,
                                    const Progress& progress) {
-  auto forecast =
-      forecast_memory(ready.parts, scene.force.method == ForceMethod::kProxy, preparing, progress);
-  if (!forecast && forecast.error().kind == ErrorKind::kBadInput)
-    forecast = forecast_memory(ready.parts, false, preparing, progress);
-  if (!forecast || scene.preparation.method == PreparationMethod::kInwardRamp) return forecast;
+  const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
+  ForecastOptions options;
+  options.proxy = scene.force.method == ForceMethod::kProxy;
+  options.field = !options.proxy || !ramps;
+  auto forecast = forecast_memory(ready.parts, options, preparing, progress);
+  if (!forecast && forecast.error().kind == ErrorKind::kBadInput) {
+    options.proxy = false;
+    forecast = forecast_memory(ready.parts, options, preparing, progress);
+  }
+  if (!forecast || ramps) return forecast;
   // smoothing: weights, two float volumes, the field
   constexpr std::uint64_t kSmoothedBytesPerVoxel = 12;
   forecast->making_field = kSmoothedBytesPerVoxel * ready.parts.labels->geometry().voxel_count();
@@ -540,10 +545,16 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
     parts.smoothed_reach_mm =
         grid.spacing_mm.maxCoeff() + 4 * parts.sigma_mm + (by_threshold ? kThresholdRamp_mm : 0);
   }
-  auto made = make_model(std::move(parts), preparing, progress);
+  auto made = make_model(std::move(parts));
   if (!made) return of_scene(made.error());
-  warn_of_thin_structures(*made, warn);
-  const std::shared_ptr<Model> model = made->model;
+  std::shared_ptr<Model> model = *std::move(made);
+  const bool is_direct = scene.force.method != ForceMethod::kProxy;
+  if (is_direct && model->field == nullptr) {
+    auto ramps = with_ramp_field(*model, preparing, progress);
+    if (!ramps) return of_scene(ramps.error());
+    warn_of_thin_structures(*ramps, warn);
+    model = std::make_shared<Model>(*ramps->model);
+  }
   model->caveats = merged_layers(*model);
   model->enclosing = std::move(ready_made->enclosing);
 
@@ -566,7 +577,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
         "the files do not state the orientation of the volume in the patient: sides and directions are "
         "unknown");
   // surfaces take seconds and memory, and are only made for the proxy
-  if (scene.force.method == ForceMethod::kProxy) return std::shared_ptr<const Model>(model);
+  if (!is_direct) return std::shared_ptr<const Model>(model);
   auto ready = prepared_for(model, {&scene.force.method, 1}, preparing, progress);
   if (!ready) return of_scene(ready.error());
   return ready;

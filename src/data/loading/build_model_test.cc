@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/test_files.h"
+#include "palpate/direct/direct_methods.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/volume_io/volume_io.h"
@@ -437,7 +438,8 @@ TEST(BuildModel, WhatTheScanDoesNotReachIsNotFelt) {
   std::vector<std::string> warnings;
   const auto model = build_model(scene_of("[data]\nscan = \"x.nrrd\"\nlabels = \"y.nrrd\"\n"
                                           "[[tissue]]\nname = \"bone\"\nlabels = [1]\n"
-                                          "[[tissue]]\nname = \"fat\"\nthreshold = [-500, -200]\n"),
+                                          "[[tissue]]\nname = \"fat\"\nthreshold = [-500, -200]\n"
+                                          "[force]\nmethod = \"trilinear\"\n"),
                                  &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
   ASSERT_TRUE(model.ok()) << model.error().message();
   EXPECT_EQ(sample_value(*(*model)->field, Point<Patient>(35, 35, 35)), 0);
@@ -501,11 +503,17 @@ std::string with_ramps(const std::string& settings = "") {
   return text.replace(text.find(founding), founding.size(), settings);
 }
 
+constexpr const char* kByTrilinear = "[force]\nmethod = \"trilinear\"\n";
+
 TEST(BuildModel, RampsAreTheUsualPreparationAndTellTheForce) {
   const LabelMap labels = blocks(grid_of(1, 40));
-  const auto model = build_model(scene_of(with_ramps()), &labels, nullptr);
+  const auto by_proxy = build_model(scene_of(with_ramps()), &labels, nullptr);
+  ASSERT_TRUE(by_proxy.ok()) << by_proxy.error().message();
+  EXPECT_EQ((*by_proxy)->field, nullptr) << "a scene rendered by the proxy";
+  const auto model = build_model(scene_of(with_ramps() + kByTrilinear), &labels, nullptr);
   ASSERT_TRUE(model.ok()) << model.error().message();
   const Model& m = **model;
+  EXPECT_EQ(m.content_hash, (*by_proxy)->content_hash) << "a run may change the method";
   EXPECT_EQ(m.ramp_width_mm, 4);
   for (const ForceMethod method :
        {ForceMethod::kTrilinear, ForceMethod::kSpline, ForceMethod::kStoredNormals})
@@ -554,7 +562,7 @@ TEST(BuildModel, AThresholdWithRampsIsFeltFromItsMiddle) {
       for (int i = 0; i < 40; ++i) scan.at(i, j, k) = static_cast<float>(30 * (i - 10));
   const auto scene = [](const std::string& threshold) {
     return scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = " + threshold +
-                    "\n");
+                    "\n" + kByTrilinear);
   };
   const auto model = build_model(scene("[60, 240]"), nullptr, &scan);
   ASSERT_TRUE(model.ok()) << model.error().message();
@@ -577,8 +585,9 @@ TEST(BuildModel, WhatIsThinIsSaidInOneLine) {
   map.segments = {{1, "thick", {}, 0, 1}, {2, "sheet", {}, 0, 2}, {3, "leaf", {}, 0, 3}};
   std::vector<std::string> warnings;
   const auto model =
-      build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [1, 2, 3]\nstiffness = 0.4\n"), &map,
-                  nullptr, {}, [&](const std::string& w) { warnings.push_back(w); });
+      build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [1, 2, 3]\nstiffness = 0.4\n" +
+                           std::string(kByTrilinear)),
+                  &map, nullptr, {}, [&](const std::string& w) { warnings.push_back(w); });
   ASSERT_TRUE(model.ok());
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_EQ(warnings[0], "thin: sheet gives at most 0.4 N, leaf 0.4 N of 0.5 N (direct methods)");
@@ -644,7 +653,7 @@ TEST(BuildModel, TheGapsOfAKneeAreFree) {
   const auto built = [&](const std::string& preparation) {
     const auto model = build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [95, 96, 97, 98]\n"
                                             "[preparation]\n" +
-                                            preparation),
+                                            preparation + kByTrilinear),
                                    &knee->labels, nullptr);
     PALPATE_CHECK(model.ok());
     return *model;

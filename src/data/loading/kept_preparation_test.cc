@@ -13,6 +13,7 @@
 #include <set>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "base/test_files.h"
@@ -521,6 +522,7 @@ TEST_F(KeptPreparation, GoldenHash) {
   const Started started = start("knee-phantom:spacing=3");
   const Model& model = *started.loaded.model;
   std::uint64_t hash = model.content_hash;
+  std::visit([&](const auto& bricks) { hash_word(hash, bricks.content_hash()); }, model.field->bricks());
   for (const std::uint64_t surface : surface_hashes(model)) hash_word(hash, surface);
   hash_word(hash, hash_of(model.scan->voxels()));
   const Volume<LabelId> labels = model.labels->dense();

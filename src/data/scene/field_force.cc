@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "palpate/direct/force_field.h"
 #include "palpate/scene/scene.h"
 #include "palpate/surfaces/ramps.h"
 #include "scene/keys.h"

@@ -150,7 +150,7 @@ std::string draw_contours(const Picture& p, const Progress& progress) {
 
 // width of the filter that the method reads: the field's, or its own sphere's
 std::string width_text(const Picture& p) {
-  const double voxel_mm = p.model.field->geometry().min_spacing_mm();
+  const double voxel_mm = p.model.labels->geometry().min_spacing_mm();
   if (const auto* gaussian = std::get_if<LevelledSphere<GaussianSphere>>(&p.field.source())) {
     const double sigma_voxels = gaussian->parts().front().sphere.sigma_voxels();
     return format("\u03c3 %.3g", sigma_voxels) + (sigma_voxels == 1 ? " voxel" : " voxels") +

@@ -11,6 +11,7 @@
 
 #include "base/test_folder.h"
 #include "contact/test_model.h"
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate::force_arrows {
 namespace {

@@ -45,7 +45,7 @@ double thickness_mm(const Model& model, LabelId structure, const Point<Patient>&
   constexpr double kMax_mm = 100;
   const double step_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const auto is_within = [&](double way_mm) {
-    const Point<Voxel> p = model.field->X_VoxelPatient() * (surface + inward * way_mm);
+    const Point<Voxel> p = model.labels->X_VoxelPatient() * (surface + inward * way_mm);
     const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
     return model.labels->anywhere(index(0), index(1), index(2)) == structure;
   };

@@ -63,7 +63,7 @@ ModelParts golden_parts() {
 std::shared_ptr<const Model> golden_model(ModelParts parts, ForceMethod method) {
   auto made = make_model(std::move(parts));
   PALPATE_CHECK(made.ok());
-  auto ready = prepared_for(made->model, {&method, 1});
+  auto ready = prepared_for(*made, {&method, 1});
   PALPATE_CHECK(ready.ok());
   return *std::move(ready);
 }

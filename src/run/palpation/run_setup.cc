@@ -3,6 +3,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "palpate/direct/force_field.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/servo/feel.h"
@@ -95,7 +96,10 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
   setup.parameters.max_force_N = user_N;
   setup.parameters.method = options.method.value_or(loaded.scene.force.method);
   if (auto fine = check_burr(*loaded.model, setup); !fine) return fine.error();
-  auto model = ready_for(loaded.model, methods_of(setup), progress);
+  // a simulated hand plans its places in the field of the direct methods
+  std::vector<ForceMethod> methods = methods_of(setup);
+  methods.push_back(ForceMethod::kTrilinear);
+  auto model = ready_for(loaded.model, methods, progress);
   if (!model) return model.error();
   setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);

@@ -166,6 +166,9 @@ bool is_within(double force_N, double asked_N, double part) {
 // ---- planning
 
 Result<ScriptedHand> ScriptedHand::create(const Model& model, const Script& script) {
+  if (model.field == nullptr)
+    return Error{ErrorKind::kBadInput, "the model has no field for a simulated hand to plan its places in",
+                 "model", "prepare it for a direct method as well"};
   const auto device = find_plant_device(script.device);
   if (!device) return device.error();
   const auto grip = find_plant_hand(script.hand);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "palpate/direct/direct_methods.h"
 #include "palpation/surface_point.h"
 
 namespace palpate {
@@ -126,7 +127,7 @@ LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<
   const Bricks<LabelId>& labels = *model.labels;
   const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
   for (double way_mm = 0; way_mm <= kWayIn_mm; way_mm += step_mm) {
-    const Point<Voxel> p = model.field->X_VoxelPatient() * (from + inward * way_mm);
+    const Point<Voxel> p = model.labels->X_VoxelPatient() * (from + inward * way_mm);
     const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
     const LabelId label = labels.anywhere(index(0), index(1), index(2));
     if (model.is_felt(label)) return label;
@@ -220,6 +221,9 @@ Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, d
   if (!model.is_felt(structure))
     return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
                  "set felt = true on its [[tissue]], or choose another structure"};
+  if (model.field == nullptr)
+    return Error{ErrorKind::kBadInput, "the model has no field to find a surface of " + name + " in", "model",
+                 "prepare it for a direct method as well"};
   const auto candidates = surface_candidates(model, structure, border_voxels(model, structure), clearance_mm);
   if (candidates.empty())
     return Error{ErrorKind::kBadInput,

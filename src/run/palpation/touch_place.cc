@@ -35,7 +35,7 @@ std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& a
 }
 
 LabelId felt_label_at(const Model& model, const Point<Patient>& x) {
-  const Point<Voxel> p = model.field->X_VoxelPatient() * x;
+  const Point<Voxel> p = model.labels->X_VoxelPatient() * x;
   const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
   const LabelId label = model.labels->anywhere(index(0), index(1), index(2));
   return model.is_felt(label) ? label : LabelId{0};

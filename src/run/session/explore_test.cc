@@ -11,6 +11,7 @@
 #include <set>
 
 #include "loading/test_loading.h"
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate {
 namespace {

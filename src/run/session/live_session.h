@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "palpate/device/pointer_driver.h"
+#include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
@@ -55,7 +56,7 @@ struct LiveSessionParts {
   Training* training = nullptr;  ///< Tasks of the session; null if there are none. Outlives the session.
   // steps that tests replace
   MethodChoice::NewFields new_fields = with_rebuilt_fields;
-  MethodChoice::MoreMethods more_methods = with_methods;
+  MethodChoice::MoreMethods more_methods = ready_for;
   LawChoice::Prepare other_law = measured_under_law;
   TissueThread::Solve solve_tissue = solve_yield_frame;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this

@@ -19,6 +19,8 @@
 #include "palpate/base/mailbox.h"
 #include "palpate/base/reading.h"
 #include "palpate/base/spsc_ring.h"
+#include "palpate/direct/direct_methods.h"
+#include "palpate/model/make_model.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/explore.h"
 
@@ -83,6 +85,10 @@ class Viewed : public ::testing::Test {
     model.scene_max_force_N = 5;
     model.tools = tools_;
     model.tissues[kViewedCartilage].elastic = shell_;
+    if (proxy_alone_) {
+      model.field = nullptr;
+      model.methods = {};
+    }
     model_ = std::make_shared<const Model>(std::move(model));
     workspace_ = workspace;
     driver_.emplace(simulated);
@@ -190,6 +196,7 @@ class Viewed : public ::testing::Test {
   bool asks_here_ = true;
   std::list<RecordingEvent> told_;
   bool every_method_ = true;  // false: the trilinear method and the proxy only
+  bool proxy_alone_ = false;  // true: no direct method and no field
   decltype(LiveSessionParts::new_fields) new_fields_ = with_rebuilt_fields;
   decltype(LiveSessionParts::more_methods) more_methods_ = with_methods;
   decltype(LiveSessionParts::other_law) other_law_ = measured_under_law;
@@ -750,6 +757,51 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
     return tick.method == index_of(ForceMethod::kSmoothSphere) && tick.model_version >= 3 &&
            (tick.device[0].flags & kFlagMethodMissing) == 0;
   }));
+}
+
+// a session by the proxy starts without the field of the direct methods and makes it on demand, beside the
+// loop and without a new version of the model
+TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldOnDemand) {
+  proxy_alone_ = true;
+  more_methods_ = [](auto model, auto methods, const Progress& progress) {
+    return prepared_for(std::move(model), methods, {}, progress);
+  };
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  press(1);
+  EXPECT_FALSE(model_->has(ForceMethod::kTrilinear));
+  const double by_proxy_N = sent_N(latest());
+  EXPECT_GT(by_proxy_N, 0.5);
+  SettingsRequest request;
+  for (const char* direct : {"trilinear", "b-spline", "proxy", "trilinear"}) {
+    request.method = direct;
+    ASSERT_EQ(error_of(request).what, "no error");
+    const ForceMethod method = *find_force_method(direct);
+    ASSERT_TRUE(soon([&] { return latest().method == index_of(method); })) << direct;
+    EXPECT_FALSE(live_->state().method_failure) << direct;
+    EXPECT_TRUE(soon([&] {
+      const TickRecord now = latest();
+      return (now.device[0].flags & (kFlagBlend | kFlagMethodMissing)) == 0;
+    })) << direct;
+    EXPECT_NEAR(sent_N(latest()), by_proxy_N, 0.25 * by_proxy_N) << direct;
+  }
+  EXPECT_TRUE(changes().empty()) << "a prepared method is no other model";
+  for (const TickRecord& tick : ticks()) EXPECT_EQ(tick.device[0].flags & kFlagMethodMissing, 0u);
+}
+
+TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldForItsPresentStiffness) {
+  proxy_alone_ = true;
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  TissueRequest softer;
+  softer.tissue = kViewedCartilage;
+  softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.3;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  SettingsRequest direct;
+  direct.method = "trilinear";
+  ASSERT_EQ(error_of(direct).what, "no error");
+  ASSERT_TRUE(soon([&] { return live_->state().method == ForceMethod::kTrilinear; }));
+  const auto made = changes();
+  ASSERT_EQ(made.size(), 2u);
+  EXPECT_EQ(made[1].tissue, ModelChange::kFieldsRebuilt);
 }
 
 // out of memory, unsuitable values: the session continues, and the error is reported

@@ -8,6 +8,8 @@
 
 #include "palpate/base/reading.h"
 #include "palpate/base/reason.h"
+#include "palpate/direct/direct_methods.h"
+#include "palpate/model/memory_forecast.h"
 #include "palpate/palpation/logged_loop.h"
 #include "session/refusal.h"
 
@@ -127,10 +129,13 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
     }
   }
   // running out of memory would end the session, so the demand is checked first
-  if (!fields_->has(method))
-    if (auto allowed = allow_memory(memory_of_force_field(*fields_, method), std::string(name_of(method)));
+  if (!fields_->has(method)) {
+    const std::uint64_t field = fields_->field == nullptr ? memory_of_ramp_field(*fields_).peak : 0;
+    if (auto allowed =
+            allow_memory(field + memory_of_force_field(*fields_, method), std::string(name_of(method)));
         !allowed)
       return allowed.error();
+  }
   auto more = more_methods_(fields_, {&method, 1}, progress);
   if (more) fields_ = *more;
   return more;
@@ -143,6 +148,7 @@ Result<void> MethodChoice::use_fields(const LiveModel::Lock& held, std::shared_p
   if (fields_match(*felt, *made)) {
     // preparing further methods leaves the haptic properties unchanged, so no new version is needed
     auto next = std::make_shared<Model>(*felt);
+    next->field = fields->field;
     next->methods = fields->methods;
     model_.set_prepared(held, {std::move(next), std::move(fields)});
   } else {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "palpate/direct/direct_methods.h"
 #include "verification/accuracy_fields.h"
 #include "verification/accuracy_meter.h"
 #include "verification/accuracy_random.h"

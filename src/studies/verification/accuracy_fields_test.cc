@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "palpate/direct/direct_methods.h"
 #include "verification/smoothed_indicator.h"
 
 namespace palpate {

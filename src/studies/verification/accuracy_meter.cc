@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/contact/force_field.h"
+#include "palpate/direct/force_field.h"
 #include "verification/accuracy.h"
 
 namespace palpate {

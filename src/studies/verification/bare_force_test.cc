@@ -5,6 +5,7 @@
 #include <random>
 
 #include "contact/test_model.h"
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate {
 namespace {

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
+#include <utility>
+
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate {
 namespace {
@@ -52,9 +56,9 @@ std::optional<Error> out_of_range(const SuiteOptions& options) {
                "choose from " + number(kMinSeconds) + " to " + number(kMaxSeconds)};
 }
 
-Result<PaceFigures> measure_pace(const LoadedScene& loaded, const PalpationPath& path,
+Result<PaceFigures> measure_pace(std::shared_ptr<const Model> model, const PalpationPath& path,
                                  const PaceSettings& settings, double seconds, const Progress& progress) {
-  const auto meter = PaceMeter::create(loaded.model, path, settings);
+  const auto meter = PaceMeter::create(std::move(model), path, settings);
   const int blocks = static_cast<int>(std::ceil(seconds / kMaxBlock_s));
   const std::string stage = number(settings.rate_hz / 1000) + " kHz beside a bare loop";
   for (int block = 0; block < blocks; ++block) {
@@ -182,12 +186,16 @@ Result<SuiteReport> measure_latency(const LoadedScene& loaded, const SuiteOption
   if (options.rate_hz) rates_hz = {*options.rate_hz};
   const auto path = palpate_once(loaded, progress);
   if (!path) return path.error();
+  // by the trilinear method, whatever the scene's: the loop renders the only one that is prepared
+  constexpr ForceMethod kPaced[] = {ForceMethod::kTrilinear};
+  const auto paced = ready_for(loaded.model, kPaced, progress);
+  if (!paced) return paced.error();
 
   SuiteReport report;
   Scheduling scheduling;
   for (const double rate_hz : rates_hz) {
     const PaceSettings settings{.rate_hz = rate_hz, .spin_s = spin_us * 1e-6};
-    const auto pace = measure_pace(loaded, *path, settings, seconds, progress);
+    const auto pace = measure_pace(*paced, *path, settings, seconds, progress);
     if (!pace) return pace.error();
     scheduling = pace->scheduling;
     const auto figures = pace_figures(rate_hz, *pace);
@@ -199,7 +207,7 @@ Result<SuiteReport> measure_latency(const LoadedScene& loaded, const SuiteOption
   report.figures.insert(report.figures.end(), free_running->begin(), free_running->end());
 
   const Model& model = *loaded.model;
-  const auto& dims = model.field->geometry().dims;
+  const auto& dims = model.labels->geometry().dims;
   report.notes = {
       {"scheduler", scheduling.scheduler},
       {"memory", scheduling.memory},

@@ -8,6 +8,7 @@
 
 #include "palpate/base/clock.h"
 #include "palpate/base/spsc_ring.h"
+#include "palpate/direct/direct_methods.h"
 #include "palpate/verification/servo_timing.h"
 #include "verification/bare_force.h"
 

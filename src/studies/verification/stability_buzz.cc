@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "palpate/direct/direct_methods.h"
 #include "palpate/loading/loading.h"
 #include "palpate/stability/stability.h"
 

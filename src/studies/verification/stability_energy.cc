@@ -191,10 +191,10 @@ Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, Ti
   Tool tool;
   tool.radius_mm = 3;
   parts.tools = {tool};
-  auto made = make_model(std::move(parts), {}, progress);
+  auto made = make_model(std::move(parts));
   if (!made) return made.error();
   const ForceMethod proxy = ForceMethod::kProxy;
-  return prepared_for(made->model, {&proxy, 1}, {}, progress);
+  return prepared_for(*made, {&proxy, 1}, {}, progress);
 }
 
 EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) {

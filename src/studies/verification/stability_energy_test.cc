@@ -188,10 +188,10 @@ std::shared_ptr<const Model> ball_of_several(bool layers) {
     parts.tissues.push_back(tissue);
   }
   parts.tools = {(*ball)->tools[0]};
-  const auto made = make_model(std::move(parts), {});
+  const auto made = make_model(std::move(parts));
   PALPATE_CHECK(made.ok());
   const ForceMethod proxy = ForceMethod::kProxy;
-  const auto ready = prepared_for(made->model, {&proxy, 1});
+  const auto ready = prepared_for(*made, {&proxy, 1});
   PALPATE_CHECK(ready.ok());
   return *ready;
 }

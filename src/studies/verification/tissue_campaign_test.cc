@@ -94,7 +94,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
   auto made = make_model(std::move(parts));
   PALPATE_CHECK(made.ok());
   const ForceMethod proxy = ForceMethod::kProxy;
-  auto ready = prepared_for(made->model, {&proxy, 1});
+  auto ready = prepared_for(*made, {&proxy, 1});
   PALPATE_CHECK(ready.ok());
   return *std::move(ready);
 }

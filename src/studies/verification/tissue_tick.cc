@@ -185,7 +185,7 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law,
   auto made = make_model(std::move(parts));
   if (!made) return made.error();
   const ForceMethod proxy = ForceMethod::kProxy;
-  return prepared_for(made->model, {&proxy, 1});
+  return prepared_for(*made, {&proxy, 1});
 }
 
 TickError press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm) {

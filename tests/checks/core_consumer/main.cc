@@ -78,7 +78,7 @@ int main() {
   auto made = palpate::make_model(ball_of_bone());
   if (!made) return std::puts(made.error().message().c_str()), 1;
   const palpate::ForceMethod proxy = palpate::ForceMethod::kProxy;
-  auto felt = palpate::prepared_for(std::move(made->model), {&proxy, 1});
+  auto felt = palpate::prepared_for(*std::move(made), {&proxy, 1});
   if (!felt) return std::puts(felt.error().message().c_str()), 1;
 
   // the force comes in over half a second in free space, and follows the depth

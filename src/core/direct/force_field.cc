@@ -3,7 +3,7 @@
 #include <map>
 #include <numbers>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate {
 namespace {
@@ -143,7 +143,7 @@ Vector<Patient> normal_force(const FieldSample& sample, double full_force_N) {
 
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method) {
   const double width_mm =
-      model.ramp_width_mm > 0 ? model.ramp_width_mm : ramp_mm(model.sigma_mm, model.field->geometry());
+      model.ramp_width_mm > 0 ? model.ramp_width_mm : ramp_mm(model.sigma_mm, model.labels->geometry());
   const double of_field_N = model.greatest_stiffness_N_per_mm() * width_mm;
   switch (method) {
     case ForceMethod::kTrilinear:
@@ -185,7 +185,7 @@ std::uint64_t memory_of_force_field(const Model& model, ForceMethod method) {
       // at most one mask of one byte per voxel for each level
       return labels_by_level(model).size() * model.labels->bytes() / sizeof(LabelId);
     case ForceMethod::kStoredNormals:
-      return (static_cast<std::uint64_t>(model.field->bytes_per_voxel()) + 4) * voxels;
+      return (model.field_in_eight_bits ? 5 : 6) * voxels;
   }
   PALPATE_CHECK(false);
 }

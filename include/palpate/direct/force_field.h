@@ -12,17 +12,6 @@
 /// F = F_full * value * n with n = -gradient / |gradient|. For the equations see docs/concepts/methods.md.
 namespace palpate {
 
-/// Settings of the force methods in a scene.
-struct MethodSettings {
-  double sphere_sigma_voxels = 1;  ///< Standard deviation of the Gaussian sphere in voxels, 0.5 ... 2
-  /// Encoding of the stored-normals method.
-  NormalEncoding normals = NormalEncoding::kBytes;
-  /// Damping of the proxy's spring, in addition to the stiffness of each tissue.
-  double coupling_damping_N_s_per_mm = 0;
-
-  friend bool operator==(const MethodSettings&, const MethodSettings&) = default;
-};
-
 /// Sphere filter over raw labels with levels: a weighted sum of spheres, each over all structures of at least
 /// one level, weighted by the difference to the next lower level. Soft tissue on hard tissue then has its own
 /// surface, and the force points outward at every depth. Labels are read in place; for a level whose labels

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "palpate/contact/feel.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate {
 namespace {
@@ -34,7 +34,7 @@ class LabelRay {
  public:
   LabelRay(const Model& model, const Point<Patient>& x)
       : model_(model),
-        start_(model.field->X_VoxelPatient() * x),
+        start_(model.labels->X_VoxelPatient() * x),
         step_mm_(0.5 * model.labels->geometry().min_spacing_mm()),
         steps_(static_cast<int>(model.reach_mm / step_mm_)) {}
 
@@ -43,7 +43,7 @@ class LabelRay {
 
   // first felt label along a unit direction, including that at x itself
   LabelId first_along(const Vector<Patient>& direction) const {
-    const Vector<Voxel> step = model_.field->X_VoxelPatient() * (direction * step_mm_);
+    const Vector<Voxel> step = model_.labels->X_VoxelPatient() * (direction * step_mm_);
     Point<Voxel> p = start_;
     for (int n = 0; n <= steps_; ++n, p += step)
       if (const LabelId label = felt_label_at(model_, p)) return label;
@@ -55,7 +55,7 @@ class LabelRay {
     std::array<Vector<Voxel>, 14> step;
     for (std::size_t d = 0; d < step.size(); ++d) {
       const auto& u = kDirections[d];
-      step[d] = model_.field->X_VoxelPatient() * (Vector<Patient>(u[0], u[1], u[2]) * (2 * step_mm_));
+      step[d] = model_.labels->X_VoxelPatient() * (Vector<Patient>(u[0], u[1], u[2]) * (2 * step_mm_));
     }
     for (int n = 0; n <= steps_ / 2; ++n)
       for (const Vector<Voxel>& s : step)
@@ -67,7 +67,7 @@ class LabelRay {
   // outside
   double depth_in(LabelId own, const Vector<Patient>& outward) const {
     const bool inside = here() == own;
-    const Vector<Voxel> per_mm = model_.field->X_VoxelPatient() * (inside ? outward : -outward);
+    const Vector<Voxel> per_mm = model_.labels->X_VoxelPatient() * (inside ? outward : -outward);
     const auto is_beyond = [&](double way_mm) {
       return (felt_label_at(model_, start_ + per_mm * way_mm) == own) != inside;
     };
@@ -85,7 +85,7 @@ class LabelRay {
 
   // felt label that covers `own` in the outward direction; 0 for free space or none within reach
   LabelId cover_of(LabelId own, const Vector<Patient>& outward) const {
-    const Vector<Voxel> step = model_.field->X_VoxelPatient() * (outward * step_mm_);
+    const Vector<Voxel> step = model_.labels->X_VoxelPatient() * (outward * step_mm_);
     Point<Voxel> p = start_;
     for (int n = 0; n <= steps_; ++n, p += step)
       if (const LabelId label = felt_label_at(model_, p); label != own) return label;

@@ -5,6 +5,7 @@
 
 #include "contact/test_model.h"
 #include "contact/test_random.h"
+#include "palpate/direct/direct_methods.h"
 
 namespace palpate {
 namespace {
