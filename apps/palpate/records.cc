@@ -14,6 +14,7 @@
 #include "palpate/base/learner.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
+#include "palpate/base/utc.h"
 #include "palpate/report/learners_page.h"
 #include "palpate_version.h"
 #include "recorded_runs.h"
@@ -67,6 +68,7 @@ Json json_of(const RunRecord& run) {
   json["metrics"] = Json::array();
   for (const RunMetric& metric : run.metrics)
     json["metrics"].push_back({{"name", metric.name},
+                               {"title", readable_metric_name(metric.name)},
                                {"value", number(metric.value)},
                                {"unit", metric.unit},
                                {"counts", metric.counts},
@@ -132,8 +134,8 @@ int show(const RecordsOptions& options, Console& console) {
   for (const RunMetric& metric : run->metrics) {
     char value[40] = "none";
     if (metric.value) std::snprintf(value, sizeof value, "%.4g", *metric.value);
-    std::printf("  %s  %s %s%s\n", fitted(printable_name(metric.name), 34).c_str(), value,
-                metric.unit == "1" ? "" : printable_name(metric.unit).c_str(),
+    std::printf("  %s  %s %s%s\n", fitted(printable_name(readable_metric_name(metric.name)), 36).c_str(),
+                value, metric.unit == "1" ? "" : printable_name(metric.unit).c_str(),
                 !metric.counts   ? ""
                 : metric.in_band ? "  in band"
                                  : "  OUT OF BAND");
@@ -183,7 +185,7 @@ int export_runs(const RecordsOptions& options, Console& console) {
   return write_runs(
       options, console,
       [&](const RunRecord& run) {
-        text += csv ? csv_rows(run) : xapi_statement(run, options.home_page) + "\n";
+        text += csv ? csv_rows(run) : xapi_statement(run, options.home_page, readable_metric_name) + "\n";
       },
       [&] { return text; });
 }
@@ -209,7 +211,8 @@ void PageOfRuns::take(const RunRecord& run) {
   LearnersPage::Run point{run.started_utc, run.duration_s, run.in_band, {}};
   for (std::size_t m = 0; m < run.metrics.size(); ++m) {
     const RunMetric& metric = run.metrics[m];
-    task.metrics[m] = {metric.name, metric.unit, metric.at_least, metric.at_most, metric.counts};
+    task.metrics[m] = {readable_metric_name(metric.name), metric.unit, metric.at_least, metric.at_most,
+                       metric.counts};
     point.values.push_back(metric.value.value_or(std::nan("")));
   }
   auto learner = std::ranges::find(task.learners, run.learner, &LearnersPage::Learner::name);
@@ -269,7 +272,7 @@ RunRecord record_of(const std::string& learner, const TaskFile& task, const Scor
                    learner,
                    task.title,
                    hexadecimal(task.text_hash),
-                   run.header.started_utc,
+                   utc_after(run.header.started_utc, run.score.begun_s),
                    run.header.data_set,
                    run.header.palpate_version,
                    run.header.commit,

@@ -8,6 +8,7 @@
 
 #include "apps/command/text.h"
 #include "palpate/base/printable.h"
+#include "palpate/base/utc.h"
 #include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
@@ -156,9 +157,9 @@ void print_score(const TaskFile& task, const TaskScore& score, const std::string
   for (const MetricValue& value : score.metrics) {
     const TaskMetric& asked = task.metrics[value.part];
     const char* verdict = !value.counts ? "" : value.in_band ? "in band" : "OUT OF BAND";
-    std::printf("  %s  %s  %s  %s%s\n", fitted(metric_name(asked), 34).c_str(),
+    std::printf("  %s  %s  %s  %s%s\n", fitted(readable_metric_name(metric_name(asked)), 36).c_str(),
                 fitted(metric_text(value.metric, value.value), 12).c_str(),
-                fitted(bounds_text(asked), 18).c_str(), verdict,
+                fitted(bounds_text(asked), 16).c_str(), verdict,
                 value.counts && asked.basis.empty() ? " (not validated)" : "");
   }
   for (const TaskEvent& event : score.events)
@@ -179,7 +180,7 @@ Json json_of(const TaskFile& task, const ScoredRun& run) {
   json["task_hash"] = hexadecimal(task.text_hash);
   json["recording"] = run.recording.filename().string();
   json["data_set"] = run.header.data_set;
-  json["started_utc"] = run.header.started_utc;
+  json["started_utc"] = utc_after(run.header.started_utc, score.begun_s);
   json["palpate_version"] = run.header.palpate_version;
   json["ticks"] = score.ticks;
   json["missing_s"] = score.missing_s;
@@ -192,6 +193,7 @@ Json json_of(const TaskFile& task, const ScoredRun& run) {
     const TaskMetric& asked = task.metrics[value.part];
     const MetricInfo& info = info_of(value.metric);
     json["metrics"].push_back({{"name", metric_name(asked)},
+                               {"title", readable_metric_name(metric_name(asked))},
                                {"value", number_or_null(value.value)},
                                {"unit", info.unit},
                                {"counts", value.counts},

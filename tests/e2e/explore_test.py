@@ -698,6 +698,7 @@ class Explore(cli.PalpateTest):
         pupil, leader = Viewer(address, learner), Viewer(address, teacher)
         self.addCleanup(pupil.close)
         self.addCleanup(leader.close)
+        self.assertEqual(pupil.ask(type="pointer", take=True)["type"], "done")
         begun = pupil.ask(type="task", begin="hold-steady")
         self.assertEqual(begun["type"], "done", begun)
         refused = pupil.ask(type="set", max_force_N=0.5)
@@ -709,7 +710,7 @@ class Explore(cli.PalpateTest):
         until = time.monotonic() + 60
         while "L042" not in get(learner):
             self.assertLess(time.monotonic(), until)
-        # whom the teacher chooses, with whatever device
+        # whom the teacher chooses; a run during which nobody held the tip is no learner's, and not saved
         until = time.monotonic() + 60
         while leader.ask(type="lesson", learner="L007")["type"] != "done" or leader.ask(type="task", begin="hold-steady")["type"] != "done":
             self.assertLess(time.monotonic(), until)
@@ -720,7 +721,8 @@ class Explore(cli.PalpateTest):
         self.assertEqual(process.returncode, cli.OK, error)
         self.assertIn("run 2", out)
         rows = cli.run("records", "list", "--records", records, "--json").stdout.splitlines()
-        self.assertEqual([json.loads(row)["learner"] for row in rows], ["L042", "L007"])
+        self.assertEqual([json.loads(row)["learner"] for row in rows], ["L042"])
+        self.assertIn("nobody held the tip during the run", out + error)
 
     @cli.long
     def test_a_pointer_feels_and_rests_when_its_page_is_gone(self):

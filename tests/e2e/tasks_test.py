@@ -6,17 +6,18 @@ import pathlib
 import re
 
 import cli
+import second_scores
 import trainees
 
 TASK = "hold-steady"
 
 
 class Tasks(cli.PalpateTest):
-    def simulate(self, name, kind="expert", seed=0, task=TASK, data_set=None, status=cli.OK, says=()):
+    def simulate(self, name, kind="expert", seed=0, task=TASK, data_set=None, status=cli.OK, says=(), max_force_N=6):
         script, recording = self.folder / f"{name}.toml", self.folder / f"{name}.h5"
         script.write_text(trainees.script_text(task, kind, seed), encoding="utf-8")
         data_set = data_set or f"knee-phantom:spacing={cli.KNEE_MM}"
-        done = cli.run("-q", "simulate", data_set, "--script", script, "-o", recording, "--max-force", "6", *says)
+        done = cli.run("-q", "simulate", data_set, "--script", script, "-o", recording, "--max-force", max_force_N, *says)
         self.assertIn(done.returncode, (cli.OK, cli.LIMIT) if status is None else (status,), done.stderr)
         return recording
 
@@ -52,6 +53,9 @@ class Tasks(cli.PalpateTest):
         self.assertLess(metrics["peak_force"]["value"], 1.5)
         self.assertTrue(scored["runs"][0]["in_band"])
         self.assertEqual((scored["in_a_row"], scored["passed"]), (1, False))
+        own = self.folder / "own.toml"
+        own.write_text(self.succeed("task", "show", TASK).stdout, encoding="utf-8")
+        self.assertEqual(second_scores.faults(second_scores.scores(run, own), {name: metric["value"] for name, metric in metrics.items()}), [])
         # the same recording, the same bits
         self.assertEqual(self.score(run), scored)
         self.assertTrue(self.score(run, run, run)["passed"])
@@ -63,6 +67,13 @@ class Tasks(cli.PalpateTest):
         heavy = self.score(self.simulate("heavy", "heavy"), status=cli.LIMIT)["runs"][0]
         over = [event for event in heavy["events"] if event["kind"] == "over_limit"]
         self.assertGreater(over[0]["force_N"], 2.5)
+        # what was asked for above a session's limit was not sent, and does not count
+        limited = self.simulate("limited", "heavy", max_force_N=2, status=None)
+        stated = {metric["name"]: metric["value"] for metric in self.score(limited, status=None)["runs"][0]["metrics"]}
+        self.assertEqual(second_scores.faults(second_scores.scores(limited, own), stated), [])
+        self.assertLessEqual(stated["peak_force"], 2)
+        self.assertGreater(stated["peak_force"], 1.9)
+        self.assertLessEqual(second_scores.peak_above_limit(limited), 1e-9)
 
         # three runs are few
         many = [self.simulate(f"run{seed}", seed=seed) for seed in (1, 2)]
@@ -96,7 +107,8 @@ class Tasks(cli.PalpateTest):
         self.succeed("records", "page", "--records", file, "--learner", "L1", "-o", page)
         text = page.read_text(encoding="utf-8")
         self.assertIn('passed</span>, run 3', text)
-        self.assertIn("peak_force", text)
+        self.assertIn("Peak force", text)
+        self.assertNotIn("peak_force", text)
         self.assertNotIn("CANARY", text)
         self.fail_clearly(cli.BAD_INPUT, "records", "page", "--records", self.folder / "none.db", "-o", self.folder / "none.html", says="none.db")
         self.assertFalse((self.folder / "none.html").exists())
@@ -182,6 +194,15 @@ class Tasks(cli.PalpateTest):
         self.assertIn("Task: Take off bone to a plan", (self.folder / "made.html").read_text(encoding="utf-8"))
         self.fail_clearly(cli.BAD_INPUT, "task", "score", self.simulate("probe"), "--task", "bone-to-plan", says="no tool of the scene")
         self.fail_clearly(cli.BAD_INPUT, "simulate", "knee-phantom:burr=0.5", "--script", self.folder / "made.toml", says="too small")
+
+    @cli.long
+    def test_a_step_that_the_limit_does_not_permit_is_said(self):
+        scene = f"knee-phantom:spacing={cli.KNEE_MM}"
+        for limit, is_said in (("1.5", True), ("2.5", False)):
+            done = cli.run("explore", scene, "--task", "meniscus-probing", "--no-viewer", "--seconds", "0.1", "--max-force", limit)
+            self.assertIn(done.returncode, (cli.OK, cli.LIMIT), done.stderr)
+            said = 'step "push on the medial meniscus" asks for 2.00 N, but the force limit is 1.50 N: raise it with --max-force'
+            self.assertEqual(said in done.stderr, is_said, done.stderr)
 
     def test_says_what_is_wrong(self):
         run = self.simulate("run")

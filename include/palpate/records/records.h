@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "palpate/base/result.h"
@@ -16,7 +17,8 @@ namespace palpate {
 
 /// Value of a metric in a run.
 struct RunMetric {
-  std::string name, unit;
+  std::string name;  ///< metric_name() (palpate/tasks/evaluator.h); for readers: readable_metric_name()
+  std::string unit;
   std::optional<double> value;  ///< Value; finite. Empty: not available in this run
   std::optional<double> at_least, at_most;
   bool counts = false, in_band = false;
@@ -29,7 +31,7 @@ struct RunRecord {
   std::int64_t id = 0;  ///< Assigned by add(); increasing
   std::string learner;
   std::string task, task_hash;
-  std::string started_utc;  ///< Start of the recording, ISO 8601
+  std::string started_utc;  ///< First tick of the run, ISO 8601
   std::string data_set;
   std::string palpate_version, commit;
   std::string device, hand;   ///< Simulated device and hand of the recording; empty: a real one
@@ -91,9 +93,13 @@ std::filesystem::path default_records_file();
 /// interpret as a formula is prefixed with an apostrophe.
 std::string csv_heading();
 std::string csv_rows(const RunRecord& run);
+/// Name for readers of a metric by its stored name, such as readable_metric_name()
+/// (palpate/scene/task_file.h).
+using MetricTitle = std::function<std::string(std::string_view stored)>;
 /// An xAPI 1.0.3 statement on one line. The same run gives the same id.
 /// @param home_page  IRL of the system that assigns the learners' pseudonyms
-std::string xapi_statement(const RunRecord& run, const std::string& home_page);
+/// @param title_of  names of the metrics in the statement
+std::string xapi_statement(const RunRecord& run, const std::string& home_page, const MetricTitle& title_of);
 /// ISO 8601 duration: "PT12.5S"
 std::string iso_duration(double seconds);
 

@@ -67,7 +67,9 @@ enum class Metric : std::uint8_t {
 /// Description of a metric, for documentation and reports.
 struct MetricInfo {
   Metric metric;
-  std::string_view name, unit;
+  std::string_view name;   ///< Key in task files and in records
+  std::string_view title;  ///< Name for readers
+  std::string_view unit;
   bool more_is_better;
   bool of_structures;         ///< Whether a [[metric]] may name structures
   std::string_view formula;   ///< Definition in words
@@ -80,6 +82,9 @@ const std::array<MetricInfo, kMetricCount>& metric_infos();
 inline const MetricInfo& info_of(Metric metric) {
   return metric_infos()[static_cast<std::size_t>(metric)];
 }
+/// Name for readers of a metric as records store it (metric_name): "Peak force on medial meniscus" for
+/// "peak_force of medial_meniscus". A name of no metric is returned unchanged.
+std::string readable_metric_name(std::string_view stored);
 
 /// A region of the patient: part of the surface of some structures, or a ball.
 struct TaskRegion {

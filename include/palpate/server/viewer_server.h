@@ -249,6 +249,8 @@ struct ViewedYield {
 struct ViewerIdentity {
   std::uint32_t number = 0;  ///< From 1, in the order of the viewers' hello messages
   bool control = false;      ///< Whether it may change things; every viewer may stop
+  std::string learner;       ///< Pseudonym of a learner with a token; empty: another role
+  bool teaches = false;      ///< Whether it leads the lesson: what it does is no learner's
 };
 
 /// Well-formed request; the host decides whether to grant it.

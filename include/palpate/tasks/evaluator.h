@@ -18,10 +18,12 @@
 /// Evaluates a run against a task: consumes ticks and produces events and metrics. It does not run in the
 /// servo loop. The result depends only on the ticks, and only weakly on their rate.
 ///
-/// The force on a set of structures is the sum of the normal forces of the contacts with them, in the patient
-/// frame. If the outermost contact is with one of them, contacts beneath it are included: a meniscus that is
-/// pressed against the cartilage below it bears the whole load. Forces are interpolated linearly between
-/// ticks.
+/// The force on a set of structures is the sum of the normal forces of the contacts with them, as sent to the
+/// device: the contact model's forces times the device's force gain, scaled down in common if their sum
+/// exceeds the magnitude of the force that was sent. A force that was limited, faded out or withheld counts
+/// as what was sent of it, and no figure exceeds the force limit. If the outermost contact is with one of the
+/// structures, contacts beneath it are included: a meniscus that is pressed against the cartilage below it
+/// bears the whole load. Forces are interpolated linearly between ticks.
 namespace palpate {
 
 /// An event in a run.
@@ -62,6 +64,7 @@ struct TaskScore {
   std::vector<TaskEvent> events;
   std::uint64_t more_events = 0;  ///< Number of events beyond these
   std::uint64_t ticks = 0;        ///< Number of ticks evaluated
+  double begun_s = 0;             ///< Time of the first of them in the recording (TickRecord::time_s)
   double time_s = 0;              ///< Duration from the first to the last of them
   /// Whether the run ended by its steps or its time limit, before the end of the recording
   bool ended = false;
@@ -120,7 +123,7 @@ class TaskEvaluator {
   struct Contact {
     LabelId label = 0;
     Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
-    double force_N = 0;
+    double force_N = 0;       ///< As sent to the device
     bool is_beneath = false;  ///< Whether it is beneath the outermost contact, which transmits its load
     bool is_seen = false;     ///< Visible through the scope
   };
@@ -138,14 +141,31 @@ class TaskEvaluator {
     double in_plan_mm3 = 0, outside_mm3 = 0, protected_mm3 = 0, past_plan_mm = 0;
   };
 
+  /// Touch of the region of a kCover step: its contacts, without a break, of at least kTouch_N.
+  struct Sweep {
+    bool touching = false;
+    bool moving = false;  ///< Whether it has moved far enough along the surface to count
+    Eigen::Vector3d begun_mm = Eigen::Vector3d::Zero();
+  };
+  /// Place at which a kTouch step was completed: until contact breaks there or leaves it, it completes no
+  /// step on another region.
+  struct SpentTouch {
+    Eigen::Vector3d place_mm;
+    std::size_t region;
+  };
+
   void read_contacts(const TickRecord& tick);
+  const Contact* strongest_contact() const;
   double force_on(const std::vector<bool>& labels) const;
   void update_forces(const TickRecord& tick, double dt_s);
   void update_steps(const TickRecord& tick, double dt_s);
   struct Share {
     double part = 0, asked = 0;
   };
-  double force_on_step(const TaskStep& step);
+  double force_on_step(const TaskStep& step) const;
+  bool is_on_step(const Contact& contact, const TaskStep& step) const;
+  void sweep(std::size_t step);
+  bool is_spent_for(const TaskStep& step) const;
   std::optional<Share> share_asked(const TaskStep& step) const;
   void update_answer(const DeviceTick& device, double dt_s);
   void update_visibility(const TickRecord& tick, double dt_s);
@@ -161,6 +181,8 @@ class TaskEvaluator {
   std::size_t contact_count_ = 0;
   std::vector<ForceMeter> forces_, protections_, metrics_;
   std::vector<double> step_s_;  // uninterrupted time of each step
+  std::vector<Sweep> sweeps_;   // one for each step; used by kCover
+  std::optional<SpentTouch> spent_;
   std::vector<bool> step_was_met_, done_;
   std::vector<Eigen::Vector3d> corners_mm_;  // tip positions at the start and where steps were completed
   std::vector<TaskEvent> events_;

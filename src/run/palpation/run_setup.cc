@@ -1,9 +1,8 @@
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <ctime>
 
 #include "palpate/direct/force_field.h"
+#include "palpate/base/utc.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/servo/feel.h"
@@ -17,15 +16,6 @@ namespace palpate {
 namespace {
 
 constexpr double kDefaultUserLimit_N = 3;
-
-std::string utc_now() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  std::tm utc;
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
 
 Error at_line(Error error, const Script& script, int line) {
   error.where = line > 0 ? script.source + ":" + std::to_string(line) : script.source;

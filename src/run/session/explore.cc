@@ -297,6 +297,19 @@ Result<void> check_script(const Script& script) {
   return {};
 }
 
+/// Warning if a step asks for more force than is ever sent; empty: none does.
+std::string out_of_reach(const TaskFile& task, double limit_N) {
+  for (const TaskStep& step : task.steps) {
+    if (step.kind != StepKind::kTouch || step.force_N[0] <= limit_N) continue;
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "asks for %.2f N, but the force limit is %.2f N: raise it with --max-force",
+                  step.force_N[0], limit_N);
+    return "the task's step \"" + step.name + "\" " + text;
+  }
+  return "";
+}
+
 }  // namespace
 
 Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Script>& script,
@@ -329,6 +342,10 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
         Training::start(options.training, *setup->model, (*tip)->driver().devices().size(), progress);
     if (!started) return started.error();
     training = *std::move(started);
+    if (options.training.have_to_fit)
+      for (const OfferedTask& task : options.training.tasks)
+        if (std::string out = out_of_reach(task.file, setup->limit_N); !out.empty())
+          setup->trouble.push_back(std::move(out));
   }
   // the viewer server may fail to start, so it comes before any force is rendered
   LiveSession live(

@@ -35,6 +35,7 @@ LiveSession::LiveSession(LiveSessionParts parts)
 
 void LiveSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   watch_ = &watch;
+  set_tip_holder({});
   loop_.connect(loop);
   stop_.begin();
   cutter_.begin();
@@ -327,8 +328,16 @@ Result<void> LiveSession::take_pointer(bool take, const ViewerIdentity& by) {
   if (take && !loop) return not_running();
   const bool was_taken = pointer_taken_.exchange(take);
   if (!take) parts_.pointer->release();
+  set_tip_holder(take ? std::optional(by) : std::nullopt);
   if (loop && take != was_taken) log_pointer_change(*loop, loop_.log(), asked_by(by));
   return {};
+}
+
+// the first device performs the task: a pointer in another place moves a scope
+void LiveSession::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
+  if (parts_.training != nullptr && parts_.pointer != nullptr &&
+      parts_.devices.front().name == parts_.pointer->devices().front().name)
+    parts_.training->set_tip_holder(holder);
 }
 
 void LiveSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {

@@ -189,6 +189,7 @@ class LiveSession final : public LiveHost {
     std::uint32_t strokes = 0;
     Cutter::StrokeChange change() const { return {action, strokes}; }
   };
+  void set_tip_holder(const std::optional<ViewerIdentity>& holder);
   using Lock = LiveModel::Lock;
   Result<void> check(const Lock& held, const SettingsRequest& request, const Parameters& now) const;
   Result<ModelChange> check(const Lock& held, const TissueRequest& request, const Parameters& now) const;

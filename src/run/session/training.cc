@@ -116,11 +116,34 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
                           "undo the strokes, or start a new session");
     live->evaluator.set_initial_removal(*gone_);
   }
+  if (tip_holder_) note_holder(*tip_holder_, *live);
   live->number = ++runs_;
   last_task_ = place;
   debriefing_ = nullptr;
   live_ = std::move(live);
   return {};
+}
+
+void Training::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
+  const std::lock_guard lock(mutex_);
+  viewers_move_tip_ = true;
+  tip_holder_ = holder;
+  if (holder && live_) note_holder(*holder, *live_);
+}
+
+// a viewer without a pseudonym that does not teach acts for the learner of the session
+void Training::note_holder(const ViewerIdentity& holder, Live& live) {
+  const bool is_other = holder.teaches || (!holder.learner.empty() && holder.learner != live.learner);
+  (is_other ? live.was_held_by_others : live.was_held) = true;
+}
+
+// Reason why a run is not its learner's own; empty: it is. With the mutex locked.
+std::optional<Error> Training::not_own(const Live& live) const {
+  if (!viewers_move_tip_ || (live.was_held && !live.was_held_by_others)) return {};
+  return cannot_train(live.was_held             ? "somebody else held the tip during a part of the run"
+                      : live.was_held_by_others ? "somebody else held the tip during the run"
+                                                : "nobody held the tip during the run",
+                      "", "only a run whose learner alone held the tip is saved");
 }
 
 Result<void> Training::end_run() {
@@ -229,6 +252,7 @@ void Training::keep() {
     for (const FinishedRun& earlier : finished_)
       if (earlier.run.task == over.run.task && earlier.run.learner == over.run.learner)
         runs.push_back(earlier.run);
+    std::optional<Error> refused = not_own(*over.live);
     lock.unlock();
     FinishedRun finished{over.run, {}};
     std::shared_ptr<const ViewedDebriefing> told;
@@ -236,7 +260,11 @@ void Training::keep() {
       runs.push_back(over.run);
       finished.history = history_of(task, runs);
       // a run without ticks does not count
-      if (keeps(over.run.learner) && over.run.score.ticks > 0) {
+      if (!keeps(over.run.learner) || over.run.score.ticks == 0) {
+        // nothing to store
+      } else if (refused) {
+        finished.history.not_kept = std::move(refused);
+      } else {
         const RunHistory history = options_.over(task, over.run);
         if (history.runs > 0) finished.history = history;
         finished.history.kept = history.kept;

@@ -37,6 +37,10 @@ class Training {
   void begin_session(const RecordingHeader& header);
   /// Processes a tick and the events that took effect with it. Does not throw.
   void see(const TickRecord& tick, std::span<const RecordingEvent> told = {}) noexcept;
+  /// Sets the viewer that moves the tip; empty: nobody does. Call it before the first run of a session whose
+  /// tip is moved by viewers: a run is then stored only if its learner, and nobody else, held the tip during
+  /// it.
+  void set_tip_holder(const std::optional<ViewerIdentity>& holder);
   /// Ends the run under way and waits until all finished runs are stored. Later ticks are ignored.
   void end();
 
@@ -72,6 +76,7 @@ class Training {
     TickRange ticks{0, 0};
     std::uint64_t run_hash;
     std::string learner;
+    bool was_held = false, was_held_by_others = false;  ///< Whether viewers held the tip during the run
   };
 
   Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
@@ -79,6 +84,8 @@ class Training {
   ViewedTraining seen(const Live& live) const;
   bool keeps(const std::string& learner) const { return options_.over && !learner.empty(); }
   void keep();
+  static void note_holder(const ViewerIdentity& holder, Live& live);
+  std::optional<Error> not_own(const Live& live) const;
 
   TrainingOptions options_;
   std::vector<TaskInScene> in_scene_;
@@ -96,6 +103,8 @@ class Training {
   std::deque<Over> over_;  // queue of runs to be stored
   bool keeping_ = false, ending_ = false;
   std::uint32_t runs_ = 0;
+  bool viewers_move_tip_ = false;
+  std::optional<ViewerIdentity> tip_holder_;
   std::size_t last_task_ = 0;
   ViewedState::Lesson lesson_;
   ViewedTraining state_;  // state while no run is under way

@@ -301,6 +301,7 @@ class HandMade : public ::testing::Test {
     tick.device[0].normal_patient = {0, 0, 1};
     tick.device[0].contact_label[0] = force_N > 0 ? testing::kBone : LabelId{0};
     tick.device[0].contact_N[0] = force_N;
+    tick.device[0].force_N = {0, 0, 1.1 * force_N};  // with friction
     return tick;
   }
   static void wait_until_kept(const Training& training) {
@@ -474,6 +475,59 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   EXPECT_TRUE(training->begin("ball").ok());
 }
 
+TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
+  TrainingOptions options;
+  options.learner = "L042";
+  std::vector<std::uint32_t> stored;
+  options.over = [&](const TaskFile& task, const TaskRun& run) {
+    stored.push_back(run.number);
+    RunHistory history;
+    history.runs = 1;
+    history.kept = 7;
+    history.best.assign(task.metrics.size(), kNotKnown);
+    return history;
+  };
+  const auto training = this->training(options);
+  std::uint64_t n = 0;
+  const auto see_some = [&] {
+    for (const std::uint64_t end = n + 50; n < end; ++n) training->see(tick(n, 0.4));
+  };
+  using Holders = std::vector<std::optional<ViewerIdentity>>;
+  // the holders of a run one after the other, of which the first one had the tip before it began
+  const auto refusal_of = [&](const Holders& holders) {
+    for (std::size_t h = 0; h < holders.size(); ++h) {
+      training->set_tip_holder(holders[h]);
+      if (h == 0) {
+        EXPECT_TRUE(training->begin("ball").ok());
+      }
+      see_some();
+    }
+    EXPECT_TRUE(training->end_run().ok());
+    wait_until_kept(*training);
+    const RunHistory history = training->finished().back().history;
+    EXPECT_EQ(history.kept.has_value(), !history.not_kept);
+    return history.not_kept ? history.not_kept->what : std::string();
+  };
+  const ViewerIdentity own{1, true, "L042"}, other{2, true, "L007"}, teacher{3, true, "", true},
+      at_the_desk{4, true};
+  EXPECT_THAT(refusal_of({std::nullopt}), HasSubstr("nobody held the tip"));
+  EXPECT_THAT(refusal_of({std::nullopt, teacher}), HasSubstr("somebody else held the tip during the run"));
+  EXPECT_THAT(refusal_of({other}), HasSubstr("somebody else held the tip during the run"));
+  EXPECT_THAT(refusal_of({own, teacher, own}), HasSubstr("a part of the run"));
+  EXPECT_TRUE(stored.empty());
+  EXPECT_EQ(refusal_of({own}), "");
+  EXPECT_EQ(refusal_of({std::nullopt, own, std::nullopt}), "");
+  EXPECT_EQ(refusal_of({at_the_desk}), "") << "who has no token of a learner acts for the session's";
+  EXPECT_EQ(stored.size(), 3u);
+  // a session whose tip no viewer moves stores every run
+  const auto led_by_device = this->training(options);
+  EXPECT_TRUE(led_by_device->begin("ball").ok());
+  led_by_device->see(tick(0, 0.4));
+  EXPECT_TRUE(led_by_device->end_run().ok());
+  wait_until_kept(*led_by_device);
+  EXPECT_EQ(stored.size(), 4u);
+}
+
 TEST_F(HandMade, AKeyBeginsAndEnds) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin_or_end().ok());
@@ -543,6 +597,7 @@ TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {
       tick.devices = 2;
       tick.device[0].contact_label[0] = testing::kBone;
       tick.device[0].contact_N[0] = 0.5;
+      tick.device[0].force_N = {0, 0, 0.5};
       tick.device[0].contact_patient_mm = {0, z_mm, 0};
       // World's z is anterior: the scope looks posterior, at the ball's front
       tick.device[1].tip_patient_mm = {0, -40, 0};

@@ -83,14 +83,16 @@ std::string iso_duration(double seconds) {
   return text;
 }
 
-std::string xapi_statement(const RunRecord& run, const std::string& home_page) {
+std::string xapi_statement(const RunRecord& run, const std::string& home_page, const MetricTitle& title_of) {
   constexpr const char* kOurs = "https://palpate.invalid/xapi/";
   int counted = 0, in_band = 0;
   Json metrics = Json::object();
   for (const RunMetric& metric : run.metrics) {
     counted += metric.counts;
     in_band += metric.counts && metric.in_band;
-    Json entry{{"value", metric.value ? Json(*metric.value) : Json(nullptr)}, {"unit", metric.unit}};
+    Json entry{{"name", title_of(metric.name)},
+               {"value", metric.value ? Json(*metric.value) : Json(nullptr)},
+               {"unit", metric.unit}};
     if (metric.at_least) entry["at_least"] = *metric.at_least;
     if (metric.at_most) entry["at_most"] = *metric.at_most;
     metrics[metric.name] = entry;

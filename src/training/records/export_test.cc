@@ -12,6 +12,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
+std::string titled(std::string_view stored) {
+  return "Name of " + std::string(stored);
+}
+
 RunRecord exported_run() {
   RunRecord run;
   run.id = 7;
@@ -47,7 +51,7 @@ TEST(Csv, HasALineForEachMetric) {
 }
 
 TEST(Xapi, IsAStatementOfItsStandard) {
-  const Json json = Json::parse(xapi_statement(exported_run(), "https://school.example")).value();
+  const Json json = Json::parse(xapi_statement(exported_run(), "https://school.example", titled)).value();
   EXPECT_TRUE(
       std::regex_match(json["id"].get<std::string>(),
                        std::regex("[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")));
@@ -59,13 +63,15 @@ TEST(Xapi, IsAStatementOfItsStandard) {
   EXPECT_EQ(json["result"]["score"]["scaled"], 0.5);
   EXPECT_EQ(json["result"]["duration"], "PT61.26S");
   EXPECT_EQ(json["timestamp"], "2026-01-02T03:04:05Z");
+  EXPECT_EQ(json["result"]["extensions"]["https://palpate.invalid/xapi/metrics"]["answer_error"]["name"],
+            "Name of answer_error");
   EXPECT_TRUE(json["result"]["extensions"]["https://palpate.invalid/xapi/metrics"]["answer_error"]["value"]
                   .is_null());
 }
 
 TEST(Xapi, TheSameRunHasTheSameId) {
   const auto id = [](const RunRecord& run) {
-    return Json::parse(xapi_statement(run, "https://a")).value().at("id");
+    return Json::parse(xapi_statement(run, "https://a", titled)).value().at("id");
   };
   RunRecord run = exported_run();
   EXPECT_EQ(id(run), id(run));

@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <string_view>
 
 #include "palpate/records/records.h"
 
@@ -36,7 +38,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   (void)(*records)->list({}, [&](const palpate::RunRecord& run) -> palpate::Result<void> {
     some = run.id;
     (void)palpate::csv_rows(run);
-    (void)palpate::xapi_statement(run, "https://a.example");
+    (void)palpate::xapi_statement(run, "https://a.example",
+                                  [](std::string_view name) { return std::string(name); });
     return {};
   });
   if (const auto run = (*records)->run(some); run.ok()) (void)palpate::csv_rows(*run);

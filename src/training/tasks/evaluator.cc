@@ -12,6 +12,7 @@ namespace {
 constexpr std::size_t kMaxEvents = 10000;
 constexpr double kTouch_N = 0.2;     // minimum force for coverage and answers
 constexpr double kRest_mm = 1.5;     // radius within which a contact point counts as at rest
+constexpr double kSweep_mm = 2;      // distance over which a contact has to move before it covers a surface
 constexpr double kMaxForce_N = 1e6;  // larger values are invalid
 constexpr double kLook_s = 0.1;      // minimum interval between evaluations of the removed volume
 
@@ -48,6 +49,7 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
       protections_(task_.protections.size()),
       metrics_(task_.metrics.size()),
       step_s_(task_.file.steps.size()),
+      sweeps_(task_.file.steps.size()),
       step_was_met_(task_.file.steps.size()),
       done_(task_.file.steps.size()),
       hash_(kHashSeed) {
@@ -104,6 +106,24 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
     contact.is_seen = task_.sight && task_.sight->sees(tick, contact.place_mm);
     contacts_[contact_count_++] = contact;
   }
+  // scales the forces to those sent
+  double asked_N = 0;
+  for (std::size_t n = 0; n < contact_count_; ++n) asked_N += contacts_[n].force_N;
+  asked_N *= device.force_gain;
+  // less by more than rounding errors, so that a force at the device's limit is not above an equal limit of a
+  // task
+  const double sent_N = (1 - 1e-12) * vector_of(device.force_N).norm();
+  const double fraction = asked_N <= sent_N ? 1 : sent_N / asked_N;
+  const double gain = device.force_gain * fraction;
+  if (!(gain > 0) || !std::isfinite(gain)) contact_count_ = 0;
+  for (std::size_t n = 0; n < contact_count_; ++n) contacts_[n].force_N *= gain;
+}
+
+const TaskEvaluator::Contact* TaskEvaluator::strongest_contact() const {
+  const auto end = contacts_.begin() + static_cast<std::ptrdiff_t>(contact_count_);
+  const auto strongest = std::max_element(
+      contacts_.begin(), end, [](const Contact& a, const Contact& b) { return a.force_N < b.force_N; });
+  return strongest == end ? nullptr : &*strongest;
 }
 
 double TaskEvaluator::force_on(const std::vector<bool>& labels) const {
@@ -218,21 +238,51 @@ void TaskEvaluator::update_forces(const TickRecord& tick, double dt_s) {
       metrics_[n].see(force_on(task_.metrics[n]), dt_s, {}, {});
 }
 
+bool TaskEvaluator::is_on_step(const Contact& contact, const TaskStep& step) const {
+  const RegionInScene& region = task_.regions[step.region];
+  return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_seen || !step.seen);
+}
+
 // force on the step's region, including contacts beneath it
-double TaskEvaluator::force_on_step(const TaskStep& step) {
-  RegionInScene& region = task_.regions[step.region];
-  const auto is_in = [&](const Contact& contact) {
-    return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_seen || !step.seen);
-  };
+double TaskEvaluator::force_on_step(const TaskStep& step) const {
   double force_N = 0;
-  for (std::size_t c = 0; c < contact_count_; ++c) {
-    const bool own = is_in(contacts_[c]);
-    if (own || (contacts_[c].is_beneath && is_in(contacts_[0]))) force_N += contacts_[c].force_N;
-    // coverage accumulates regardless of the current step
-    if (own && step.kind == StepKind::kCover && contacts_[c].force_N >= kTouch_N)
-      region.patches.cover(contacts_[c].place_mm);
-  }
+  for (std::size_t c = 0; c < contact_count_; ++c)
+    if (is_on_step(contacts_[c], step) || (contacts_[c].is_beneath && is_on_step(contacts_[0], step)))
+      force_N += contacts_[c].force_N;
   return force_N;
+}
+
+// Covers the patches along the path of a touch. It begins where the touch did once the strongest contact has
+// moved by kSweep_mm: a press at one place sweeps nothing.
+void TaskEvaluator::sweep(std::size_t step) {
+  const TaskStep& asked = task_.file.steps[step];
+  const auto counts = [&](const Contact& contact) {
+    return contact.force_N >= kTouch_N && is_on_step(contact, asked);
+  };
+  const Contact* strongest = nullptr;
+  for (std::size_t c = 0; c < contact_count_; ++c)
+    if (counts(contacts_[c]) && (strongest == nullptr || contacts_[c].force_N > strongest->force_N))
+      strongest = &contacts_[c];
+  Sweep& sweep = sweeps_[step];
+  if (strongest == nullptr) {
+    sweep = {};
+    return;
+  }
+  if (!sweep.touching) sweep = {true, false, strongest->place_mm};
+  SurfacePatches& patches = task_.regions[asked.region].patches;
+  if (!sweep.moving) {
+    const Eigen::Vector3d way = strongest->place_mm - sweep.begun_mm;
+    if (way.norm() < kSweep_mm) return;
+    sweep.moving = true;
+    constexpr int kParts = 4;  // no farther apart than SurfacePatches::kWithin_mm
+    for (int part = 0; part < kParts; ++part) patches.cover(sweep.begun_mm + way * part / kParts);
+  }
+  for (std::size_t c = 0; c < contact_count_; ++c)
+    if (counts(contacts_[c])) patches.cover(contacts_[c].place_mm);
+}
+
+bool TaskEvaluator::is_spent_for(const TaskStep& step) const {
+  return step.kind == StepKind::kTouch && spent_ && spent_->region != step.region;
 }
 
 // progress of a kCover or kRemove step; empty for other kinds
@@ -245,9 +295,14 @@ std::optional<TaskEvaluator::Share> TaskEvaluator::share_asked(const TaskStep& s
 }
 
 void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
+  const Contact* const strongest = strongest_contact();
+  if (spent_ && (strongest == nullptr || (strongest->place_mm - spent_->place_mm).norm() > kRest_mm))
+    spent_.reset();
   for (std::size_t n = 0; n < done_.size(); ++n) {
     const TaskStep& step = task_.file.steps[n];
     const double force_N = step.kind == StepKind::kRemove ? 0 : force_on_step(step);
+    // coverage accumulates regardless of the current step
+    if (step.kind == StepKind::kCover) sweep(n);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
     if (const auto share = share_asked(step)) {
@@ -255,7 +310,7 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     } else {
       const bool met = step.kind == StepKind::kVisit
                            ? tip_known_ && task_.regions[step.region].bounds(tip_mm_)
-                           : force_N >= step.force_N[0] && force_N <= step.force_N[1];
+                           : !is_spent_for(step) && force_N >= step.force_N[0] && force_N <= step.force_N[1];
       step_s_[n] = met ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
       step_was_met_[n] = met;
       // tolerance for rounding of the accumulated time
@@ -264,16 +319,16 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     }
     if (!done) continue;
     done_[n] = true;
+    if (step.kind == StepKind::kTouch && strongest != nullptr)
+      spent_ = SpentTouch{strongest->place_mm, step.region};
     corners_mm_.push_back(tip_mm_);
     tell(TaskEvent::Kind::kStepDone, n, tick, force_N);
   }
 }
 
 void TaskEvaluator::update_answer(const DeviceTick& device, double dt_s) {
-  const auto strongest =
-      std::max_element(contacts_.begin(), contacts_.begin() + static_cast<std::ptrdiff_t>(contact_count_),
-                       [](const Contact& a, const Contact& b) { return a.force_N < b.force_N; });
-  const bool touching = contact_count_ > 0 && strongest->force_N >= kTouch_N;
+  const Contact* const strongest = strongest_contact();
+  const bool touching = strongest != nullptr && strongest->force_N >= kTouch_N;
   if (!touching) {
     resting_ = false;
     return;
@@ -377,6 +432,7 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   score.events = events_;
   score.more_events = more_events_;
   score.ticks = ticks_;
+  score.begun_s = begun_s_;
   score.time_s = time_s_ - begun_s_;
   score.ended = ended_;
   // truncation after the end of the run is irrelevant

@@ -102,7 +102,9 @@ TickRecord tick_at(std::uint64_t n, double rate_hz) {
   return tick;
 }
 
+/// A contact whose force is sent in full, with friction.
 void touch(DeviceTick& device, std::size_t n, LabelId label, double force_N) {
+  device.force_N[2] += 1.1 * force_N;
   device.contact_label[n] = label;
   device.contact_N[n] = force_N;
   device.normal_patient = {0, 0, 1};
@@ -255,6 +257,161 @@ TEST(Evaluator, WhatIsTouchedBearsWhatLiesBeneath) {
     ASSERT_TRUE(evaluator.see(tick).ok());
   }
   EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), 3.5, 1e-12);
+}
+
+TEST(Evaluator, AForceCountsAsItWasSent) {
+  // limited, in devices of different gain, withheld, and not a number
+  struct Case {
+    double sent_N, gain, expected_N;
+  };
+  for (const Case& c :
+       {Case{3, 1, 3}, Case{100, 1, 6}, Case{100, 0.5, 3}, Case{1.5, 0.5, 1.5}, Case{3, 2, 3}}) {
+    TaskEvaluator evaluator(in_scene(kTask));
+    for (std::uint64_t n = 0; n < 10; ++n) {
+      TickRecord tick = tick_at(n, 1000);
+      touch(tick.device[0], 0, kMeniscus, 6);
+      tick.device[0].force_N = {0, 0.6 * c.sent_N, -0.8 * c.sent_N};
+      tick.device[0].force_gain = c.gain;
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    }
+    EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), c.expected_N, 1e-9);
+    EXPECT_LE(value(evaluator.score(false), Metric::kPeakForce), c.sent_N);
+  }
+  for (const double sent_N : {0.0, kNotKnown}) {
+    TaskEvaluator evaluator(in_scene(kTask));
+    for (std::uint64_t n = 0; n < 1000; ++n) {
+      TickRecord tick = tick_at(n, 1000);
+      touch(tick.device[0], 0, kMeniscus, 3);
+      tick.device[0].force_N = {0, 0, sent_N};
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    }
+    EXPECT_TRUE(std::isnan(value(evaluator.score(false), Metric::kPeakForce)));
+    EXPECT_FALSE(evaluator.score(false).done[0]);
+  }
+}
+
+TEST(Evaluator, WhatIsSentIsSharedByAllContacts) {
+  TaskEvaluator evaluator(in_scene(kTask));
+  for (std::uint64_t n = 0; n < 10; ++n) {
+    TickRecord tick = tick_at(n, 1000);
+    touch(tick.device[0], 0, kNerve, 6);
+    touch(tick.device[0], 1, kMeniscus, 2);
+    tick.device[0].force_N = {0, 0, 4};
+    ASSERT_TRUE(evaluator.see(tick).ok());
+  }
+  EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), 1, 1e-9);
+  EXPECT_NEAR(evaluator.touch_N(), 4, 1e-9);
+}
+
+constexpr const char* kHalves = R"(title = "Halves"
+end = "recording"
+[[region]]
+name = "right"
+structures = [3]
+plane_point = [0.5, 0, 0]
+plane_normal = "right"
+[[region]]
+name = "left"
+structures = [3]
+plane_point = [-0.5, 0, 0]
+plane_normal = "left"
+[[step]]
+name = "touch the right half"
+region = "right"
+seconds = 0.2
+[[step]]
+name = "touch the left half"
+region = "left"
+seconds = 0.2
+[[metric]]
+name = "steps_done"
+)";
+
+TEST(Evaluator, EachRegionNeedsATouchOfItsOwn) {
+  // a voxel at the origin, in both halves
+  Model model = model_of_labels();
+  GridGeometry grid;
+  grid.dims = {4, 4, 4};
+  Volume<LabelId> labels(grid, 0);
+  labels.at(0, 0, 0) = kMeniscus;
+  model.labels = label_bricks(labels);
+  const auto file = parse_task(kHalves, "task.toml");
+  ASSERT_TRUE(file.ok()) << file.error().message();
+  const auto found = look_up(*file, model);
+  ASSERT_TRUE(found.ok()) << found.error().message();
+  const auto touched = [&](auto place_of_ms) {
+    TaskEvaluator evaluator(*found);
+    for (std::uint64_t n = 0; n < 1000; ++n) {
+      TickRecord tick = tick_at(n, 1000);
+      if (const std::optional<double> x_mm = place_of_ms(n)) {
+        touch(tick.device[0], 0, kMeniscus, 1);
+        tick.device[0].contact_patient_mm = {*x_mm, 0, 0};
+      }
+      EXPECT_TRUE(evaluator.see(tick).ok());
+    }
+    const std::vector<bool> done = evaluator.score(false).done;
+    return std::pair<bool, bool>{done[0], done[1]};
+  };
+  using Place = std::optional<double>;
+  EXPECT_EQ(touched([](auto) { return Place(0.0); }), std::pair(true, false)) << "one touch in both halves";
+  EXPECT_EQ(touched([](auto n) { return n == 500 ? Place() : Place(0.0); }), std::pair(true, true));
+  EXPECT_EQ(touched([](auto n) { return Place(n < 500 ? 0.0 : 1.4); }), std::pair(true, false))
+      << "hardly moved";
+  EXPECT_EQ(touched([](auto n) { return Place(n < 500 ? -1.0 : 1.0); }), std::pair(true, true))
+      << "a place of its own";
+}
+
+TEST(Evaluator, CoverageIsWhatWasSweptAtEveryRate) {
+  std::string text = R"(title = "Cover"
+end = "recording"
+[[region]]
+name = "slab"
+structures = [3]
+[[step]]
+name = "cover"
+region = "slab"
+kind = "cover"
+coverage = 0.5
+[[metric]]
+name = "coverage"
+)";
+  // a slab of 40 by 1 by 1 mm
+  Model model = model_of_labels();
+  GridGeometry grid;
+  grid.dims = {40, 1, 1};
+  const Volume<LabelId> labels(grid, kMeniscus);
+  model.labels = label_bricks(labels);
+  const auto file = parse_task(text, "task.toml");
+  ASSERT_TRUE(file.ok()) << file.error().message();
+  const auto found = look_up(*file, model);
+  ASSERT_TRUE(found.ok()) << found.error().message();
+  // from `from_mm` to `to_mm` in a second, along the upper face
+  const auto covered = [&](double rate_hz, double from_mm, double to_mm, double force_N, bool lifts) {
+    TaskEvaluator evaluator(*found);
+    for (std::uint64_t n = 0; n <= static_cast<std::uint64_t>(rate_hz); ++n) {
+      TickRecord tick = tick_at(n, rate_hz);
+      if (!lifts || std::fmod(tick.time_s, 0.05) > 0.004) touch(tick.device[0], 0, kMeniscus, force_N);
+      tick.device[0].contact_patient_mm = {from_mm + (to_mm - from_mm) * tick.time_s, 0, 0.5};
+      EXPECT_TRUE(evaluator.see(tick).ok());
+    }
+    return value(evaluator.score(false), Metric::kCoverage);
+  };
+  for (const double rate_hz : kRates_Hz) {
+    EXPECT_EQ(covered(rate_hz, 10, 10, 2, false), 0) << "a press sweeps nothing";
+    EXPECT_EQ(covered(rate_hz, 10, 11.9, 2, false), 0) << "nor does a hand that slips a little";
+    EXPECT_EQ(covered(rate_hz, 10, 30, 0.19, false), 0) << "too light";
+    EXPECT_EQ(covered(rate_hz, 10, 30, 2, true), 0) << "twenty touches";
+    const double half = covered(rate_hz, 10, 30, 2, false), whole = covered(rate_hz, -1, 40, 2, false);
+    EXPECT_NEAR(half / whole, 0.5, 0.05);
+    EXPECT_EQ(covered(rate_hz, 30, 10, 2, false), half);
+  }
+}
+
+TEST(Evaluator, ARunBeginsWithItsFirstTick) {
+  TaskEvaluator evaluator(in_scene(kTask));
+  for (std::uint64_t n = 2500; n < 2600; ++n) ASSERT_TRUE(evaluator.see(tick_at(n, 1000)).ok());
+  EXPECT_NEAR(evaluator.score(false).begun_s, 2.5, 1e-12);
+  EXPECT_NEAR(evaluator.score(false).time_s, 0.099, 1e-9);
 }
 
 TEST(Evaluator, AStepNeedsItsForceWithoutABreak) {

@@ -88,7 +88,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void truncate_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
   /// Sets the viewer's number, unique within this server.
   void set_number(std::uint32_t number) { number_ = number; }
-  ViewerIdentity identity() const { return {number_, may(who_.role, Right::kHand, true)}; }
+  ViewerIdentity identity() const {
+    return {number_, may(who_.role, Right::kHand, true), who_.learner, may(who_.role, Right::kLesson, true)};
+  }
 
  private:
   void read();
