@@ -34,6 +34,7 @@ const TOUCHED_N = 0.05;
 export type Hide = (toFind: number[] | null) => void;
 
 const seconds = (s: number): string => `${s.toFixed(1)} s`;
+const percent = (fraction: number): string => `${Math.round(1000 * fraction) / 10} %`;
 
 export class Training {
   view: View = "none";
@@ -181,8 +182,8 @@ export class Training {
       seen,
     } = step;
     const time = `${step.seconds} s`;
-    if (kind === "cover") return words.stepCover(`${Math.round(100 * coverage)} %`);
-    if (kind === "remove") return words.stepRemove(`${Math.round(100 * coverage)} %`);
+    if (kind === "cover") return words.stepCover(percent(coverage));
+    if (kind === "remove") return words.stepRemove(percent(coverage));
     if (kind === "visit") return words.stepVisit(time);
     const touch =
       most === null
@@ -224,7 +225,7 @@ export class Training {
   private metricValue({ name, unit }: TaskMetric, value: number | null): string {
     if (value === null) return words.noFigure;
     if (unit !== "1") return `${digits(value)} ${unit}`;
-    return name === "smoothness" || name === "economy" ? digits(value) : `${Math.round(1000 * value) / 10} %`;
+    return name === "smoothness" || name === "economy" ? digits(value) : percent(value);
   }
   private bandText(metric: TaskMetric): string {
     const { at_least, at_most } = metric;
@@ -235,6 +236,22 @@ export class Training {
       : at_most !== null
         ? words.atMost(said(at_most))
         : words.doesNotCount;
+  }
+
+  /** The first counted metric that is out of its band, as the advice for the next run; empty: all are in band. */
+  private advice(task: Task, result: Debriefing): string {
+    const worst = task.metrics.findIndex(
+      ({ at_least, at_most }, n) => (at_least !== null || at_most !== null) && !result.metrics[n]!.in_band,
+    );
+    if (worst < 0) return "";
+    const metric = task.metrics[worst]!;
+    const open = task.steps.find((_, n) => !result.done[n]);
+    if (metric.name === "steps_done" && open) return words.adviceStep(open.name);
+    return words.advice(
+      this.metricName(metric),
+      this.metricValue(metric, result.metrics[worst]!.value),
+      this.bandText(metric),
+    );
   }
 
   /** Announces each event once. */
@@ -528,8 +545,12 @@ export class Training {
       ].join(" "),
     );
 
+    const advice = this.advice(task, result);
+    write(byId("improve"), advice);
+    byId("improve").hidden = advice === "";
+
     // only results of a run that was observed live are announced
-    if (isLive) announce(byId("verdict").textContent ?? "");
+    if (isLive) announce([byId("verdict").textContent ?? "", ...(advice ? [advice] : [])].join(". "));
     this.announcedRun = result.run;
     const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
     byId("figures").replaceChildren(

@@ -423,6 +423,8 @@ export const de: Words = {
   taskNotKept: "Durchgänge werden nicht gespeichert: kein Pseudonym angegeben.",
   runIn: "Alle gezählten Werte im Sollbereich",
   runOut: "Nicht alle gezählten Werte im Sollbereich",
+  adviceStep: (step) => `Zuerst verbessern: den Schritt „${step}“ abschließen`,
+  advice: (figure, value, band) => `Zuerst verbessern: ${figure}. Sie: ${value}, Sollbereich: ${band}`,
   passed: "Bestanden",
   inARow: (runs, asked) => `${runs} von ${asked} in Folge`,
   endedBy: {
@@ -441,7 +443,7 @@ export const de: Words = {
   yours: "Ergebnis",
   expertBand: "Sollbereich",
   ownBest: "Bestwert",
-  figuresAbout: "Messgrößen, Sollbereich der Geübten und bisheriger Bestwert",
+  figuresAbout: "Messgrößen, Sollbereich der Geübten und bisheriger Bestwert. Kräfte sind die an das Gerät gesendeten",
   metricIn: "im Sollbereich",
   metricOut: "außerhalb",
   doesNotCount: "zählt nicht",

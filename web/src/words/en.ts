@@ -419,6 +419,9 @@ export const en = {
   taskNotKept: "Runs are not saved: no learner is specified.",
   runIn: "Every counted metric in its band",
   runOut: "Not every counted metric in its band",
+  adviceStep: (step: string) => `Improve this first: complete the step “${step}”`,
+  advice: (figure: string, value: string, band: string) =>
+    `Improve this first: ${figure}. You: ${value}, band: ${band}`,
   passed: "Passed",
   inARow: (runs: string, asked: string) => `${runs} of ${asked} in a row`,
   endedBy: {
@@ -437,7 +440,7 @@ export const en = {
   yours: "You",
   expertBand: "Band",
   ownBest: "Your best",
-  figuresAbout: "Metrics compared with the experts' band and your previous best",
+  figuresAbout: "Metrics compared with the experts' band and your previous best. Forces are those sent to the device",
   metricIn: "in band",
   metricOut: "out of band",
   doesNotCount: "not counted",
