@@ -104,6 +104,29 @@ class Browser:
     def open(self, path):
         self.post("/url", {"url": "file://" + os.path.abspath(path)})
 
+    # ---- windows, of which each keeps its own token
+
+    def window(self):
+        """The window that is driven."""
+        return self._request("GET", self.session + "/window")
+
+    def open_window(self):
+        """A further window, which is driven from here on; returns it."""
+        opened = self.post("/window/new", {"type": "window"})["handle"]
+        self.switch_to(opened)
+        return opened
+
+    def switch_to(self, window):
+        self.post("/window", {"handle": window})
+
+    def close_window(self):
+        """Closes the window that is driven; drive another one next."""
+        self._request("DELETE", self.session + "/window")
+
+    def type(self, selector, text):
+        element = self.post("/element", {"using": "css selector", "value": selector})
+        self.post(f"/element/{element[ELEMENT]}/value", {"text": text})
+
     def run(self, script, *arguments):
         """Runs the body of a JavaScript function in the page; returns what it returns."""
         return self.post("/execute/sync", {"script": script, "args": list(arguments)})
