@@ -12,16 +12,18 @@ namespace palpate {
 ///
 ///     tell()       |        |           |  . . . . . . . . .      20 to 250 updates a second
 ///     tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      linear interpolation over the last interval
-///     age          0                              |__________/    0 while updated; grows after kHeld_s
+///     age          0                              |__________/    0 while updated; grows after held_s
 ///
 /// Between two updates tip and orientation are interpolated, never extrapolated, so that the force has no
 /// steps. They lag one interval behind. The first pose, and one that follows a pose that has expired, applies
-/// at once. A pose stays valid for kHeld_s after an update; then its age grows and the output stage removes
+/// at once. A pose stays valid for held_s after an update; then its age grows and the output stage removes
 /// the force.
 class InterpolatedPose {
  public:
-  /// @param tip  initial position, invalid (age unlimited) until the first update
-  explicit InterpolatedPose(const Point<Device>& tip) : from_{tip}, to_{tip} {}
+  /// @param tip     initial position, invalid (age unlimited) until the first update
+  /// @param held_s  time for which a pose stays valid after an update
+  explicit InterpolatedPose(const Point<Device>& tip, double held_s = kHeld_s)
+      : held_ns_(static_cast<std::int64_t>(held_s * 1e9)), from_{tip}, to_{tip} {}
 
   /// Sets the pose as of `at_ns`. A non-finite pose is a bug. Never blocks. Any thread, but only one at a
   /// time; the same holds for let_go().
@@ -32,7 +34,7 @@ class InterpolatedPose {
   /// Writes the interpolated pose at `now_ns` and its sample time. Servo thread only.
   void fill(DeviceSample& sample, std::int64_t now_ns) noexcept;
 
-  /// Time for which a pose stays valid after an update.
+  /// Default validity of a pose after an update.
   static constexpr double kHeld_s = 0.1;
   /// Speed limit of the interpolation, device mm/s: a distant new position is approached along a path instead
   /// of reached by a jump.
@@ -51,6 +53,7 @@ class InterpolatedPose {
   void take_message(std::int64_t now_ns) noexcept;
   Place place_at(std::int64_t now_ns) const noexcept;
 
+  const std::int64_t held_ns_;
   Mailbox<Message> messages_;
   // owned by the servo thread: interpolation from one place and time to another
   Place from_, to_;

@@ -358,6 +358,14 @@ class ViewerHost {
   }
 };
 
+/// Target of the pointer's tip; patient frame, mm; finite.
+struct PointerTarget {
+  std::array<double, 3> tip_patient_mm{};
+  /// Unit direction in which the tip presses from `tip_patient_mm`, until the force is `force_N`.
+  std::array<double, 3> into{};
+  double force_N = 0;  ///< 0: no press, the tip moves to `tip_patient_mm`
+};
+
 /// Running session, which viewers may change.
 class LiveHost : public ViewerHost {
  public:
@@ -379,8 +387,8 @@ class LiveHost : public ViewerHost {
   /// Takes or releases control of the pointer. Error kUsage if the tip has another source.
   /// @param by  viewer that takes or releases it
   virtual Result<void> take_pointer(bool take, const ViewerIdentity& by) = 0;
-  /// Target position of the pointer's tip; patient frame, mm; finite.
-  virtual void move_pointer(const std::array<double, 3>& tip_patient_mm) = 0;
+  /// Moves the pointer's tip; empty: its pose is stale until the next target.
+  virtual void move_pointer(const std::optional<PointerTarget>& target) = 0;
   /// Begins or ends a run.
   virtual Result<void> train(const TaskRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "this session has no tasks", "", ""};

@@ -6,7 +6,6 @@
 namespace palpate {
 namespace {
 
-constexpr std::int64_t kHeld_ns = static_cast<std::int64_t>(InterpolatedPose::kHeld_s * 1e9);
 // interval between updates: 4 ms for a page that redraws 250 times a second, 33 ms at rest
 constexpr std::int64_t kMinInterval_ns = 4'000'000, kMaxInterval_ns = 40'000'000;
 
@@ -34,7 +33,7 @@ InterpolatedPose::Place InterpolatedPose::place_at(std::int64_t now_ns) const no
 void InterpolatedPose::take_message(std::int64_t now_ns) noexcept {
   Message message;
   if (!messages_.take(message)) return;
-  const bool comes_back = message.held && !(last_.held && message.at_ns - last_.at_ns <= kHeld_ns);
+  const bool comes_back = message.held && !(last_.held && message.at_ns - last_.at_ns <= held_ns_);
   from_ = comes_back ? message.place : place_at(now_ns);
   from_ns_ = now_ns;
   to_ = message.held ? message.place : from_;
@@ -49,7 +48,7 @@ void InterpolatedPose::fill(DeviceSample& sample, std::int64_t now_ns) noexcept 
   const Place place = place_at(now_ns);
   sample.tip = place.tip;
   sample.R_DeviceTool = place.R_DeviceTool;
-  sample.taken_ns = last_.held ? std::min(now_ns, last_.at_ns + kHeld_ns) : 0;
+  sample.taken_ns = last_.held ? std::min(now_ns, last_.at_ns + held_ns_) : 0;
 }
 
 }  // namespace palpate

@@ -1,13 +1,24 @@
 #include "palpate/device/pointer_driver.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
+#include "palpate/base/check.h"
 #include "palpate/base/clock.h"
 
 namespace palpate {
+namespace {
+
+// time constant with which the direction of a press follows its target, in place of steps
+constexpr double kTurn_s = 0.015;
+// longest interval between two ticks that counts for the control of a press
+constexpr double kMaxTick_s = 0.004;
+
+}  // namespace
 
 PointerDriver::PointerDriver(const Point<Device>& tip, TimeSource now)
-    : now_(now ? now : monotonic_ns), info_(info()), told_(tip) {}
+    : now_(now ? now : monotonic_ns), info_(info()), told_(tip, kHeld_s) {}
 
 DeviceInfo PointerDriver::info() {
   DeviceInfo info;
@@ -17,23 +28,46 @@ DeviceInfo PointerDriver::info() {
   return info;
 }
 
-void PointerDriver::move(const Point<Device>& tip) noexcept {
+void PointerDriver::move(const Point<Device>& tip, const Press& press) noexcept {
+  PALPATE_CHECK(press.into.all_finite() && std::isfinite(press.force_N));
+  presses_.post(press);
   told_.tell(tip, Eigen::Quaterniond::Identity(), now_());
 }
 
 void PointerDriver::release() noexcept {
   told_.let_go();
+  presses_.post({});
 }
 
 Result<void> PointerDriver::open(bool /*may_move*/) {
   return {};
 }
 
+void PointerDriver::press(DeviceSample& sample, double rendered_N, double dt_s) noexcept {
+  if (presses_.take(wanted_) && wanted_.force_N > 0 && into_ == Vector<Device>()) into_ = wanted_.into;
+  // a press that has ended leaves the surface at the same speed
+  const double most_mm = kMaxPressSpeed_mm_s * dt_s;
+  if (wanted_.force_N > 0) {
+    into_ = (into_ + (wanted_.into - into_) * std::min(1.0, dt_s / kTurn_s)).normalized();
+    const double by_mm = kPressRate_mm_s_N * (wanted_.force_N - rendered_N) * dt_s;
+    depth_mm_ = std::clamp(depth_mm_ + std::clamp(by_mm, -most_mm, most_mm), kMinPress_mm, kMaxPress_mm);
+  } else {
+    depth_mm_ -= std::clamp(depth_mm_, -most_mm, most_mm);
+    if (depth_mm_ == 0) into_ = {};
+  }
+  sample.tip = sample.tip + into_ * depth_mm_;
+}
+
 void PointerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   std::array<DeviceSample, 1> samples;
   std::array<DeviceCommand, 1> commands{};
+  std::int64_t before_ns = now_();
   while (clock.wait()) {
-    told_.fill(samples[0], now_());
+    const std::int64_t now_ns = now_();
+    told_.fill(samples[0], now_ns);
+    press(samples[0], commands[0].force_N.norm(),
+          std::min(static_cast<double>(now_ns - before_ns) * 1e-9, kMaxTick_s));
+    before_ns = now_ns;
     servo.update(samples, commands);
   }
 }

@@ -48,7 +48,7 @@ int main(int count, char** arguments) {
       const double time_s = std::chrono::duration<double>(Clock::now() - begun).count();
       const double r = palpate::testing::kBoneRadius_mm + 2 + (time_s < 1 ? 5 : std::cos(5 * time_s));
       const double turn = 0.7 * time_s;
-      host->move_pointer({r * std::cos(turn), 0, r * std::sin(turn)});
+      host->move_pointer(PointerTarget{{r * std::cos(turn), 0, r * std::sin(turn)}});
     }
     if (Clock::now() < next) return ExploreRequest::kNone;
     next = Clock::now() + kPeriod;

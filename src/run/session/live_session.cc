@@ -340,16 +340,24 @@ void LiveSession::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
     parts_.training->set_tip_holder(holder);
 }
 
-void LiveSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
+void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
   const ServoLoop* loop = loop_.get();
   if (!pointer_taken_.load() || !loop) return;
+  if (!target) return parts_.pointer->release();
   // pose of the object as currently rendered
-  const Point<World> tip =
-      turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_felt_wxyz)) *
-      Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]);
+  const Transform<World, Patient> X_WorldPatient =
+      turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_felt_wxyz));
+  const Point<Patient> tip_patient(target->tip_patient_mm[0], target->tip_patient_mm[1],
+                                   target->tip_patient_mm[2]);
+  const Point<World> tip = X_WorldPatient * tip_patient;
   // World's origin is the volume's centre. The negated comparison also rejects NaN.
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
-  parts_.pointer->move(WorkspaceMapping(parts_.pointer->devices().front(), parts_.workspace).to_device(tip));
+  const WorkspaceMapping mapping(parts_.pointer->devices().front(), parts_.workspace);
+  const Point<Device> tip_device = mapping.to_device(tip);
+  if (target->force_N == 0) return parts_.pointer->move(tip_device);
+  const Point<World> ahead =
+      X_WorldPatient * (tip_patient + Vector<Patient>(target->into[0], target->into[1], target->into[2]));
+  parts_.pointer->move(tip_device, {(mapping.to_device(ahead) - tip_device).normalized(), target->force_N});
 }
 
 // ---- tasks

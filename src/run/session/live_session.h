@@ -116,7 +116,7 @@ class LiveSession final : public LiveHost {
   void emergency_stop(const ViewerIdentity& by) override { stop_.stop(asked_by(by)); }
   Result<void> rearm(const RearmRequest& request) override { return stop_.rearm(request); }
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
-  void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
+  void move_pointer(const std::optional<PointerTarget>& target) override;
   ViewedTraining training() const override;
   std::shared_ptr<const ViewedDebriefing> debriefing() const override;
   Result<void> train(const TaskRequest& request) override;

@@ -1565,7 +1565,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   options.devices = {kPointer};
   options.seconds = 30;
   std::string seen;
-  enum { kAbove, kPressing, kLost, kBack, kDone } part = kAbove;
+  enum { kAbove, kPressing, kLost, kBack, kSteady, kDone } part = kAbove;
   int since = 0;
   // the patient's anterior is up: the ball from above, 1 mm deep
   const std::array<double, 3> above{0, -20, 0}, inside{0, -14, 0};
@@ -1579,7 +1579,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
     if (since == 0) {
       EXPECT_EQ(host->scene().input, "pointer");
       // without control of the pointer nothing moves
-      host->move_pointer(inside);
+      host->move_pointer(PointerTarget{inside});
       EXPECT_TRUE(host->take_pointer(true, {5, true}).ok());
     }
     ++since;
@@ -1588,16 +1588,20 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
     const std::uint32_t flags = tick.device[0].flags;
     seen = "flags " + std::to_string(flags) + ", " + std::to_string(sent_N(tick)) + " N";
     if (part == kAbove) {
-      host->move_pointer(above);
+      host->move_pointer(PointerTarget{above});
       if ((flags & (kFlagStale | kFlagRamp)) == 0) part = kPressing;
     } else if (part == kPressing) {
-      host->move_pointer(inside);
+      host->move_pointer(PointerTarget{inside});
       if (sent_N(tick) > 0.8) part = kLost;
     } else if (part == kLost) {
       if ((flags & kFlagStale) != 0 && sent_N(tick) == 0) part = kBack;
     } else if (part == kBack) {
-      host->move_pointer(inside);
-      if (sent_N(tick) > 0.8) part = kDone;
+      host->move_pointer(PointerTarget{inside});
+      if (sent_N(tick) > 0.8) part = kSteady;
+    } else if (part == kSteady) {
+      // from a point above the surface, in steps of the regulated depth
+      host->move_pointer(PointerTarget{{0, -15.5, 0}, {0, 1, 0}, 0.4});
+      if (std::abs(sent_N(tick) - 0.4) < 0.02) part = kDone;
     } else {
       EXPECT_TRUE(host->take_pointer(false, {5, true}).ok());
       if ((flags & kFlagStale) != 0 && sent_N(tick) == 0) stop_.store(true);

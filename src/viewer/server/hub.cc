@@ -380,7 +380,7 @@ Result<void> Hub::grant_play(const PlayRequest& request) {
 
 void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
   // a viewer that has just lost the pointer may not know yet
-  if (pointer_ == &viewer) live_->move_pointer(tip.tip_patient_mm);
+  if (pointer_ == &viewer) live_->move_pointer(tip.target);
 }
 
 std::uint32_t Hub::holder() const {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <numeric>
 
 #include "server/flat_json.h"
 
@@ -17,8 +18,10 @@ constexpr int kMaxTissues = 1 << 16;
 // larger than any valid plan
 constexpr int kMaxTrajectories = 1000;
 constexpr std::size_t kMaxCode_bytes = 16;
-// maximum deviation of a quaternion's norm from 1; viewers compute in single precision
+// maximum deviation of the norm of a quaternion or direction from 1; viewers compute in single precision
 constexpr double kUnitTolerance = 1e-3;
+// largest force to press with, that of --max-force
+constexpr double kMaxPress_N = 40;
 
 /// Removes a prefix and the blanks before it; false if the text does not begin with it.
 bool take(std::string_view& text, std::string_view front) {
@@ -72,13 +75,10 @@ class Fields {
     return values;
   }
   std::optional<std::array<double, 4>> rotation(std::string_view key) {
-    auto q = numbers<4>(key);
-    if (!q) return std::nullopt;
-    const double length = std::hypot(std::hypot((*q)[0], (*q)[1]), std::hypot((*q)[2], (*q)[3]));
-    if (!(std::abs(length - 1) <= kUnitTolerance))
-      return refuse(key, "is not a unit quaternion w, x, y, z"), std::nullopt;
-    for (double& component : *q) component /= length;
-    return q;
+    return unit<4>(key, "is not a unit quaternion w, x, y, z");
+  }
+  std::optional<std::array<double, 3>> direction(std::string_view key) {
+    return unit<3>(key, "is not a unit vector");
   }
 
   /// Reads the value of a setting by its type.
@@ -117,6 +117,16 @@ class Fields {
     if (!value) return std::nullopt;
     if (const T* content = std::get_if<T>(value)) return *content;
     return refuse(key, std::string("is not ") + kind), std::nullopt;
+  }
+
+  template <std::size_t kCount>
+  std::optional<std::array<double, kCount>> unit(std::string_view key, const char* fault) {
+    auto values = numbers<kCount>(key);
+    if (!values) return std::nullopt;
+    const double length = std::sqrt(std::inner_product(values->begin(), values->end(), values->begin(), 0.0));
+    if (!(std::abs(length - 1) <= kUnitTolerance)) return refuse(key, fault), std::nullopt;
+    for (double& value : *values) value /= length;
+    return values;
   }
 
   const FlatObject& object_;
@@ -231,9 +241,12 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
 
 std::optional<ViewerMessage> read_tip(Fields& fields) {
   const auto tip = fields.numbers<3>("patient_mm");
+  const auto into = fields.direction("into");
+  const auto force_N = fields.number("force_N");
   fields.end();
-  if (!tip || fields.refusal()) return std::nullopt;
-  return TipMessage{*tip};
+  if (!tip || fields.refusal() || into.has_value() != force_N.has_value()) return std::nullopt;
+  if (force_N && !(*force_N > 0 && *force_N <= kMaxPress_N)) return std::nullopt;
+  return TipMessage{PointerTarget{*tip, into.value_or(std::array<double, 3>{}), force_N.value_or(0)}};
 }
 
 std::optional<ViewerMessage> parse_message(std::string_view text) {
@@ -245,6 +258,11 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
   if (!type) return std::nullopt;
   if (*type == "hello") return read_hello(fields);
   if (*type == "tip") return read_tip(fields);
+  if (*type == "lift") {
+    fields.end();
+    if (fields.refusal()) return std::nullopt;
+    return TipMessage{};
+  }
 
   const auto id = fields.whole("id", 0, kMaxId);
   if (*type == "stop") return Request{id.value_or(0), StopRequest{}};

@@ -34,9 +34,9 @@ struct StopRequest {};
 struct PointerRequest {
   bool take = false;
 };
-/// Target position of the pointer's tip; patient frame, mm.
+/// Moves the pointer's tip; empty: releases it.
 struct TipMessage {
-  std::array<double, 3> tip_patient_mm{};
+  std::optional<PointerTarget> target;
 };
 
 /// Request with an id; an Error if it can only be refused.

@@ -116,8 +116,18 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(play->at_s, 12.5);
   EXPECT_EQ(play->playing, true);
   EXPECT_EQ(play->speed, -2);
-  EXPECT_EQ(parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, -2.5, 3e1]})")->tip_patient_mm,
-            (std::array<double, 3>{1, -2.5, 30}));
+  const auto tip = parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, -2.5, 3e1]})");
+  ASSERT_TRUE(tip && tip->target);
+  EXPECT_EQ(tip->target->tip_patient_mm, (std::array<double, 3>{1, -2.5, 30}));
+  EXPECT_EQ(tip->target->force_N, 0);
+  const auto press = parsed<TipMessage>(
+      R"({"type": "tip", "patient_mm": [1, 2, 3], "into": [0, 0.6, -0.8], "force_N": 0.5})");
+  ASSERT_TRUE(press && press->target);
+  EXPECT_NEAR(press->target->into[2], -0.8, 1e-12);
+  EXPECT_EQ(press->target->force_N, 0.5);
+  const auto lift = parsed<TipMessage>(R"({"type": "lift"})");
+  ASSERT_TRUE(lift);
+  EXPECT_FALSE(lift->target);
   EXPECT_EQ(parsed<Request>(R"({"type": "rearm", "id": 9007199254740991, "stop": 4294967295})")->id,
             9007199254740991);
 }
@@ -209,6 +219,12 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"set","id":1,"max_force_N":NaN})",
            R"({"type":"tip","patient_mm":[1,2,Infinity]})",
            R"({"type":"tip","patient_mm":[1,2,1e999]})",
+           R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,1]})",
+           R"({"type":"tip","patient_mm":[1,2,3],"force_N":1})",
+           R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,2],"force_N":1})",
+           R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,1],"force_N":0})",
+           R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,1],"force_N":41})",
+           R"({"type":"lift","patient_mm":[1,2,3]})",
            // nested values
            R"({"type":"set","id":1,"method":{"a":1}})",
            R"({"type":"set","id":1,"rotation_wxyz":[[1],0,0,0]})",

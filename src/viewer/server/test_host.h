@@ -231,9 +231,9 @@ class FakeHost : public LiveHost {
     pointer_taken = take;
     return {};
   }
-  void move_pointer(const std::array<double, 3>& tip_patient_mm) override {
+  void move_pointer(const std::optional<PointerTarget>& target) override {
     const std::lock_guard lock(mutex_);
-    tip_ = tip_patient_mm;
+    pointer_ = target;
   }
 
   ViewedTraining training() const override {
@@ -300,9 +300,9 @@ class FakeHost : public LiveHost {
     plan_ = std::make_shared<const ViewedPlan>(std::move(plan));
   }
 
-  std::array<double, 3> tip() const {
+  std::optional<PointerTarget> pointer() const {
     const std::lock_guard lock(mutex_);
-    return tip_;
+    return pointer_;
   }
   /// Settings need consent from now on.
   void ask_first() {
@@ -347,7 +347,7 @@ class FakeHost : public LiveHost {
   std::shared_ptr<const ViewedPlan> plan_;
   ViewedTraining training_;
   std::shared_ptr<const ViewedDebriefing> debriefing_;
-  std::array<double, 3> tip_{};
+  std::optional<PointerTarget> pointer_;
   ViewerIdentity asked_by_;
   std::uint32_t stops_ = 0;
   bool asks_ = false, keeps_runs_ = false;

@@ -282,7 +282,7 @@ TEST(Viewer, RolesAreKept) {
   EXPECT_FALSE(guarded.test.host.state().paused);
   EXPECT_FALSE(guarded.test.host.pointer_taken);
   EXPECT_EQ(guarded.test.host.training().run, 0u);
-  EXPECT_EQ(guarded.test.host.tip()[0], 0);
+  EXPECT_FALSE(guarded.test.host.pointer());
 
   TestViewer control(port);
   EXPECT_EQ(control.greet({{"token", kControlToken}})["role"], "control");
@@ -489,14 +489,33 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   EXPECT_EQ(first.text("done")["id"], 1);
   EXPECT_EQ(first.text("state")["pointer"], true);
   EXPECT_TRUE(test.host.pointer_taken);
-  EXPECT_EQ(test.host.tip()[0], 0);
+  EXPECT_FALSE(test.host.pointer());
   second.send({{"type", "pointer"}, {"id", 2}, {"take", true}});
   EXPECT_EQ(second.text("refused")["id"], 2);
   second.send({{"type", "pointer"}, {"id", 3}, {"take", false}});
   EXPECT_EQ(second.text("refused")["id"], 3);
   second.send({{"type", "tip"}, {"patient_mm", {70, 80, 90}}});
   first.send({{"type", "tip"}, {"patient_mm", {1, 2, 3}}});
-  EXPECT_TRUE(soon([&] { return test.host.tip() == std::array<double, 3>{1, 2, 3}; }));
+  const auto pointer_is = [&](const auto& condition) {
+    return soon([&] {
+      const auto target = test.host.pointer();
+      return condition(target);
+    });
+  };
+  EXPECT_TRUE(pointer_is([](const auto& target) {
+    return target && target->tip_patient_mm == std::array<double, 3>{1, 2, 3} && target->force_N == 0;
+  }));
+  first.send({{"type", "tip"}, {"patient_mm", {4, 5, 6}}, {"into", {0, 0, -1}}, {"force_N", 0.7}});
+  EXPECT_TRUE(pointer_is([](const auto& target) {
+    return target && target->into == std::array<double, 3>{0, 0, -1} && target->force_N == 0.7;
+  }));
+  // only the viewer that has the pointer releases it
+  second.send({{"type", "lift"}});
+  second.send({{"type", "stop"}, {"id", 9}});
+  EXPECT_EQ(second.text("done")["id"], 9);
+  EXPECT_TRUE(test.host.pointer());
+  first.send({{"type", "lift"}});
+  EXPECT_TRUE(pointer_is([](const auto& target) { return !target; }));
   // a viewer that disconnects releases the pointer
   first.socket().end_sending();
   EXPECT_TRUE(soon([&] { return !test.host.pointer_taken; }));
