@@ -13,11 +13,12 @@ const MAY_IMPORT = {
   protocol: ["base", "words"],
   state: ["base", "words", "protocol"],
   drawing: LOW,
-  section: [...LOW, "drawing"],
-  volume: [...LOW, "drawing"],
-  panels: [...LOW, "drawing", "section", "volume"],
+  touch: LOW,
+  section: [...LOW, "drawing", "touch"],
+  volume: [...LOW, "drawing", "touch"],
+  panels: [...LOW, "drawing", "section", "touch", "volume"],
   training: [...LOW, "drawing", "volume", "panels"],
-  page: [...LOW, "drawing", "section", "volume", "panels", "training"],
+  page: [...LOW, "drawing", "section", "touch", "volume", "panels", "training"],
 };
 
 const zones = Object.entries(MAY_IMPORT).map(([folder, others]) => ({

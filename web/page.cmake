@@ -6,7 +6,7 @@
 #   SHARED   folder that all build folders share: a page by the hash of its sources
 #   FILES    names of the page's files, separated by |: all that its build makes
 #   OUT      where they go
-#   STEP     build or test
+#   STEP     build, test, or strokes: drags over scenes, with PALPATE, the program, and DRAGS, their number
 cmake_minimum_required(VERSION 3.25)
 
 # runs a command in WEB without a word; shows what it said when it fails
@@ -45,6 +45,17 @@ if(STEP STREQUAL "test")
   execute_process(COMMAND ${NPM} test --silent WORKING_DIRECTORY ${WEB} RESULT_VARIABLE failed)
   if(failed)
     message(FATAL_ERROR "the page's unit tests failed")
+  endif()
+  return()
+endif()
+
+if(STEP STREQUAL "strokes")
+  install_packages()
+  execute_process(COMMAND ${NPM} run --silent strokes -- ${PALPATE} ${DRAGS} ${SCENES} WORKING_DIRECTORY ${WEB} RESULT_VARIABLE failed)
+  if(failed EQUAL 77)
+    message("web.strokes: skipped")
+  elseif(failed)
+    message(FATAL_ERROR "strokes over the scenes failed")
   endif()
   return()
 endif()

@@ -28,6 +28,7 @@ import { showFacts } from "./panels/facts.js";
 import { FeelPanel } from "./panels/feel.js";
 import { Keys } from "./panels/keys.js";
 import { showLink } from "./panels/link.js";
+import { showPress } from "./panels/press.js";
 import { nextTheme } from "./panels/theme.js";
 import { Toolbar } from "./panels/toolbar.js";
 import { showTracked } from "./panels/tracked.js";
@@ -45,6 +46,7 @@ import { PlanStore } from "./state/plan_store.js";
 import { PointerDevice } from "./state/pointer.js";
 import { Requests } from "./state/requests.js";
 import { Session, type Layout } from "./state/session.js";
+import { Touching } from "./touch/touching.js";
 import { addVolumeHead } from "./volume/volume_head.js";
 import { VolumeRenderer } from "./volume/volume_renderer.js";
 import { VolumeView } from "./volume/volume_view.js";
@@ -76,11 +78,12 @@ export class Page {
   readonly measures = new Measures(this.history, (measure) => this.goTo(measure));
   readonly scope = new Part("scope", async () => {
     const { ScopeView } = await import("./volume/scope_view.js");
-    const scope = new ScopeView(this.session, this.renderer, this.slicer.isSoftware, this.history);
+    const scope = new ScopeView(this.session, this.renderer, this.slicer.isSoftware, this.history, this.pointer);
     this.volume.picture.element.after(scope.picture.element);
     this.pictures.splice(1, 0, scope.picture);
     return scope;
   });
+  readonly pointer = new PointerDevice(this.session, this.connection, this.permissions, this.requests);
   readonly voxels: VoxelChanges;
   readonly panels: Panels;
   readonly captures: CaptureButtons;
@@ -106,7 +109,8 @@ export class Page {
       (request) => requests.once({ type: "plan", ...request }),
       () => connection.allows("plan"),
     );
-    const pointer = new PointerDevice(session, connection, this.permissions, requests);
+    const { pointer } = this;
+    pointer.onLetGo = () => toast(words.letGo);
     const volume = new VolumeView(
       session,
       renderer,
@@ -142,7 +146,7 @@ export class Page {
       lookBy: ({ optics_deg, back_mm }) => void scope.get().then((view) => view?.standAs(optics_deg, back_mm)),
       showPlace: (place) => this.showPlace("place", place),
     });
-    this.captures = new CaptureButtons(session, this.pictures);
+    this.captures = new CaptureButtons(session, this.pictures, () => this.isRedrawn);
     this.addPanels();
     this.frames = new Frames({
       session,
@@ -161,9 +165,22 @@ export class Page {
     });
     // releases the pointer, because browsers may keep a page and its connection alive after navigation
     addEventListener("pagehide", () => connection.end());
+    // timers of a hidden page do not run often enough to hold the tip
+    document.addEventListener("visibilitychange", () => document.hidden && pointer.letGo());
     addEventListener("pageshow", ({ persisted }) => {
       if (persisted) loading.reload();
     });
+  }
+
+  /** Whether all visible pictures are drawn completely, for the current layout. */
+  get isRedrawn(): boolean {
+    const { volume, sections, scope } = this;
+    const views = [volume, ...(scope.now ? [scope.now] : [])];
+    return (
+      this.pictures.every((picture) => picture.isFitted) &&
+      !sections.some(({ isCoarse }) => isCoarse) &&
+      views.every((view) => !view.picture.isShown || view.isSharp)
+    );
   }
 
   private connect(): Connection {
@@ -219,6 +236,7 @@ export class Page {
     showFacts(session);
     showLink(session, connection);
     showTracked(session);
+    showPress(session, permissions);
     keepCards();
     byId("theme").addEventListener("click", nextTheme);
     byId("reload").addEventListener("click", () => location.reload());
@@ -274,7 +292,7 @@ export class Page {
     // mark up to which the page's size is measured (tests/browser/smoke_test.py)
     performance.mark("first-section");
     this.renderer.begin();
-    await Promise.all([this.later.get(), this.panels.fetchFor(this.session.scene.value!)]);
+    await Promise.all([this.later.get(), Touching.load(), this.panels.fetchFor(this.session.scene.value!)]);
     this.isWhole = true;
   }
 

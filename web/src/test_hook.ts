@@ -186,8 +186,15 @@ export function openToTests(page: Page): void {
       // initial placement of the camera, by the first picture
       volume.draw(performance.now());
       volume.reset();
+      const { clientWidth, clientHeight } = volume.picture.surface;
+      volume.camera.focus = volume.camera.toWorld(session.volumes.value!.centre);
+      volume.camera.mmPerPixel = (0.7 * session.volumes.value!.size) / Math.min(clientWidth, clientHeight);
       volume.camera.orbit(dx, dy);
       volume.camera.isPerspective = isPerspective;
+    },
+    /** Whether all visible pictures are drawn completely, for the current layout. */
+    get isRedrawn() {
+      return page.isRedrawn;
     },
     /** Whether all sections are at full resolution. */
     get areSectionsSharp() {

@@ -16,7 +16,8 @@ import {
 import { boxSection, runs } from "../src/drawing/in_volume.js";
 import { Volumes } from "../src/protocol/scene.js";
 import { OPTICS_DEG, Scope, standOff } from "../src/volume/scope.js";
-import { firstFelt, Ground, pathTo } from "../src/volume/touch.js";
+import { firstFelt, Ground } from "../src/touch/surface.js";
+import { pathTo } from "../src/touch/stroke.js";
 import { Found, viewOf } from "../src/volume/view.js";
 
 const near = (a: readonly number[], b: readonly number[], within = 1e-9) =>
@@ -200,7 +201,7 @@ test("the path of the tip to a surface avoids felt structures", () => {
       [6, 0],
     ] as const) {
       const surface = firstFelt(volumes, isFelt, [x, -100, z], into)!;
-      const path = pathTo(isFelt, tip, surface, into, 0.5);
+      const path = [...pathTo(isFelt, tip, surface, into, 0.5), add(surface, scale(into, 0.5))];
       let from = tip,
         hasLeft = false,
         through_mm = 0;

@@ -512,10 +512,19 @@ function hand(time) {
   const from = places[(i + places.length - 1) % places.length];
   return from.map((x, c) => x + (places[i][c] - x) * ease);
 }
+// position of the tip at which a press has its force, at the stiffness of the structure behind the surface
+function pressedAt({ patient_mm, into, force_N }) {
+  const at = (depth) => patient_mm.map((x, c) => x + depth * into[c]);
+  let begin = -3;
+  while (begin < 3 && labelAt(at(begin)) === 0) begin += 0.05;
+  const label = labelAt(at(begin));
+  const stiffness = label ? Math.min(state.tissues[structures[label - 1].tissue].stiffness_N_per_mm, 1.1) : Infinity;
+  return at(begin + force_N / stiffness);
+}
 function pose() {
   const time = (performance.now() - begun) / 1000;
   tick = Math.round(time * 1000);
-  const stale = options.input === "pointer" && performance.now() - asked_ms > 100;
+  const stale = options.input === "pointer" && performance.now() - asked_ms > 560;
   if (options.input === "script") tip = hand(time);
   felt = felt.map((x, i) => x + 0.3 * (state.rotation_wxyz[i] - x));
   const norm = Math.hypot(...felt);
@@ -716,9 +725,13 @@ sockets.on("connection", (socket) => {
     if (!viewer) return socket.close(1003);
     if (message.type === "tip") {
       if (pointer === socket) {
-        tip = message.patient_mm;
+        tip = message.into ? pressedAt(message) : message.patient_mm;
         asked_ms = performance.now();
       }
+      return undefined;
+    }
+    if (message.type === "lift") {
+      if (pointer === socket) asked_ms = -Infinity;
       return undefined;
     }
     const { type, id, ...values } = message;

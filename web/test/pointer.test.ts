@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import type { State } from "../src/protocol/messages.js";
-import type { Pose } from "../src/protocol/wire.js";
+import { Flag, type Pose } from "../src/protocol/wire.js";
 import { Session } from "../src/state/session.js";
 import { PointerDevice } from "../src/state/pointer.js";
 import { shownAt } from "../src/drawing/measure.js";
@@ -16,6 +16,8 @@ function pointer(isGranted = true) {
   let now = 0,
     beat: (() => void) | null = null;
   const sent: number[][] = [];
+  const pressed: number[] = []; // forces of the messages
+  const lifts = { count: 0, letGo: 0 };
   const asked: object[] = [];
   performance.now = () => now;
   Object.assign(globalThis, {
@@ -24,6 +26,7 @@ function pointer(isGranted = true) {
         beat = f;
         return 1;
       },
+      setTimeout: (f: () => void) => f(),
     },
   });
   const session = new Session();
@@ -32,7 +35,10 @@ function pointer(isGranted = true) {
   const permission = { device: { value: true } };
   const device = new PointerDevice(
     session,
-    { moveTip: (p: number[]) => sent.push(p) } as unknown as Device[1],
+    {
+      moveTip: (p: number[], into?: number[], force_N?: number) => (sent.push(p), pressed.push(into ? force_N! : 0)),
+      liftTip: () => (lifts.count += 1),
+    } as unknown as Device[1],
     permission as unknown as Device[2],
     { once: async (request: object) => (asked.push(request), isGranted) } as unknown as Device[3],
   );
@@ -42,17 +48,22 @@ function pointer(isGranted = true) {
       if (session.holding.value) beat!();
     }
   };
-  return { device, session, sent, asked, permission, at };
+  device.onLetGo = () => (lifts.letGo += 1);
+  /** Time passes without the page running. */
+  const stall = (ms: number) => {
+    now += ms;
+  };
+  return { device, session, sent, pressed, lifts, asked, permission, at, stall, time: () => now };
 }
 
 test("a finger moves the tip only after the delay for a second finger", () => {
   const { device, sent, at } = pointer();
-  device.hold([40, 0, 0], true);
+  device.hold([{ at: [40, 0, 0], into: null }], true);
   at(140);
   device.release();
   at(1000);
   assert.deepEqual(sent, []);
-  device.hold([40, 0, 0], true);
+  device.hold([{ at: [40, 0, 0], into: null }], true);
   at(1400);
   assert.ok(sent.length > 0 && sent[0]![0]! < 5, "it goes there no faster than a hand");
   assert.deepEqual(sent.at(-1), [40, 0, 0]);
@@ -60,24 +71,89 @@ test("a finger moves the tip only after the delay for a second finger", () => {
 
 test("a mouse moves the tip at once", () => {
   const { device, sent, at } = pointer();
-  device.hold([1, 0, 0], false);
+  device.hold([{ at: [1, 0, 0], into: null }], false);
   at(48);
   assert.deepEqual(sent.at(-1), [1, 0, 0]);
 });
 
 test("presses in two pictures release the tip", () => {
   const { device, session, sent, at } = pointer();
-  device.hold([1, 0, 0], false);
+  device.hold([{ at: [1, 0, 0], into: null }], false);
   at(48);
-  device.hold([90, 0, 0], false);
+  device.hold([{ at: [90, 0, 0], into: null }], false);
   const before = sent.length;
-  device.move([50, 0, 0]);
+  device.move({ at: [50, 0, 0], into: null });
   at(500);
   assert.equal(session.holding.value, false);
   assert.equal(sent.length, before);
 });
 
 const held = (by: State["pointer_by"]) => ({ pointer: by === "you", pointer_by: by }) as State;
+
+test("a path is followed through all its points, with force on the surface alone", () => {
+  const { device, sent, pressed, session, at } = pointer();
+  session.press_N.value = 0.7;
+  device.hold(
+    [
+      { at: [0, 0, 9], into: null },
+      { at: [9, 0, 9], into: null },
+      { at: [9, 0, 0], into: [0, 0, -1] },
+    ],
+    false,
+  );
+  at(400);
+  const corner = sent.findIndex(([x, , z]) => x === 9 && z === 9);
+  assert.ok(corner > 0 && sent.slice(0, corner).every(([x, , z]) => x === 0 || z === 9), "no corner is cut");
+  assert.deepEqual(sent.at(-1), [9, 0, 0]);
+  assert.ok(sent.every(([, , z], n) => pressed[n] === (z === 0 && sent[n]![0] === 9 ? 0.7 : 0)));
+  // over a surface it keeps up with a fast hand
+  device.follow(Array.from({ length: 100 }, (_, n) => ({ at: [10 + n, 0, 0], into: [0, 0, -1] })));
+  at(600);
+  assert.deepEqual(sent.at(-1), [109, 0, 0]);
+  assert.ok(pressed.slice(-10).every((force_N) => force_N === 0.7));
+});
+
+test("stalls of 50 to 400 ms do not end a hold, 200 times", () => {
+  const { device, session, lifts, sent, at, stall, time } = pointer();
+  const seed = Date.now() % 1e6;
+  let state = seed;
+  const random = () => (state = (state * 48271) % 2147483647) / 2147483647;
+  device.hold([{ at: [1, 0, 0], into: [1, 0, 0] }], false);
+  at(100);
+  for (let n = 0; n < 200; n++) {
+    stall(50 + 350 * random());
+    at(time() + 100 * random() + 16);
+  }
+  assert.equal(session.holding.value, true, `seed ${seed}`);
+  assert.deepEqual(lifts, { count: 0, letGo: 0 }, `seed ${seed}`);
+  assert.deepEqual(sent.at(-1), [1, 0, 0]);
+});
+
+test("after a longer stall, and when the page is hidden, the hold ends with a message", () => {
+  for (const ms of [1000, 2000, 10_000, 0]) {
+    const { device, session, lifts, sent, at, stall, time } = pointer();
+    device.hold([{ at: [1, 0, 0], into: [1, 0, 0] }], false);
+    at(100);
+    const before = sent.length;
+    if (ms === 0) device.letGo();
+    else stall(ms);
+    at(time() + 16);
+    assert.equal(session.holding.value, false);
+    assert.deepEqual(lifts, { count: 1, letGo: 1 });
+    assert.deepEqual(sent.slice(before), [[-1, 0, 0]], "it leaves the surface, which would stay dented");
+  }
+});
+
+test("without force while it is withheld, and never above the limit", () => {
+  const { device, session, pressed, at } = pointer();
+  session.state.value = { pointer: true, max_force_N: 0.5 } as State;
+  device.hold([{ at: [1, 0, 0], into: [1, 0, 0] }], false);
+  at(100);
+  assert.equal(pressed.at(-1), 0.5);
+  session.pose.value = { devices: [{ tip: [0, 0, 0], flags: Flag.paused }] } as unknown as Pose;
+  at(200);
+  assert.equal(pressed.at(-1), 0);
+});
 
 test("a press takes a pointer that no viewer has, and moves the tip once it is granted", async () => {
   const { device, session, sent, asked, permission, at } = pointer();
@@ -88,7 +164,7 @@ test("a press takes a pointer that no viewer has, and moves the tip once it is g
   permission.device.value = false;
   assert.equal(device.isAvailable, false, "another learner's turn");
   permission.device.value = true;
-  device.hold([40, 0, 0], false);
+  device.hold([{ at: [40, 0, 0], into: null }], false);
   at(400);
   assert.deepEqual(asked, [{ type: "pointer", take: true }]);
   assert.deepEqual(sent, [], "not before it is granted");
@@ -103,13 +179,13 @@ test("a press takes a pointer that no viewer has, and moves the tip once it is g
 test("a press ends if the pointer is refused or passed to another viewer", async () => {
   const refused = pointer(false);
   refused.session.state.value = held(null);
-  refused.device.hold([1, 0, 0], false);
+  refused.device.hold([{ at: [1, 0, 0], into: null }], false);
   await new Promise((later) => setTimeout(later));
   assert.equal(refused.session.holding.value, false);
 
   const { device, session, sent, asked, at } = pointer();
   session.state.value = held("you");
-  device.hold([1, 0, 0], false);
+  device.hold([{ at: [1, 0, 0], into: null }], false);
   at(48);
   session.state.value = held("viewer");
   const before = sent.length;

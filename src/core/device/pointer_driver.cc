@@ -50,7 +50,9 @@ void PointerDriver::press(DeviceSample& sample, double rendered_N, double dt_s) 
   if (wanted_.force_N > 0) {
     into_ = (into_ + (wanted_.into - into_) * std::min(1.0, dt_s / kTurn_s)).normalized();
     const double by_mm = kPressRate_mm_s_N * (wanted_.force_N - rendered_N) * dt_s;
-    depth_mm_ = std::clamp(depth_mm_ + std::clamp(by_mm, -most_mm, most_mm), kMinPress_mm, kMaxPress_mm);
+    const double max_mm = rendered_N < kWithheld * wanted_.force_N ? kMaxSearch_mm : kMaxPress_mm;
+    const double wanted_mm = std::clamp(depth_mm_ + by_mm, kMinPress_mm, max_mm);
+    depth_mm_ += std::clamp(wanted_mm - depth_mm_, -most_mm, most_mm);
   } else {
     depth_mm_ -= std::clamp(depth_mm_, -most_mm, most_mm);
     if (depth_mm_ == 0) into_ = {};

@@ -262,7 +262,7 @@ TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
                       tick < 400 ? PointerDriver::Press{{0, 0, -1}, 1} : PointerDriver::Press{});
       },
       [](const auto&) { return 0.0; });
-  EXPECT_NEAR(seen[399].tip.z(), -PointerDriver::kMaxPress_mm, 1e-9);
+  EXPECT_NEAR(seen[399].tip.z(), -PointerDriver::kMaxSearch_mm, 1e-9);
   EXPECT_EQ(seen.back().tip, Point<Device>(0, 0, 0));
   for (std::size_t n = 1; n < seen.size(); ++n)
     EXPECT_LE((seen[n].tip - seen[n - 1].tip).norm(), 4 * PointerDriver::kMaxPressSpeed_mm_s * 1e-3 + 1e-9);

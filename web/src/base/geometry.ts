@@ -192,3 +192,13 @@ export function angleAt_deg(corner: Vec3, a: Vec3, b: Vec3): number {
   const v = normalize(sub(b, corner));
   return (Math.atan2(length(cross(u, v)), dot(u, v)) * 180) / Math.PI;
 }
+
+/** Fraction of a picture's width or height that an object takes which just fits. */
+const FITTED = 0.94;
+/**
+ * Factor by which a picture of `width` x `height` has to show less, so that points just fit.
+ * @param points  projections, from the picture's centre
+ */
+export function fitFactor(points: [number, number][], width: number, height: number): number {
+  return Math.max(...points.map(([x, y]) => Math.max((2 * Math.abs(x)) / width, (2 * Math.abs(y)) / height))) / FITTED;
+}

@@ -39,12 +39,46 @@ export class Picture {
   }
 
   /**
-   * Resizes the canvases to the element.
+   * Resizes the canvases to the element. Until it is redrawn, the picture keeps its extent across the shorter side; a
+   * hidden one keeps its contents.
    * @returns whether the size has changed since the last call
    */
   fit(): boolean {
-    const [isOther] = [this.base, this.over].map(({ canvas }) => this.size.fit(canvas));
-    return isOther!;
+    const { size, base, over } = this;
+    if (size.width === 0 || size.height === 0) return false;
+    const [width, height] = [base.canvas.width, base.canvas.height];
+    if (width === size.width && height === size.height) return false;
+    const before = document.createElement("canvas");
+    if (width > 0 && height > 0) {
+      [before.width, before.height] = [width, height];
+      before.getContext("2d", { alpha: false })!.drawImage(base.canvas, 0, 0);
+    }
+    for (const { canvas } of [base, over]) size.fit(canvas);
+    if (width > 0 && height > 0) this.drawScaled(before, width, height);
+    return true;
+  }
+  /** Factor from a picture of a given size to this one, of which both show the same extent across the shorter side. */
+  scaleOf(width: number, height: number): number {
+    const { canvas } = this.base;
+    return Math.min(canvas.width, canvas.height) / Math.min(width, height);
+  }
+  /** Draws a picture of `width` x `height` pixels, scaled, in the middle. */
+  drawScaled(source: CanvasImageSource, width: number, height: number): void {
+    const { base } = this;
+    const factor = this.scaleOf(width, height);
+    const [w, h] = [factor * width, factor * height];
+    base.imageSmoothingQuality = "high";
+    base.drawImage(source, (base.canvas.width - w) / 2, (base.canvas.height - h) / 2, w, h);
+  }
+  /** Whether the canvases have the size of the element in the current layout, or it is hidden. */
+  get isFitted(): boolean {
+    const { surface, size, base } = this;
+    const is = (inside: number, observed: number, drawn: number) =>
+      Math.round(inside * size.ratio) === observed && (observed === 0 || observed === drawn);
+    return (
+      is(surface.clientWidth, size.width, base.canvas.width) &&
+      is(surface.clientHeight, size.height, base.canvas.height)
+    );
   }
   get isShown(): boolean {
     // a hidden picture has no observed size

@@ -11,17 +11,23 @@ import { words } from "../words/words.js";
 
 const FRAMES_A_SECOND = 30;
 const HEAD_PX = 30;
+/** Longest wait of a screenshot for pictures that are being redrawn. */
+const REDRAWN_MS = 2000;
 
 export class Capture {
   /** Video in progress; null: none. */
   private recording: { recorder: MediaRecorder; canvas: HTMLCanvasElement; poses: string[]; begun_ms: number } | null =
     null;
 
-  /** @param onFailed  called when a recording has failed; the video up to then is saved */
+  /**
+   * @param isRedrawn  whether all visible pictures are drawn completely, for the current layout
+   * @param onFailed  called when a recording has failed; the video up to then is saved
+   */
   constructor(
     private readonly session: Session,
     private readonly pictures: Picture[],
     private readonly area: HTMLElement,
+    private readonly isRedrawn: () => boolean,
     private readonly onFailed: (error: Error) => void,
   ) {
     session.onPose((pose) => this.addPose(pose));
@@ -67,6 +73,8 @@ export class Capture {
   }
 
   async screenshot(): Promise<Blob> {
+    for (const end_ms = performance.now() + REDRAWN_MS; !this.isRedrawn() && performance.now() < end_ms;)
+      await new Promise((drawn) => requestAnimationFrame(drawn));
     const canvas = document.createElement("canvas");
     this.compose(canvas);
     return new Promise((done, failed) =>

@@ -11,7 +11,7 @@ import { words } from "../words/words.js";
 export class CaptureButtons {
   readonly capture = new Part("capture", async () => {
     const { Capture } = await import("./capture.js");
-    return new Capture(this.session, this.pictures, byId("pictures"), (error) => {
+    return new Capture(this.session, this.pictures, byId("pictures"), this.isRedrawn, (error) => {
       complain(error);
       press(byId("record"), false);
     });
@@ -20,6 +20,7 @@ export class CaptureButtons {
   constructor(
     private readonly session: Session,
     private readonly pictures: Picture[],
+    private readonly isRedrawn: () => boolean,
   ) {
     byId("shot").addEventListener("click", () => void this.screenshot());
     byId("record").addEventListener("click", () => void this.record());

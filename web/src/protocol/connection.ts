@@ -141,9 +141,17 @@ export class Connection {
       this.socket!.send(JSON.stringify({ ...request, id }));
     });
   }
-  /** Sends the pointer's position; dropped without a connection. */
-  moveTip(patient_mm: number[]): void {
-    if (this.link.peek() === "connected") this.socket!.send(JSON.stringify({ type: "tip", patient_mm }));
+  /**
+   * Sends the pointer's position; dropped without a connection.
+   * @param into  unit direction to press in from there, patient frame; absent: no press
+   */
+  moveTip(patient_mm: number[], into?: number[], force_N?: number): void {
+    if (this.link.peek() === "connected")
+      this.socket!.send(JSON.stringify({ type: "tip", patient_mm, ...(into && { into, force_N }) }));
+  }
+  /** Releases the pointer's tip; dropped without a connection, whose end releases it, too. */
+  liftTip(): void {
+    if (this.link.peek() === "connected") this.socket!.send(JSON.stringify({ type: "lift" }));
   }
 
   private keepStop(asked_ms: number): Refusal {

@@ -83,6 +83,38 @@ export class Volumes {
     this.voxelSize = Math.min(...this.edges);
   }
 
+  /** Corners of the grid; patient frame. */
+  get corners(): Vec3[] {
+    return this.cornersOf([-0.5, -0.5, -0.5], this.dims.map((n) => n - 0.5) as Vec3);
+  }
+  /** Corners of the box of all voxels with a structure, of the grid if there is none; patient frame. */
+  get objectCorners(): Vec3[] {
+    const [ni, nj, nk] = this.dims;
+    const [lo, hi]: [Vec3, Vec3] = [
+      [ni, nj, nk],
+      [-1, -1, -1],
+    ];
+    for (let k = 0; k < nk; k++) {
+      for (let j = 0; j < nj; j++) {
+        const row = ni * (j + nj * k);
+        let first = 0;
+        while (first < ni && this.structure[row + first] === 0) first++;
+        if (first === ni) continue;
+        let last = ni - 1;
+        while (last > hi[0] && this.structure[row + last] === 0) last--;
+        [lo[0], hi[0]] = [Math.min(lo[0], first), Math.max(hi[0], last)];
+        [lo[1], hi[1]] = [Math.min(lo[1], j), Math.max(hi[1], j)];
+        [lo[2], hi[2]] = [Math.min(lo[2], k), Math.max(hi[2], k)];
+      }
+    }
+    return hi[0] < 0 ? this.corners : this.cornersOf(lo.map((n) => n - 0.5) as Vec3, hi.map((n) => n + 0.5) as Vec3);
+  }
+  private cornersOf(lo: Vec3, hi: Vec3): Vec3[] {
+    return Array.from({ length: 8 }, (_, n) =>
+      apply(this.patientFromVoxel, [0, 1, 2].map((axis) => ((n >> axis) & 1 ? hi : lo)[axis]!) as Vec3),
+    );
+  }
+
   /** Replaces the structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
   write(lo: Vec3, size: Vec3, bytes: Uint8Array): void {
     for (let k = 0, n = 0; k < size[2]; k++) {

@@ -6,6 +6,7 @@ import {
   add,
   anatomicalPlane,
   dot,
+  fitFactor,
   hang,
   length,
   normalOf,
@@ -42,11 +43,13 @@ import {
 import { drawNoGoOnPlane, drawNoGoWarning } from "../drawing/no_go_marks.js";
 import { Picture } from "../drawing/picture.js";
 import { drawPlanOnPlane } from "../drawing/plan_marks.js";
-import type { PointerDevice } from "../state/pointer.js";
+import { FARTHEST_MM, type PointerDevice } from "../state/pointer.js";
+import { Touching } from "../touch/touching.js";
 import type { Session } from "../state/session.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
 import type { AnySlicer } from "./slicer.js";
 import { drawStrainLegend } from "../drawing/strain.js";
+import { Flag } from "../protocol/wire.js";
 import { words } from "../words/words.js";
 
 /** Undoable view of a section: `across_mm`, `pan` and `offset_mm` of SectionView. */
@@ -97,7 +100,8 @@ export class SectionView {
   private hanging: Hanging | undefined; // display convention of the previous frame
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
   private byKeys = false; // the tip is held by a key
-  /** Target of the tip while this picture moves it; the plane then contains it. null: not moved here. */
+  private readonly touching: Touching;
+  /** Position of the cursor, or target of the keys, while this picture moves the tip; the plane contains it. */
   private readonly held = signal<Vec3 | null>(null);
   private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // mouse over this picture
   private drawn = ""; // key of all that the drawn pixels depend on, besides the appearance of the volume
@@ -105,6 +109,7 @@ export class SectionView {
   private drawn_ms = -Infinity; // time at which the current contents were first drawn
   private isAwaited = false; // the picture still shows the previous contents, because the shader is being compiled
   private sharpTo = Infinity; // number of rows, from the top, that are at full resolution; Infinity: all
+  private fitted = NaN; // scale at which the volume was fitted into the picture, until the user changes it
   private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
   private readonly pointers = new Map<number, [number, number]>(); // pressed pointers: canvas position by id
   private gesture = 0; // undo group of the current drag
@@ -133,16 +138,28 @@ export class SectionView {
       (to) => (this.stand = to),
     );
     this.picture.element.append(this.chooser.element);
+    this.touching = new Touching(
+      session,
+      pointer,
+      // an outline next to the cursor, which is pressed on along the plane
+      (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
+      (at) => this.patientAt(at),
+      () => (this.held.peek() && this.touching.isFelt(this.held.peek()!) ? words.insideThere : words.nothingThere),
+    );
     this.listen();
   }
 
-  /** Shows 0.68 of the volume's size across the shorter side, without pan and offset. */
+  /** Shows the whole volume, without pan and offset. */
   reset(): void {
     const volumes = this.session.volumes.value;
     const { clientWidth, clientHeight } = this.picture.surface;
     if (volumes && clientWidth > 0) {
       this.size = Math.min(clientWidth, clientHeight);
-      this.show({ mmPerPixel: (0.68 * volumes.size) / this.size });
+      const { right, down } = this.place();
+      const corners = volumes.corners.map((corner) => sub(corner, volumes.centre));
+      const across = corners.map((corner): [number, number] => [dot(corner, right), dot(corner, down)]);
+      this.fitted = fitFactor(across, clientWidth, clientHeight);
+      this.show({ mmPerPixel: this.fitted });
     }
     this.show({ pan: [0, 0], offset_mm: 0 });
   }
@@ -184,8 +201,11 @@ export class SectionView {
   private keepShown(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
     const size = Math.min(clientWidth, clientHeight);
-    if (this.size === 0) this.reset();
-    else this.show({ mmPerPixel: (this.view.peek().mmPerPixel * this.size) / size });
+    const { mmPerPixel, pan, offset_mm } = this.view.peek();
+    if (this.size === 0 || mmPerPixel === this.fitted) {
+      this.reset();
+      this.show({ pan, offset_mm });
+    } else this.show({ mmPerPixel: (mmPerPixel * this.size) / size });
     this.size = size;
   }
 
@@ -400,8 +420,7 @@ export class SectionView {
     const { first_mm, step_mm } = slicesAlong(session.volumes.value, normal);
     // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
-    const held = this.held.value;
-    if (held) this.moveTip(add(held, by));
+    if (this.held.value) this.moveTipThrough(by);
     else if (this.restsAt.value) this.restsAt.value = add(this.restsAt.value, by);
     else this.change("slice", () => session.showPlace(add(session.anchor(), by)));
   }
@@ -434,8 +453,7 @@ export class SectionView {
     if (!this.session.volumes.value) return;
     const normal = normalOf(this.plane);
     const shift = scale(normal, count * slicesAlong(this.session.volumes.value, normal).step_mm);
-    const held = this.held.value;
-    if (held) this.moveTip(add(held, shift));
+    if (this.held.value) this.moveTipThrough(shift);
     // the displayed normal may be opposite to the stored one
     else this.change(by, () => this.show({ offset_mm: this.view.peek().offset_mm + dot(shift, this.normal) }));
   }
@@ -460,7 +478,7 @@ export class SectionView {
       if (event.button !== 0) return;
       if (session.tool.value === "touch" && this.pointer.isAvailable) {
         this.holdAt(this.patientAt(picture.at(event)));
-        this.pointer.hold(this.held.value!, event.pointerType === "touch");
+        this.touching.press(event, picture.at(event));
       } else if (session.tool.value === "ruler" || session.tool.value === "angle") {
         this.addMeasurePoint(this.patientAt(picture.at(event)));
       } else if (session.tool.value === "plan") {
@@ -549,9 +567,18 @@ export class SectionView {
     if (this.session.planes.value.follow) this.centre();
     this.held.value = p;
   }
-  private moveTip(p: Vec3): void {
-    this.held.value = p;
-    this.pointer.move(p);
+  /** Moves the plane of a held tip by a displacement, and the tip with it, without force. */
+  private moveTipThrough(by: Vec3): void {
+    const held = this.nearContact(add(this.held.value!, by));
+    this.held.value = held;
+    this.pointer.move({ at: held, into: null });
+  }
+  /** Limits the distance of a target from a contact, which would follow a farther one with a jump. */
+  private nearContact(to: Vec3): Vec3 {
+    const device = this.session.pose.value?.devices[0];
+    if (!device || !(device.flags & Flag.contact) || device.flags & Flag.inside) return to;
+    const away = sub(to, device.proxy);
+    return add(device.proxy, scale(away, Math.min(1, FARTHEST_MM / Math.max(length(away), 1e-9))));
   }
   /** Abandons the edit of a trajectory by the current press. */
   private dropPlan(): void {
@@ -564,6 +591,7 @@ export class SectionView {
     if (!this.held.value) return;
     this.held.value = null;
     this.byKeys = false;
+    this.touching.release();
     this.pointer.release();
   }
 
@@ -583,14 +611,16 @@ export class SectionView {
       PageDown: normalOf(this.plane),
     };
     const direction = directions[key];
-    const tip = this.pointer.position ?? this.session.pose.value?.devices[0]?.tip;
+    const tip = this.pointer.position?.at ?? this.session.pose.value?.devices[0]?.tip;
     const isTouching = this.session.tool.value === "touch" && this.pointer.isAvailable;
     if (!direction || !tip || !isTouching || this.pointers.size > 0) return false;
-    const to = add(this.held.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel));
-    if (!this.byKeys) this.pointer.hold(to, false);
+    const to = this.nearContact(
+      add(this.held.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel)),
+    );
+    if (!this.byKeys) this.pointer.hold([], false);
     this.byKeys = true;
     this.holdAt(to);
-    this.pointer.move(to);
+    this.pointer.move({ at: to, into: null });
     return true;
   }
 
@@ -610,8 +640,9 @@ export class SectionView {
       this.show({ mmPerPixel: zoomed_mm, pan: panned(0.5, zoomed_mm) });
     } else if (this.plans) {
       session.plans.move(this.patientAt(at));
-    } else if (this.held.value) {
-      this.moveTip(this.patientAt(at));
+    } else if (this.touching.isOn) {
+      this.held.value = this.patientAt(at);
+      this.touching.drag(event, (each) => this.picture.at(each));
     } else if (event.buttons & 2) {
       this.show({ mmPerPixel: zoomed(mmPerPixel, Math.exp(-dy / 150)) });
     } else if (event.buttons & 4 || session.tool.value === "pan") {

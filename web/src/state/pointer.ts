@@ -1,23 +1,49 @@
-// Mouse, pen or finger as haptic device: sends target positions of the tip, repeated at rest.
+// Mouse, pen or finger as haptic device: sends target positions of the tip, and the force to press with, repeated at
+// rest.
 
 import type { Connection } from "../protocol/connection.js";
+import { Flag } from "../protocol/wire.js";
 import { scale, add, sub, length, type Vec3 } from "../base/geometry.js";
 import type { Permissions } from "./permissions.js";
 import type { Requests } from "./requests.js";
 import type { Session } from "./session.js";
 
+/** Position on the path of the tip; patient frame. */
+export interface Step {
+  at: Vec3;
+  into: Vec3 | null; // unit direction to press in; null: no force
+}
+
+/** Distance from the cursor beyond which a contact does not show what the cursor points at. */
+export const FARTHEST_MM = 3;
 const LEAST_INTERVAL_MS = 1000 / 120;
-/** Repetition interval at rest. The server fades the force out after 100 ms without messages. */
+/** Repetition interval at rest. */
 const KEEP_ALIVE_MS = 1000 / 30;
+/** Interval without messages after which palpate lets the force fade out (docs/reference/devices-without-force.md). */
+const HELD_MS = 550;
 /** Delay of the first message of a touch, because a second finger may follow for zooming. */
 const PINCH_MS = 150;
-/** Maximum speed of the tip, about that of a hand, at which it also moves to a distant click. */
-const MOST_SPEED_MM_PER_S = 300;
+/** Speed of the tip, about that of a hand. A longer path of a stroke takes LONGEST_MS, at FASTEST_MM_PER_S at most. */
+const SPEED_MM_PER_S = 300,
+  LONGEST_MS = 60,
+  FASTEST_MM_PER_S = 1800;
+/** Distance by which a released tip leaves the surface, and the time for that. */
+const LEAVES_MM = 2,
+  LEAVING_MS = 60;
+/** Conditions under which palpate withholds the force, so that no depth would reach the chosen one. */
+const NO_FORCE = Flag.emergencyStop | Flag.paused | Flag.halted;
+/** Range of the force to press with; also limited to the session's force limit. */
+export const LEAST_PRESS_N = 0.1;
 
 export class PointerDevice {
-  position: Vec3 | null = null; // target position sent last while the tip is held, patient frame; null: released
-  private way: Vec3[] = []; // remaining waypoints; the last one is the target
+  position: Step | null = null; // target sent last while the tip is held; null: released
+  pressure = 1; // factor of the chosen force by the pressure of a pen
+  /** Called when the hold ends although the press goes on. */
+  onLetGo: () => void = () => {};
+  private way: Step[] = []; // remaining path; the last step is the target
   private sent_ms = 0; // time of the latest message
+  private hasSent = false; // the current hold has sent a message
+  private hasPressed = false; // the current hold has reached a surface
   private timer = 0;
   private isAwaited = false; // this page has requested the pointer for the current press
 
@@ -35,17 +61,22 @@ export class PointerDevice {
   get isAvailable(): boolean {
     return this.isTaken || (this.session.state.value?.pointer_by === null && this.permissions.device.value);
   }
+  /** Force that a press has now, N. */
+  private get force_N(): number {
+    const { state, press_N } = this.session;
+    return Math.max(LEAST_PRESS_N, Math.min(press_N.value * this.pressure, state.value?.max_force_N ?? Infinity));
+  }
 
-  /**
-   * Begins to move the tip to `p`, patient frame; takes the pointer first, if no viewer has it.
-   * @param over  waypoints before `p`
-   */
-  hold(p: Vec3, isFinger: boolean, over: Vec3[] = []): void {
+  /** Begins to move the tip along a path; takes the pointer first, if no viewer has it. */
+  hold(path: Step[], isFinger: boolean): void {
     // presses in two pictures at once are ambiguous
     if (this.session.holding.value) return this.release();
-    this.position = this.session.pose.value?.devices[0]?.tip ?? p;
-    this.way = [...over, p];
+    const tip = this.session.pose.value?.devices[0]?.tip;
+    this.way = [...path];
+    this.position = tip ? { at: tip, into: null } : (path[0] ?? null);
+    if (!this.position) return;
     this.session.holding.value = true;
+    this.hasSent = this.hasPressed = false;
     this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
     clearInterval(this.timer);
     this.timer = window.setInterval(() => this.send(), LEAST_INTERVAL_MS);
@@ -53,13 +84,34 @@ export class PointerDevice {
     if (this.isAwaited)
       void this.requests.once({ type: "pointer", take: true }).then((isGranted) => isGranted || this.release());
   }
-  move(p: Vec3): void {
-    if (this.session.holding.value) this.way[this.way.length - 1] = p;
+  /** Replaces the remaining path. */
+  move(step: Step): void {
+    if (this.session.holding.value) this.way = [step];
+  }
+  /** Continues the path. */
+  follow(path: Step[]): void {
+    if (this.session.holding.value) this.way.push(...path);
   }
   release(): void {
     clearInterval(this.timer);
+    const { position, hasSent } = this;
+    this.hasSent = false;
     this.position = null;
     this.session.holding.value = false;
+    if (position && hasSent && this.isTaken) this.leave(position);
+  }
+  /** Leaves the surface, which would stay dented, and releases the tip. */
+  private leave({ at, into }: Step): void {
+    if (into) this.connection.moveTip(sub(at, scale(into, LEAVES_MM)));
+    const lift = () => this.session.holding.value || this.connection.liftTip();
+    if (into) window.setTimeout(lift, LEAVING_MS);
+    else lift();
+  }
+  /** Releases the tip although the press goes on: the page was hidden or did not run for too long. */
+  letGo(): void {
+    if (!this.session.holding.value) return;
+    this.release();
+    this.onLetGo();
   }
 
   private send(): void {
@@ -72,16 +124,39 @@ export class PointerDevice {
     }
     this.isAwaited = false;
     const elapsed = now - this.sent_ms;
-    let way = sub(this.way[0]!, this.position);
-    while (length(way) < 1e-3 && this.way.length > 1) {
-      this.way.shift();
-      way = sub(this.way[0]!, this.position);
-    }
-    const rests = length(way) < 1e-3;
-    if (elapsed < (rests ? KEEP_ALIVE_MS : LEAST_INTERVAL_MS)) return;
-    const most = (MOST_SPEED_MM_PER_S * Math.min(elapsed, 50)) / 1000;
-    this.position = length(way) > most ? add(this.position, scale(way, most / length(way))) : this.way[0]!;
-    this.connection.moveTip(this.position);
+    // palpate has let go meanwhile, and would begin inside of the tissue
+    if (this.hasSent && elapsed > HELD_MS) return this.letGo();
+    if (elapsed < (this.way.length === 0 ? KEEP_ALIVE_MS : LEAST_INTERVAL_MS)) return;
+    this.advance(Math.min(elapsed, 50));
+    this.hasPressed ||= this.position.into !== null;
+    const isPressing = this.position.into && !((this.session.pose.value?.devices[0]?.flags ?? 0) & NO_FORCE);
+    if (isPressing) this.connection.moveTip(this.position.at, this.position.into!, this.force_N);
+    else this.connection.moveTip(this.position.at);
+    this.hasSent = true;
     this.sent_ms = now;
+  }
+  /** Moves the position along the path by the time since the previous message. */
+  private advance(elapsed_ms: number): void {
+    let from = this.position!;
+    let left_mm = 0;
+    if (this.hasPressed)
+      for (const [n, step] of this.way.entries()) left_mm += length(sub(step.at, (this.way[n - 1] ?? from).at));
+    const speed = Math.min(Math.max(SPEED_MM_PER_S, (1000 * left_mm) / LONGEST_MS), FASTEST_MM_PER_S);
+    for (let most_mm = (speed * elapsed_ms) / 1000; this.way.length > 0;) {
+      const step = this.way[0]!;
+      const path = sub(step.at, from.at);
+      const far_mm = length(path);
+      if (far_mm > most_mm) {
+        // without force up to the surface that is pressed on
+        this.position = { at: add(from.at, scale(path, most_mm / far_mm)), into: from.into && step.into };
+        return;
+      }
+      most_mm -= far_mm;
+      this.way.shift();
+      const turns = !from.into || !step.into;
+      from = this.position = step;
+      // passes through the positions at which it leaves or meets a surface
+      if (turns && far_mm > 0) return;
+    }
   }
 }

@@ -95,6 +95,7 @@ export class Session {
   /** Returns the position under the mouse, on the section as drawn when called; null: the mouse is on no section. */
   readonly pointed = signal<(() => Vec3 | null) | null>(null);
   readonly holding = signal(false); // a press on this page holds the tip
+  readonly press_N = signal(1); // force with which a press touches a surface
   /** Voxel values displayed with the look of value `as`, for a quiz; null: none. */
   readonly alike = signal<{ values: number[]; as: number } | null>(null);
   /** Labels to be found in a quiz, during which structures have no names; null: no quiz. */

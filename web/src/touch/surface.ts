@@ -1,20 +1,10 @@
-// Picking of surfaces with contact forces along a ray, and the path of the tip to them.
+// Picking of surfaces with contact forces along a ray, and the height above them.
 
-import { add, apply, tangents, column, dot, length, scale, sub, turn, type Vec3 } from "../base/geometry.js";
+import { add, apply, column, length, scale, sub, turn, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 
 /** Predicate: whether contact forces act at a position, patient frame. */
 export type IsFelt = (p: Vec3) => boolean;
-
-/** Distance in front of the surface from which the tip approaches it, and final penetration, which causes a force. */
-const OUTSIDE_MM = 3;
-const DEEP_MM = 0.5;
-/** Path length within which the tip may leave its current contact. */
-const LEAVES_MM = 5;
-/** Candidate detours towards the viewer, after candidate displacements sideways for a tip below an obstacle. */
-const LIFTS_MM = [0, 3, 6, 12, 25, 50, 100, 200];
-const ASIDE_MM = [0, 6, 12, 25, 50];
-const SIDES = 8;
 
 /** Interval, mm, of a line within the bounding box of a volume: begin and end; empty if end < begin. */
 function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
@@ -47,41 +37,6 @@ export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Ve
     return at(inside);
   }
   return null;
-}
-
-/** Path of the tip to a surface, free of contact up to there: waypoints, the last of which is below the surface. */
-export function pathTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
-  const [outside, inside] = [sub(surface, scale(into, OUTSIDE_MM)), add(surface, scale(into, DEEP_MM))];
-  // leaves_mm: initial path length within which the tip may be in contact
-  const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
-    const far = length(sub(b, a));
-    let hasLeft = false;
-    for (let distance_mm = 0; distance_mm < far; distance_mm += step_mm) {
-      const felt = isFelt(add(a, scale(sub(b, a), distance_mm / far)));
-      hasLeft ||= !felt;
-      if (felt && (hasLeft || distance_mm > leaves_mm)) return false;
-    }
-    return true;
-  };
-  if (isFree(tip, outside, LEAVES_MM)) return [outside, inside];
-  // detours on the viewer's side, because the proxy would stay on the near side of an obstacle
-  const [first, second] = tangents(into);
-  const least = Math.min(dot(tip, into), dot(outside, into));
-  const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));
-  for (const aside of ASIDE_MM) {
-    for (let side = 0; side < (aside > 0 ? SIDES : 1); side++) {
-      const angle = (2 * Math.PI * side) / SIDES;
-      const beside = add(tip, add(scale(first, aside * Math.cos(angle)), scale(second, aside * Math.sin(angle))));
-      if (!isFree(tip, beside, LEAVES_MM)) continue;
-      for (const lift of LIFTS_MM) {
-        const [a, b] = [lifted(beside, lift), lifted(outside, lift)];
-        if (isFree(beside, a, aside > 0 ? 0 : LEAVES_MM) && isFree(a, b) && isFree(b, outside))
-          return [beside, a, b, outside, inside];
-      }
-    }
-  }
-  const far = LIFTS_MM.at(-1)!;
-  return [lifted(tip, far), lifted(outside, far), outside, inside];
 }
 
 /** Height above the nearest surface with contact below a position. */

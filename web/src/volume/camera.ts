@@ -7,6 +7,7 @@ import {
   conjugate,
   cross,
   dot,
+  fitFactor,
   invert,
   multiply,
   normalize,
@@ -106,6 +107,18 @@ export class Camera {
     const mm = this.mmPerPixel * this.shrinkOf(depthOf);
     const across = add(scale(this.right, x * mm), scale(this.up, -y * mm));
     return this.toPatient(add(add(this.focus, across), scale(this.backward(), depth)));
+  }
+
+  /** Focuses on points, patient frame, and zooms so that they just fit a picture; CSS pixels. */
+  fit(points: Vec3[], width: number, height: number): void {
+    this.focus = this.toWorld(scale(points.reduce(add), 1 / points.length));
+    // in perspective, which changes with the scale, by successive approximation
+    for (let n = 0; n < (this.isPerspective ? 4 : 1); n++)
+      this.mmPerPixel *= fitFactor(
+        points.map((p) => this.project(p)),
+        width,
+        height,
+      );
   }
 
   /** Orients the camera to view the patient from a side, for the object's current rotation. */

@@ -20,7 +20,7 @@ export interface Shot<Camera> {
 
 export class LivePicture<Camera> {
   /** Displayed picture; null: none yet. */
-  seen: { bitmap: ImageBitmap; found: Found; camera: Camera } | null = null;
+  seen: { bitmap: ImageBitmap; found: Found; camera: Camera; width: number; height: number } | null = null;
   private key = ""; // key of the current contents
   private reduction: number;
   private isWanted = false;
@@ -78,7 +78,7 @@ export class LivePicture<Camera> {
   }
   /** Renders and shows a picture: during motion, at a resolution for which it should take at most SLOW_MS. */
   private async render(shot: Shot<Camera>): Promise<void> {
-    const { ratio } = this.picture.frame();
+    const { ratio, width, height } = this.picture.frame();
     const least = this.isSoftware ? Math.max(ratio, 1.5) : 1;
     const coarse =
       Math.max(1, this.cost_ms > SLOW_MS ? Math.min(COARSEST, Math.sqrt(this.cost_ms / SLOW_MS)) : 1) * this.reduction;
@@ -96,7 +96,7 @@ export class LivePicture<Camera> {
     }
     if (!drawn) return;
     this.seen?.bitmap.close();
-    this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera };
+    this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera, width, height };
     this.show();
     // a picture that was hidden meanwhile has no size
     if (this.picture.isShown) this.onSeen();
@@ -109,9 +109,13 @@ export class LivePicture<Camera> {
     base.fillStyle = `rgb(${BACKGROUND.map((x) => Math.round(255 * x)).join(" ")})`;
     base.fillRect(0, 0, width, height);
     if (!this.seen) return;
-    base.imageSmoothingQuality = "high";
-    const [w, h] = this.isSquare ? [Math.min(width, height), Math.min(width, height)] : [width, height];
-    base.drawImage(this.seen.bitmap, (width - w) / 2, (height - h) / 2, w, h);
+    const side = Math.min(this.seen.width, this.seen.height);
+    if (this.isSquare) this.picture.drawScaled(this.seen.bitmap, side, side);
+    else this.picture.drawScaled(this.seen.bitmap, this.seen.width, this.seen.height);
+  }
+  /** Scale of the displayed picture, which may have been rendered for another size. */
+  get scale(): number {
+    return this.seen ? this.picture.scaleOf(this.seen.width, this.seen.height) : 1;
   }
   /** Discards the picture after a context loss. */
   lost(): void {

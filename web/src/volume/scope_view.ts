@@ -20,7 +20,10 @@ import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "../
 import { drawNoGoWarning } from "../drawing/no_go_marks.js";
 import { Picture } from "../drawing/picture.js";
 import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame, type ScopeStand } from "./scope.js";
+import type { PointerDevice } from "../state/pointer.js";
 import { readable, type Session } from "../state/session.js";
+import { Touching } from "../touch/touching.js";
+import { firstFelt } from "../touch/surface.js";
 import type { View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
@@ -84,13 +87,27 @@ export class ScopeView {
 
   private gesture = 0; // undo group of movements of the camera
   private readonly setTo: (to: ScopeStand) => void;
+  private readonly touching: Touching;
 
   constructor(
     private readonly session: Session,
     private readonly renderer: VolumeRenderer,
     isSoftware: boolean,
     private readonly history: History,
+    private readonly pointer: PointerDevice,
   ) {
+    this.touching = new Touching(
+      session,
+      pointer,
+      (at, stroke) =>
+        this.isInField(at) ? stroke.surfaceAlong(this.rayAt(at), this.touching.isFelt, NEAREST_MM) : null,
+      (at, end) => {
+        const { eye, forward } = this.frame()!;
+        const { into } = this.rayAt(at);
+        return add(eye, scale(into, dot(sub(end, eye), forward) / dot(into, forward)));
+      },
+      () => words.nothingThere,
+    );
     this.live = new LivePicture(this.picture, renderer, isSoftware, true, () => this.drawOver());
     const optics = says(
       element("select", { className: "small" }, ...OPTICS_DEG.map((angle) => new Option(`${angle}°`, String(angle)))),
@@ -353,6 +370,40 @@ export class ScopeView {
     drawAge(frame, session);
   }
 
+  /** Ray through a canvas position. */
+  private rayAt([x, y]: [number, number]): { from: Vec3; into: Vec3 } {
+    const { eye, forward, right, up } = this.frame()!;
+    const { width, height } = this.picture.frame();
+    const radius = Math.min(width, height) / 2;
+    const across = ((x - width / 2) / radius) * TANGENT,
+      upwards = ((height / 2 - y) / radius) * TANGENT;
+    return { from: eye, into: normalize(add(forward, add(scale(right, across), scale(up, upwards)))) };
+  }
+  private isInField([x, y]: [number, number]): boolean {
+    const { width, height } = this.picture.frame();
+    return Math.hypot(x - width / 2, y - height / 2) < Math.min(width, height) / 2;
+  }
+  /** Whether a surface with contact forces is under a position in the round field of view. */
+  private hasSurface(at: [number, number]): boolean {
+    const { from, into } = this.rayAt(at);
+    return (
+      this.isInField(at) &&
+      firstFelt(this.session.volumes.value!, this.touching.isFelt, from, into, NEAREST_MM) !== null
+    );
+  }
+  /** Whether a press touches: the first pointer, with the tool for it, on a surface. */
+  private isTouch(event: PointerEvent): boolean {
+    const { session, pointer, pointers, picture } = this;
+    return (
+      session.tool.value === "touch" &&
+      pointer.isAvailable &&
+      event.button === 0 &&
+      pointers.size === 1 &&
+      this.frame() !== null &&
+      this.hasSurface(picture.at(event))
+    );
+  }
+
   private move(right_rad: number, up_rad: number, ahead_mm: number, gesture = this.gesture, by = "move"): void {
     const from = this.frame();
     if (from) this.change(by, () => this.scope.move(from, right_rad, up_rad, ahead_mm), gesture);
@@ -367,13 +418,19 @@ export class ScopeView {
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
       if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
+      if (this.isTouch(event)) {
+        // a camera on the shaft of the tip would move with the stroke
+        this.move(0, 0, 0, this.gesture, "touch");
+        this.touching.press(event, picture.at(event));
+      } else if (this.pointers.size > 1) this.touching.release();
     });
     surface.addEventListener("pointermove", (event) => {
       const before = this.pointers.get(event.pointerId);
       if (!before) return;
       const at = picture.at(event);
       const { ratio } = picture.frame();
-      if (this.pointers.size === 2) {
+      if (this.touching.isOn) this.touching.drag(event, (each) => picture.at(each));
+      else if (this.pointers.size === 2) {
         const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
         this.move(0, 0, PINCH_MM * Math.log(spread(other, before, at)));
       } else if (this.pointers.size === 1)
@@ -386,6 +443,7 @@ export class ScopeView {
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
+      this.touching.release();
     };
     surface.addEventListener("pointerup", up);
     surface.addEventListener("pointercancel", up);
@@ -394,7 +452,8 @@ export class ScopeView {
       (event) => {
         event.preventDefault();
         // successive wheel events are one undo step
-        this.move(0, 0, -event.deltaY * WHEEL_MM, this.history.gesture, "wheel");
+        if (this.touching.isOn) this.touching.wheel(event.deltaY);
+        else this.move(0, 0, -event.deltaY * WHEEL_MM, this.history.gesture, "wheel");
       },
       { passive: false },
     );

@@ -4,7 +4,6 @@
 import { Camera, type Preset } from "./camera.js";
 import type { History } from "../state/history.js";
 import {
-  add,
   dot,
   length,
   orientationLetters,
@@ -37,13 +36,15 @@ import { drawNoGoInVolume, drawNoGoWarning } from "../drawing/no_go_marks.js";
 import { Picture } from "../drawing/picture.js";
 import { drawPlanInVolume } from "../drawing/plan_marks.js";
 import type { PointerDevice } from "../state/pointer.js";
+import { Touching } from "../touch/touching.js";
 import { memory_GB } from "../base/screen.js";
 import type { Memory } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";
-import { firstFelt, Ground, pathTo } from "./touch.js";
+import { firstFelt, Ground } from "../touch/surface.js";
 import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "../protocol/wire.js";
+import { words } from "../words/words.js";
 
 /** Interval of rotation requests, between which the loop interpolates. */
 const ROTATION_INTERVAL_MS = 100;
@@ -82,8 +83,10 @@ export class VolumeView {
   private rotation: Quaternion | null = null; // target of the rotation by the current drag; null: none
   private rotationSent: Quaternion | null = null;
   private gesture = 0; // undo group of rotations and camera movements
+  private corners: Vec3[] = []; // corners of the object's box, patient frame
+  private fitted = NaN; // scale at which the object was fitted into the picture, until the user changes it
   private isOpen = false; // the camera has been placed, by default or by the user
-  private held: Vec3 | null = null;
+  private readonly touching: Touching;
   private plans = false; // the current press creates or moves a trajectory
   private readonly pointers = new Map<number, [number, number]>();
 
@@ -97,6 +100,19 @@ export class VolumeView {
     private readonly turnTo: (rotation: Quaternion, gesture: number) => void,
   ) {
     this.live = new LivePicture(this.picture, renderer, isSoftware, false, () => this.drawOver());
+    this.touching = new Touching(
+      session,
+      pointer,
+      // the first unclipped surface with contact forces
+      (at, stroke) =>
+        stroke.surfaceAlong(
+          this.rayAt(at),
+          (p) => this.touching.isFelt(p) && !this.isClipped(p),
+          this.camera.isPerspective ? 0 : -Infinity,
+        ),
+      (at, end) => this.patientAt(at, end),
+      () => words.nothingThere,
+    );
     history.part(
       "camera",
       () => this.stand,
@@ -121,21 +137,26 @@ export class VolumeView {
     this.camera.place(this.session.scene.value!.world_from_patient);
     this.isOpen = false;
     this.ground = new Ground(this.session.volumes.value!, MOST_HEIGHT_MM);
+    this.corners = this.session.volumes.value!.objectCorners;
     this.load();
     this.reset();
   }
   lost(): void {
     this.live.lost();
   }
+  /** Shows the whole object from the anterior side. */
   reset(): void {
     const volumes = this.session.volumes.value,
       pose = this.session.pose.value;
     if (!volumes) return;
     if (pose) this.camera.setRotation(pose.rotation);
-    this.camera.focus = this.camera.toWorld(volumes.centre);
-    const { clientWidth, clientHeight } = this.picture.surface;
-    if (clientWidth > 0) this.camera.mmPerPixel = (0.7 * volumes.size) / Math.min(clientWidth, clientHeight);
     this.camera.look("anterior");
+    this.fit();
+  }
+  private fit(): void {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    if (clientWidth > 0) this.camera.fit(this.corners, clientWidth, clientHeight);
+    this.fitted = this.camera.mmPerPixel;
   }
   /** Extent across the shorter side of the picture, mm; 0: never shown. */
   get across_mm(): number {
@@ -211,6 +232,7 @@ export class VolumeView {
       // keeps the extent when the picture's size changes
       const size = Math.min(picture.surface.clientWidth, picture.surface.clientHeight);
       if (this.size === 0) this.reset();
+      else if (camera.mmPerPixel === this.fitted) this.fit();
       else camera.mmPerPixel *= this.size / size;
       this.size = size;
     }
@@ -274,11 +296,12 @@ export class VolumeView {
   private projection(): Projection & InVolume {
     const { width, height, ratio } = this.picture.frame();
     const camera = this.shown;
-    const pixelsPerMm = (p: Vec3) => ratio / camera.mmPerPixel / camera.shrinkOf(p);
+    const pixelRatio = ratio * this.live.scale;
+    const pixelsPerMm = (p: Vec3) => pixelRatio / camera.mmPerPixel / camera.shrinkOf(p);
     return {
       pixel: (p) => {
         const [x, y] = camera.project(p);
-        return [width / 2 + x * ratio, height / 2 + y * ratio];
+        return [width / 2 + x * pixelRatio, height / 2 + y * pixelRatio];
       },
       direction: (v) => {
         const world = camera.directionToWorld(v);
@@ -296,13 +319,6 @@ export class VolumeView {
   pixelOf(p: Vec3): [number, number] {
     return this.projection().pixel(p);
   }
-  private readonly isFelt = (p: Vec3): boolean => {
-    const scene = this.session.scene.value,
-      volumes = this.session.volumes.value;
-    const place = volumes!.structureAt(p);
-    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
-  };
-
   /** Updates the picture after a change of voxels. */
   voxelsChanged(): void {
     this.ground?.forget();
@@ -317,7 +333,9 @@ export class VolumeView {
     // tolerance for the smoothing of the surface on which the tool lies
     const slack_mm = radius_mm + 1.5 * session.volumes.value!.voxelSize;
     const ground =
-      device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.belowTool(device.number, tool, this.isFelt);
+      device.flags & (Flag.contact | Flag.inside)
+        ? null
+        : this.ground!.belowTool(device.number, tool, this.touching.isFelt);
     if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
     drawTool(frame, session, device, {
       ...projection,
@@ -365,7 +383,7 @@ export class VolumeView {
       });
     }
     // perspective has no common scale
-    if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
+    if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio / this.live.scale);
     drawSide(frame, session.scene.value!);
     drawNoGoWarning(frame, session, 60);
     drawAge(frame, session);
@@ -421,39 +439,20 @@ export class VolumeView {
     // the next drag starts from the object's current rotation
     if (this.pointers.size === 0) this.rotation = null;
   }
+  private rayAt(at: [number, number]): { from: Vec3; into: Vec3 } {
+    const { width, height, ratio } = this.picture.frame();
+    return this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
+  }
   private patientAt(at: [number, number], depthOf: Vec3): Vec3 {
     const { width, height, ratio } = this.picture.frame();
     return this.camera.unproject((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio, depthOf);
   }
 
-  /**
-   * Moves the tip to the first unclipped surface with contact forces under a press; without one, to the position under
-   * the press at the tip's depth.
-   */
-  private touchUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
-    const { session } = this;
-    const volumes = session.volumes.value!;
-    const { width, height, ratio } = this.picture.frame();
-    const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
-    const surface = firstFelt(
-      volumes,
-      (p) => this.isFelt(p) && !this.isClipped(p),
-      from,
-      into,
-      this.camera.isPerspective ? 0 : -Infinity,
-    );
-    const path = surface ? pathTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
-    this.held = path.at(-1)!;
-    // shows the contact in the planes
-    session.planes.value = { ...session.planes.peek(), follow: true, cross: null };
-    this.pointer.hold(this.held, isFinger, path.slice(0, -1));
-  }
   /** Position on the first visible, unclipped surface under a press; null: none. */
   private shownUnder(at: [number, number]): Vec3 | null {
     const looks = this.session.looks.value,
       volumes = this.session.volumes.value;
-    const { width, height, ratio } = this.picture.frame();
-    const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
+    const { from, into } = this.rayAt(at);
     const isShown = (p: Vec3): boolean => {
       const place = volumes!.structureAt(p);
       return place !== null && looks[place]?.visible === true && !this.isClipped(p);
@@ -468,12 +467,6 @@ export class VolumeView {
       return Math.hypot(px - x, py - y) / ratio;
     };
   }
-  private release(): void {
-    if (!this.held) return;
-    this.held = null;
-    this.pointer.release();
-  }
-
   private listen(): void {
     const { session, picture } = this;
     const surface = picture.surface;
@@ -492,7 +485,9 @@ export class VolumeView {
         tip &&
         this.pointers.size === 1
       ) {
-        this.touchUnder(picture.at(event), tip, event.pointerType === "touch");
+        // shows the contact in the planes
+        session.planes.value = { ...session.planes.peek(), follow: true, cross: null };
+        this.touching.press(event, picture.at(event));
       } else if (session.tool.value === "plan" && event.button === 0 && this.pointers.size === 1) {
         const at = this.shownUnder(picture.at(event));
         this.plans = at !== null;
@@ -500,7 +495,7 @@ export class VolumeView {
       } else if (this.pointers.size > 1) {
         if (this.plans) session.plans.drop();
         this.plans = false;
-        this.release();
+        this.touching.release();
       }
     });
     surface.addEventListener("pointermove", (event) => {
@@ -518,10 +513,8 @@ export class VolumeView {
       } else if (this.plans) {
         const surfaceAt = this.shownUnder(at);
         if (surfaceAt) session.plans.move(surfaceAt);
-      } else if (this.held) {
-        this.held = this.patientAt(at, this.held);
-        this.pointer.move(this.held);
-      } else if (event.buttons & 2) this.moveCamera(() => this.camera.zoom(Math.exp(-dy / 150)), this.gesture);
+      } else if (this.touching.isOn) this.touching.drag(event, (each) => picture.at(each));
+      else if (event.buttons & 2) this.moveCamera(() => this.camera.zoom(Math.exp(-dy / 150)), this.gesture);
       else if (event.buttons & 4 || session.tool.value === "pan" || event.shiftKey)
         this.moveCamera(() => this.camera.pan(dx, dy), this.gesture);
       else if (this.turnsObject || event.altKey) this.turnObject(dx, dy);
@@ -530,7 +523,7 @@ export class VolumeView {
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
-      this.release();
+      this.touching.release();
       if (this.plans) {
         this.plans = false;
         const at = event.type === "pointerup" ? this.shownUnder(picture.at(event)) : null;
@@ -545,12 +538,9 @@ export class VolumeView {
       "wheel",
       (event) => {
         event.preventDefault();
-        if (this.held) {
-          const backward = this.camera.directionToPatient(this.camera.backward());
-          this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes.value!.voxelSize));
-          this.pointer.move(this.held);
-          // successive wheel events are one undo step
-        } else this.moveCamera(() => this.camera.zoom(Math.exp(-event.deltaY / 500)), this.history.gesture, "wheel");
+        if (this.touching.isOn) this.touching.wheel(event.deltaY);
+        // successive wheel events are one undo step
+        else this.moveCamera(() => this.camera.zoom(Math.exp(-event.deltaY / 500)), this.history.gesture, "wheel");
       },
       { passive: false },
     );

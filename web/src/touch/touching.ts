@@ -1,0 +1,138 @@
+// Touching in one picture: a press puts the tip on the surface under the cursor, a drag strokes over it.
+
+import { toast } from "../base/announce.js";
+import type { Vec3 } from "../base/geometry.js";
+import { Flag, type Pose } from "../protocol/wire.js";
+import { words } from "../words/words.js";
+import type { PointerDevice } from "../state/pointer.js";
+import type { Session } from "../state/session.js";
+import type { Stroke, SurfacePoint } from "./stroke.js";
+import { Part } from "../words/part.js";
+
+/** Factor of the chosen force per step of the wheel. */
+const WHEEL_FACTOR = 1.15;
+/** Range of the chosen force. */
+export const PRESS_N: [number, number] = [0.1, 3];
+
+type Position = [number, number];
+
+const strokes = new Part("stroke", () => import("./stroke.js"));
+
+export class Touching {
+  private stroke: Stroke | null = null;
+  private hadSurface = true; // the latest movement was over a surface
+
+  /**
+   * @param pick  finds the surface under a position of the cursor, canvas pixels; null: none
+   * @param hover  position under the cursor without a surface, given the end of the path so far
+   * @param nothing  message for a press on no surface
+   */
+  constructor(
+    private readonly session: Session,
+    private readonly pointer: PointerDevice,
+    private readonly pick: (at: Position, stroke: Stroke) => SurfacePoint | null,
+    private readonly hover: (at: Position, end: Vec3) => Vec3,
+    private readonly nothing: () => string,
+  ) {
+    session.onPose((pose) => this.watch(pose));
+  }
+
+  /** Loads what a stroke needs; a press before that touches nothing. */
+  static async load(): Promise<void> {
+    await strokes.get();
+  }
+
+  /** Whether a structure with contact forces is at a position, patient frame. */
+  readonly isFelt = (p: Vec3): boolean => {
+    const scene = this.session.scene.peek(),
+      volumes = this.session.volumes.peek();
+    const place = volumes?.structureAt(p) ?? null;
+    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
+  };
+
+  /** Whether a press in this picture moves the tip. */
+  get isOn(): boolean {
+    return this.stroke !== null;
+  }
+
+  press(event: PointerEvent, at: Position): void {
+    const { session, pointer } = this;
+    const device = session.pose.peek()?.devices[0];
+    if (!device) return;
+    this.cursor = [at, at];
+    if (!strokes.now) return void strokes.get();
+    this.stroke = new strokes.now.Stroke(
+      session.volumes.peek()!,
+      this.isFelt,
+      device.tip,
+      session.heldBy(device).radius_mm,
+      (share, end) => this.hover(this.cursorAt(share), end),
+    );
+    this.setPressure(event);
+    pointer.hold(
+      this.stroke.begin((share) => this.pick(this.cursorAt(share), this.stroke!)),
+      event.pointerType === "touch",
+    );
+    this.report(true);
+  }
+  /**
+   * Follows the cursor, also through the positions that a slow picture has not shown.
+   * @param at  position of an event, canvas pixels
+   */
+  drag(event: PointerEvent, at: (event: PointerEvent) => Position): void {
+    const { stroke } = this;
+    if (!stroke) return;
+    this.setPressure(event);
+    const passed = event.getCoalescedEvents?.() ?? [];
+    for (const each of passed.length > 0 ? passed : [event]) {
+      this.cursor = [this.cursor[1], at(each)];
+      const [[x, y], [to_x, to_y]] = this.cursor;
+      this.pointer.follow(
+        stroke.follow((share) => this.pick(this.cursorAt(share), stroke), Math.hypot(to_x - x, to_y - y)),
+      );
+    }
+    this.report(false);
+  }
+  /** Changes the chosen force: more with the wheel towards the user. */
+  wheel(deltaY: number): void {
+    const { press_N } = this.session;
+    press_N.value = Math.min(
+      PRESS_N[1],
+      Math.max(PRESS_N[0], press_N.value * (deltaY > 0 ? WHEEL_FACTOR : 1 / WHEEL_FACTOR)),
+    );
+  }
+  release(): void {
+    if (!this.stroke) return;
+    this.stroke = null;
+    this.pointer.release();
+  }
+
+  // latest movement of the cursor, canvas pixels
+  private cursor: [Position, Position] = [
+    [0, 0],
+    [0, 0],
+  ];
+  private cursorAt(share: number): Position {
+    const [[x, y], [to_x, to_y]] = this.cursor;
+    return [x + share * (to_x - x), y + share * (to_y - y)];
+  }
+  /** A pen at half pressure presses with the chosen force. */
+  private setPressure({ pointerType, pressure }: PointerEvent): void {
+    this.pointer.pressure = pointerType === "pen" && pressure > 0 ? 2 * pressure : 1;
+  }
+  /** Reports that the tip is lifted, or why a press touches nothing. */
+  private report(isPress: boolean): void {
+    const hasSurface = this.stroke!.point !== null;
+    if (!hasSurface && (isPress || this.hadSurface)) toast(isPress ? this.nothing() : words.lifted);
+    this.hadSurface = hasSurface;
+  }
+  /** Frees a contact that something holds back. */
+  private watch(pose: Pose): void {
+    const { stroke, pointer } = this;
+    const device = pose.devices[0];
+    if (!stroke || !pointer.position || !device) return;
+    const touches = (device.flags & (Flag.contact | Flag.inside)) === Flag.contact;
+    const path = stroke.freed(performance.now(), pointer.position, touches ? device.proxy : null);
+    if (path) pointer.follow(path);
+  }
+}
