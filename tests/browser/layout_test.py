@@ -97,21 +97,16 @@ class Layouts(viewer_test.Viewer):
             with self.subTest(before=before, after=after):
                 self.choose(before)
                 self.redrawn()
-                shot = self.run_async("""document.querySelector(`[data-layout=%s]`).click();
-                    void palpateViewer.screenshot().then(async (url) => {
-                      const bitmap = await createImageBitmap(await (await fetch(url)).blob());
-                      const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", { willReadFrequently: true });
-                      context.drawImage(bitmap, 0, 0);
-                      const area = document.getElementById("pictures").getBoundingClientRect();
-                      done([...document.querySelectorAll(".picture")].filter((one) => one.clientWidth > 0).map((one) => {
-                        const { left, top, width, height } = one.getBoundingClientRect();
-                        const { data } = context.getImageData(left - area.left, top - area.top + 30, width, height);
-                        let bright = 0;
-                        for (let n = 0; n < data.length; n += 4) bright += Math.max(data[n], data[n + 1], data[n + 2]) > 60 ? 1 : 0;
-                        return [one.id.slice(8), bright / (width * height)];
-                      }));
-                    });""" % after)
-                for name, share in shot:
+                url = self.run_async(f"document.querySelector('[data-layout={after}]').click(); palpateViewer.screenshot().then(done);")
+                _, _, shot = viewer_test.decode_png(base64.b64decode(url.split(",")[1]))
+                boxes = self.page.run("""const area = document.getElementById("pictures").getBoundingClientRect();
+                    return [...document.querySelectorAll(".picture")].filter((one) => one.clientWidth > 0).map((one) => {
+                      const { left, top, width, height } = one.getBoundingClientRect();
+                      return [one.id.slice(8), ...[left - area.left, top - area.top + 30, width, height].map(Math.round)];
+                    });""")
+                self.assertGreater(len(boxes), 1)
+                for name, left, top, width, height in boxes:
+                    share = (shot[top:top + height, left:left + width, :3].max(2) > 60).mean()
                     self.assertGreater(share, 0.05, f"{name} is missing")
 
 

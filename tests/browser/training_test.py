@@ -257,17 +257,14 @@ class WholeTask(Trainee):
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-end")
         self.assertEqual(self.barriers(), [])
         self.assertEqual(self.text("#task-warning"), "")
+        self.slide("#press", 0.6)
         at = self.press_into("patella", self.mouse_down, self.mouse_move, self.mouse_up, IS_DONE)
         self.assertEqual(self.page.run("return [...document.querySelectorAll('#task-steps li')].map((step) => step.dataset.state)"), ["done", "done"])
         said = self.text("#task-forces")
         self.assertIn("patella", said)
         self.assertRegex(said, r"[0-9.]+ N · (in band|too high|above the limit)")
-        # deeper, until it is too much; what is below the warning stays where it was
-        for _ in range(60):
-            at = (at[0], at[1] + 1)
-            self.mouse_move(at)
-            if self.is_soon(f"{TRAINING}.run.forces_N[0] > 1.25", 0.1):
-                break
+        # harder, until it is too much; what is below the warning stays where it was
+        self.slide("#press", 1.6)
         self.page.wait("document.getElementById('task-warning').innerText.includes('patella')", 20)
         moved = self.page.run("""const warning = document.getElementById('task-warning'), end = document.getElementById('task-end');
             const top = end.getBoundingClientRect().top, told = warning.textContent;
@@ -306,6 +303,7 @@ class WholeTask(Trainee):
         self.touch("Start", self.middle_of_element("#task-again"))
         self.touch("End")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 3")
+        self.slide("#press", 0.6)
         self.press_into("patella", lambda at: self.touch("Start", at), lambda at: self.touch("Move", at), lambda: self.touch("End"), IS_DONE)
         self.touch("End")
         self.touch("Start", self.middle_of_element("#task-end"))

@@ -155,7 +155,7 @@ export class VolumeView {
   }
   private fit(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
-    if (clientWidth > 0) this.camera.fit(this.corners, clientWidth, clientHeight);
+    if (clientWidth > 0 && this.corners.length > 0) this.camera.fit(this.corners, clientWidth, clientHeight);
     this.fitted = this.camera.mmPerPixel;
   }
   /** Extent across the shorter side of the picture, mm; 0: never shown. */
