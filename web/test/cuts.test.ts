@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { Cuts, type VoxelBox } from "../src/state/cuts.js";
 import { apply, cross, dot, length, sub, type Affine, type Vec3 } from "../src/base/geometry.js";
-import { Volumes } from "../src/protocol/scene.js";
+import { REMOVED, Volumes } from "../src/protocol/scene.js";
 
 // grid rotated about z by 0.3 rad, with voxels of 0.5 x 0.75 x 1 mm
 const [C, S] = [Math.cos(0.3), Math.sin(0.3)];
@@ -85,6 +85,15 @@ test("voxels of felt structures are removed where a sweep contains their centres
   const box = cuts.takeFrom(its, IS_FELT)!;
   assert.deepEqual(its.structure, expected(SWEEPS));
   assert.ok(its.structure.filter((place) => place === 0).length > 100);
+  // sections show removed voxels as such
+  its.structure.forEach((place, n) => {
+    assert.equal(its.removed.has(n), place === 0);
+    assert.equal(its.shownAt(n), place === 0 ? REMOVED : place);
+  });
+  assert.deepEqual(
+    its.shownIn([0, 0, 0], its.dims),
+    Uint8Array.from(its.structure, (place) => place || REMOVED),
+  );
   // the reported box contains all changes
   const first = expected(SWEEPS.slice(0, 1));
   for (let n = 0; n < before.length; n++) {
@@ -102,6 +111,7 @@ test("another session's cuts start from the intact volume", () => {
   cuts.beginAnew();
   assert.ok(cuts.takeFrom(its, IS_FELT));
   assert.deepEqual(its.structure, whole);
+  assert.equal(its.removed.size, 0);
   cuts.tell(0, SWEEPS.slice(3));
   cuts.takeFrom(its, IS_FELT);
   assert.deepEqual(its.structure, expected(SWEEPS.slice(3)));

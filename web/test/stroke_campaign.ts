@@ -342,9 +342,9 @@ class Subject {
             pick: (cursor, stroke) =>
               Math.hypot(...cursor) > SIZE / 2 ? null : stroke.surfaceAlong(ray(cursor), undefined, 0.5),
             hover: (cursor, end) => add(eye, scale(ray(cursor).into, length(sub(end, eye)))),
-            // as fast on the surface as in the other pictures
+            // a third of the speed in the other pictures, whose fields are wider
             next: ([x, y], _, angle, mm) => {
-              const pixels = (mm / length(sub(at, eye)) / (2 * tangent)) * SIZE;
+              const pixels = (mm / 3 / length(sub(at, eye)) / (2 * tangent)) * SIZE;
               return [x + pixels * Math.cos(angle), y + pixels * Math.sin(angle)];
             },
           };

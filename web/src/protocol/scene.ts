@@ -58,6 +58,9 @@ export function shrunkGrid(patientFromVoxel: Affine, [x, y, z]: Vec3): Affine {
   ]);
 }
 
+/** Value of removed voxels in sections, unless a structure has it. */
+export const REMOVED = 255;
+
 /** Scan and structures on one grid. `structure`: for each voxel, index in the scene's list + 1, or 0. */
 export class Volumes {
   readonly voxelFromPatient: Affine;
@@ -65,6 +68,9 @@ export class Volumes {
   readonly edges: Vec3; // lengths of a voxel's edges, mm
   readonly size: number; // length of the diagonal, mm
   readonly voxelSize: number; // shortest edge, mm
+  /** Indices of voxels that a burr has removed; `structure` is 0 there. */
+  readonly removed = new Set<number>();
+  private isFull: boolean | null = null; // there are as many structures as values; null: not known yet
 
   constructor(
     readonly hash: string,
@@ -125,6 +131,22 @@ export class Volumes {
         );
       }
     }
+  }
+
+  /** Value of a voxel in sections: as in `structure`, but REMOVED if it was removed. */
+  shownAt(index: number): number {
+    const value = this.structure[index]!;
+    if (value > 0 || !this.removed.has(index)) return value;
+    return (this.isFull ??= this.structure.includes(REMOVED)) ? 0 : REMOVED;
+  }
+  /** Values of a box of voxels in sections, i fastest. */
+  shownIn(lo: Vec3, size: Vec3): Uint8Array {
+    const shown = new Uint8Array(size[0] * size[1] * size[2]);
+    for (let k = 0, n = 0; k < size[2]; k++)
+      for (let j = 0; j < size[1]; j++)
+        for (let i = 0; i < size[0]; i++, n++)
+          shown[n] = this.shownAt(lo[0] + i + this.dims[0] * (lo[1] + j + this.dims[1] * (lo[2] + k)));
+    return shown;
   }
 
   /** Linear index of the nearest voxel; null outside of the grid. */

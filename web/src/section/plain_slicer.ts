@@ -97,7 +97,6 @@ export class PlainSlicer implements AnySlicer {
       voxelFromPatient: m,
       dims: [nx, ny, nz],
       scan,
-      structure,
     } = volumes;
     const corner = add(
       plane.centre,
@@ -112,7 +111,7 @@ export class PlainSlicer implements AnySlicer {
     };
     const structureAt = (v: Vec3): number => {
       const n = indexOf(v);
-      return n < 0 ? 0 : structure[n]!;
+      return n < 0 ? 0 : volumes.shownAt(n);
     };
     const [least, most] = style.window;
     const perValue = 255 / Math.max(most - least, 1e-6);
@@ -125,7 +124,7 @@ export class PlainSlicer implements AnySlicer {
         if (n < 0) continue;
         const grey = scan ? Math.min(255, Math.max(0, (scan[n]! - least) * perValue)) : -1;
         let rgb = grey < 0 ? NO_SCAN : [grey, grey, grey];
-        const here = structure[n]!;
+        const here = volumes.shownAt(n);
         const opacity = colours[4 * here + 3]! / 255;
         if (here > 0 && opacity > 0) {
           const isBorder =

@@ -308,6 +308,11 @@ export class Slicer {
     const gl = this.gl;
     const [w, h] = volumes.dims;
     gl.activeTexture(gl.TEXTURE1);
+    if (volumes.removed.size > 0) {
+      const shown = volumes.shownIn(lo, size);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, ...lo, ...size, gl.RED_INTEGER, gl.UNSIGNED_BYTE, shown);
+      return;
+    }
     gl.pixelStorei(gl.UNPACK_ROW_LENGTH, w);
     gl.pixelStorei(gl.UNPACK_IMAGE_HEIGHT, h);
     gl.pixelStorei(gl.UNPACK_SKIP_PIXELS, lo[0]);

@@ -161,6 +161,7 @@ export class Cuts {
     while (at.length > left) {
       const index = at.pop()!;
       volumes.structure[index] = was.pop()!;
+      volumes.removed.delete(index);
       [index % ni, Math.floor(index / ni) % nj, Math.floor(index / (ni * nj))].forEach((v, axis) => {
         lo[axis] = Math.min(lo[axis]!, v);
         hi[axis] = Math.max(hi[axis]!, v);
@@ -183,6 +184,7 @@ export class Cuts {
           this.at.push(index);
           this.was.push(structure);
           volumes.structure[index] = 0;
+          volumes.removed.add(index);
           changes = true;
         }
       }

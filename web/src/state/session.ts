@@ -9,7 +9,7 @@ import type { Near, NearStructure } from "../protocol/near.js";
 import type { PlanStore } from "./plan_store.js";
 import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
 import { looksOf, restored, type KeptLooks, type Look } from "./looks.js";
-import { showsTheSame, type Volumes } from "../protocol/scene.js";
+import { REMOVED, showsTheSame, type Volumes } from "../protocol/scene.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
 import { Flag } from "../protocol/wire.js";
 import { words } from "../words/words.js";
@@ -53,6 +53,8 @@ export const PAGE_KEY = "palpate.page";
 const TRAIL_S = 2;
 /** RGBA of a structure whose no-go region pushes a tool out. */
 const LIT = [255, 107, 94, 255];
+/** RGBA of voxels that a burr has removed, in sections. */
+const REMOVED_RGBA = [178, 62, 98, 255];
 /** Flags of ticks in which the force is withheld or fades out. */
 const WITHHELD = Flag.emergencyStop | Flag.paused | Flag.stale | Flag.deviceFault | Flag.halted | Flag.clutched;
 
@@ -154,6 +156,7 @@ export class Session {
       .forEach((look, place) =>
         rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4),
       );
+    if (this.looks.value.length < REMOVED) rgba.set(REMOVED_RGBA, 4 * REMOVED);
     const [lit, alike] = [this.lit.value, this.alike.value];
     if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
     for (const value of alike?.values ?? []) rgba.copyWithin(4 * value, 4 * alike!.as, 4 * alike!.as + 4);
