@@ -41,14 +41,16 @@ struct LocalCompliance {
   /// Relaxing fractions of the tissues, weighted by their shares of the displacement.
   RelaxedParts relaxed = {};
 
+  double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu of the tissue under the patch
+  /// B: compliance of the surroundings in contacts much smaller than the thickness of the tissue, above 0 if
+  /// they are softer, below 0 if something stiff is near (ContactLaw).
+  double surroundings_mm_per_N = 0;
+  double surroundings_per_compliance = 1;  ///< dB/dW
+
   bool is_known() const { return compliance_mm_per_N > 0; }
   bool is_finite() const { return finite_N > 0; }
-  /// W minus the compliance of a half-space of modulus E* under that patch, 0.6 / (rho E*) (Hertz; Johnson
-  /// 1985, 4.2): the effect of the surroundings, above 0 if they are softer, below 0 if something stiff is
-  /// near.
-  double beyond_half_space_mm_per_N() const {
-    return compliance_mm_per_N - 0.6 / (patch_radius_mm * modulus_N_per_mm2);
-  }
+  /// Sets B and dB/dW from W, rho, E* and nu (surroundings_of_patch).
+  void find_surroundings();
 };
 
 /// Result of one solver frame: for each device the point that it presses or is about to press.
@@ -65,26 +67,28 @@ struct ComplianceState {
   std::uint32_t frame = 0;  ///< Number of the current frame
   /// Difference of the rendered values to those of the current frame when it arrived. It fades out over
   /// YieldFeel::blend_s, so that no frame causes a step.
-  double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0;
+  double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0, left_poissons_ratio = 0;
   /// The same for the modulus, relative to the frame's value; above -1, so that the blended modulus stays
   /// above 0 wherever the tool moves meanwhile.
   double left_modulus = 0;
   /// Time since the current frame arrived, up to YieldFeel::blend_s.
   double elapsed_s = 0;
   // values of the last tick; modulus 0: no deformable tissue was in contact
-  double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0;
+  double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0,
+         poissons_ratio = 0;
 
   void hash_into(std::uint64_t& hash) const;
 };
 
 /// Parameters of the contact law of a tick.
 struct ContactLaw {
-  double surroundings_mm_per_N = 0;  ///< LocalCompliance::beyond_half_space_mm_per_N at the contact point
-  Vector<Patient> slope_per_N;       ///< grad W
-  double modulus_N_per_mm2 = 0;      ///< E*; above 0
-  double stiffening_mm_per_N2 = 0;   ///< C, as LocalCompliance::stiffening_mm_per_N2
+  double surroundings_mm_per_N = 0;       ///< B, as LocalCompliance::surroundings_mm_per_N
+  Vector<Patient> slope_per_N;            ///< grad B
+  double modulus_N_per_mm2 = 0;           ///< E*; above 0
+  double stiffening_mm_per_N2 = 0;        ///< C, as LocalCompliance::stiffening_mm_per_N2
   Vector<Patient> stiffening_slope = {};  ///< grad C
-  double finite_N = 0;  ///< F1: force beyond which the C term continues linearly; above 0 unless C is 0
+  double finite_N = 0;  ///< F1: force up to which the C term is C F^2; above 0 unless C is 0
+  double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu
 };
 
 /// Force of a sphere at a depth.
@@ -111,28 +115,35 @@ ContactLaw tissue_at(const LocalCompliance& spot);
 ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
                             double modulus_N_per_mm2, double dt_s, ComplianceState& state);
 
-/// Force of a rigid frictionless sphere at a depth, from
+/// Depth by which the C term reduces a sphere's: C F^2 up to F1. Beyond, its derivative with respect to F
+/// falls as F^(-2/3), as slowly as that of the thinnest layer's depth, so that the depth never folds back.
+/// @param first_N  F1
+double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double force_N);
+
+/// Force of a rigid frictionless sphere at a depth d. d0(F) is the depth in a half-space of E* (Sneddon
+/// 1965).
 ///
-///     d = B F + 0.75 F / (a E*) - C F^2,   a = (3 F R / 4 E*)^(1/3)
+///     B >= 0:  d = d0 + B F            surroundings softer than the tissue under the sphere
+///     B < 0:   d = d0 H(-B F / d0)     a layer on a rigid base, H from 1 to 0: LayerFactor::under_sphere
 ///
-/// with -C F1 (2 F - F1) in place of -C F^2 for F above F1 = finite_N. B = W - 0.6 / (rho E*) is the
-/// compliance of the surroundings, the second term the sphere's own Hertz contact. The tangent stiffness is
-/// limited to `max_N_per_mm`: from there on the force is linear in the depth. The energy is that of this
-/// law. Where W and C vary along the surface, the tangential force F^2 / 2 grad W - F^3 / 3 grad C (for F
-/// above F1 the corresponding integral) makes it conservative (docs/concepts/tissue.md). Bounded work;
-/// bit-identical in every build.
+/// less the C term (stiffening_depth_mm), which is limited to half the compliance dd/dF at F1. So the force
+/// increases with the depth at every ratio of contact to thickness. The tangent stiffness is limited to
+/// `max_N_per_mm`: from there on the force is linear in the depth. The energy is that of this law. Where B
+/// and C vary along the surface, the tangential force (yield_aside) makes it conservative
+/// (docs/concepts/tissue.md). Bounded work; bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
 /// @param radius_mm  radius of the sphere; at least YieldFeel::min_radius_mm is used
 YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
                        double max_N_per_mm = std::numeric_limits<double>::infinity());
 
-/// Decrease of that law's energy along the surface at constant force: of_compliance_N2 times grad W minus
+/// Decrease of that law's energy along the surface at constant depth: of_compliance_N2 times grad B minus
 /// of_stiffening_N3 times grad C is the tangential force.
 struct TangentialCoefficients {
   double of_compliance_N2 = 0, of_stiffening_N3 = 0;
 };
 /// Coefficients of the tangential force at a normal force.
-TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N);
+TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N, double radius_mm,
+                                   double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Complementary energy of that law: the integral of the depth over the force, 0 ... force_N; mJ. The stored
 /// energy is force times depth minus this.

@@ -28,6 +28,8 @@ class PressurePatch {
   bool touches() const { return modulus_ > 0; }
   /// Contact modulus E / (1 - nu2) of the tissue in the patch's cells, N/mm2, as if the cells were full.
   double contact_modulus() const { return modulus_; }
+  /// Mean Poisson's ratio of the patch's cells; 0 unless touches().
+  double poissons_ratio() const { return poissons_ratio_; }
 
   /// Adds the nodal forces of `force_N` pressing on the patch.
   void add(double force_N, ElasticField& nodes_N) const;
@@ -58,7 +60,7 @@ class PressurePatch {
   std::uint32_t row_ = 0;     ///< Stride from a node's component to the next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
-  double modulus_ = 0;
+  double modulus_ = 0, poissons_ratio_ = 0;
 };
 
 /// Contact of a rigid sphere pressed normally into soft tissue, without friction.

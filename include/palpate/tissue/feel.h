@@ -84,6 +84,10 @@ struct SolvingFeel {
   int iterations = 2, first_iterations = 12;
   /// Minimum radius of the pressure patch in cells: the nodes cannot resolve a smaller one.
   double min_patch_cells = 3;
+  /// Thickness in cells up to which the cells resolve a layer of one tissue on a rigid base too coarsely, and
+  /// from which on they resolve it. Up to the first, the base's compliance is that of the thickness measured
+  /// through the voxels; from the second on, that of the solution; between them, a blend of both.
+  double thin_layer_cells = 4, resolved_layer_cells = 8;
   /// Largest change of a cell's solid fraction per frame when material is removed or restored; two iterations
   /// can follow that much.
   double max_fill_change = 0.2;
@@ -114,6 +118,8 @@ struct SolvingFeel {
     of("iterations", iterations);
     of("first_iterations", first_iterations);
     of("min_patch_cells", min_patch_cells);
+    of("thin_layer_cells", thin_layer_cells);
+    of("resolved_layer_cells", resolved_layer_cells);
     of("max_fill_change", max_fill_change);
     of("cells_along", cells_along);
     of("cells_across", cells_across);

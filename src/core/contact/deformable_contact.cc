@@ -11,7 +11,8 @@ namespace {
 
 // Footprint of a tool with several parts, or of a capsule lying along tissue, which may have fewer contacts
 // than places that press. The depths are offset so that the deepest equals the spring's length.
-Footprint footprint_under(const DeformableContact& pressed, const PressingTool& tool) {
+// @param base_per_mm  as of footprint_of
+Footprint footprint_under(const DeformableContact& pressed, const PressingTool& tool, double base_per_mm) {
   const double per_multiplier = 1 / pressed.multiplier_mm, depth_mm = tool.stretched_mm.norm();
   const Footprint one{depth_mm, pressed.radius_mm * per_multiplier, 0, 1, pressed.arm_mm * per_multiplier};
   if ((tool.spheres.size() == 1 && tool.spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0))
@@ -34,7 +35,7 @@ Footprint footprint_under(const DeformableContact& pressed, const PressingTool& 
   });
   found = static_cast<std::size_t>(shallow - places.begin());
   if (found <= 1) return one;
-  return footprint_of(std::span(places).first(found), tool.stretched_mm * (1 / depth_mm));
+  return footprint_of(std::span(places).first(found), tool.stretched_mm * (1 / depth_mm), base_per_mm);
 }
 
 // viscoelastic correction of an elastic force and of its stored energy
@@ -47,12 +48,12 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   force.relaxed = true;
   double stored_mJ =
       force_N * foot.depth_mm - complementary_mJ(tissue, state.elastic_N, foot.radius_mm, max_N_per_mm);
-  TangentialCoefficients aside = yield_aside(tissue, elastic_N);
+  TangentialCoefficients aside = yield_aside(tissue, elastic_N, foot.radius_mm, max_N_per_mm);
   for (std::size_t n = 0; n < options.relaxation_times->count; ++n) {
     const double fraction = state.parts.of_time[n], lagging_N = state.lagging_N[n];
     if (!(fraction > 0)) continue;
     stored_mJ += fraction * complementary_mJ(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
-    const TangentialCoefficients lagging = yield_aside(tissue, lagging_N);
+    const TangentialCoefficients lagging = yield_aside(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
     aside.of_compliance_N2 -= fraction * lagging.of_compliance_N2;
     aside.of_stiffening_N3 -= fraction * lagging.of_stiffening_N3;
   }
@@ -70,7 +71,9 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
 
 DeformableForce press(const DeformableContact& pressed, const PressingTool& tool, const ProxyOptions& options,
                       ComplianceState& yield, RelaxationState& relaxation) {
-  const Footprint foot = footprint_under(pressed, tool);
+  // values of the last tick: those of this one are looked up where the footprint lies
+  const double base_per_mm = std::max(0.0, -yield.surroundings_mm_per_N * yield.modulus_N_per_mm2);
+  const Footprint foot = footprint_under(pressed, tool, base_per_mm);
   const double length_mm = tool.stretched_mm.norm();
   const ComplianceFrame* const frame = options.compliance;
   const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
@@ -83,11 +86,12 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   if (!(foot.depth_mm > 0)) return force;
   const double max_N_per_mm = options.max_stiffness_N_per_mm / foot.stiffer;
   force.law = yield_force(tissue, foot.depth_mm, foot.radius_mm, max_N_per_mm);
+  constexpr double kRounding = 1e-9;
+  const bool limited = force.law.tangent_N_per_mm >= (1 - kRounding) * max_N_per_mm;
   force.law.tangent_N_per_mm *= foot.stiffer;
   force.secant_N_per_mm = force.law.force_N / length_mm;
-  force.own_secant_N_per_mm = std::isfinite(max_N_per_mm)
-                                  ? yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
-                                  : force.secant_N_per_mm;
+  force.own_secant_N_per_mm = limited ? yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
+                                      : force.secant_N_per_mm;
   if (options.relaxation_times == nullptr) return force;
   RelaxingContact contact{spot.relaxed, at, kYieldFeel.dent_radii * pressed.radius_mm * per_multiplier,
                           kYieldFeel.blend_s};

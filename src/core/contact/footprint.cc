@@ -18,7 +18,7 @@ double is_deeper(double a_mm, double b_mm, double radius_mm) {
 
 }  // namespace
 
-Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along) {
+Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along, double base_per_mm) {
   PALPATE_CHECK(!places.empty() && places.size() <= kMaxPressPlaces);
   std::array<double, kMaxPressPlaces> counts;
   counts.fill(1);
@@ -73,7 +73,11 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
       const double aside = std::sqrt(aside_mm2[pair]), radius = radius_mm(a, b);
       const double per_mm =
           aside < radius ? aside / radius / (std::numbers::pi * radius) : 1 / (std::numbers::pi * aside);
-      foot.interaction_per_mm += 2 * force[a] * force[b] * per_mm;
+      // A place lowers another one by 1 / (pi E* r) (1 - x)^2, x = pi base r / 2, up to x = 1. The base is
+      // added: the law of the sphere takes it away again under the sum of all forces.
+      const double x = 0.5 * std::numbers::pi * base_per_mm * aside;
+      foot.interaction_per_mm +=
+          2 * force[a] * force[b] * (x < 1 ? per_mm + 0.5 * base_per_mm * x : base_per_mm);
     }
   return foot;
 }

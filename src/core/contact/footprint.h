@@ -21,7 +21,7 @@ inline constexpr std::size_t kMaxPressPlaces = 24;
 struct Footprint {
   double depth_mm = 0, radius_mm = 0;
   /// Additional compliance by interaction of the places, times E*: each is lowered by the pressure at the
-  /// others, 1 / (pi E* r) at a distance r (Boussinesq).
+  /// others, 1 / (pi E* r) at a distance r (Boussinesq), and on a layer the less, the farther they are apart.
   double interaction_per_mm = 0;
   /// Ratio of dF/dd of all places moved together to that of the equivalent sphere; at least 1.
   double stiffer = 1;
@@ -35,9 +35,14 @@ struct Footprint {
 /// their lateral distance is less than the smaller radius, it counts only by that ratio. The result is
 /// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
 /// throw.
-/// @param places  1 ... kMaxPressPlaces
-/// @param along   direction in which the tissue pushes the tool back; unit
-Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along);
+/// @param places       1 ... kMaxPressPlaces
+/// @param along        direction in which the tissue pushes the tool back; unit
+/// @param base_per_mm  -B E* of tissue on a rigid base (layer_base_mm_per_N); 0: a half-space, or softer.
+/// Places
+///                     farther apart than the layer is thick do not lower each other, and each is supported
+///                     by the base under its own force only
+Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along,
+                       double base_per_mm = 0);
 
 /// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
 /// are the maximum over the given surfaces.

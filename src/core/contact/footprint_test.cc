@@ -8,6 +8,7 @@
 
 #include "base/test_seed.h"
 #include "contact/test_proxy_surfaces.h"
+#include "palpate/contact/bonded_layer.h"
 #include "palpate/contact/yield.h"
 
 namespace palpate {
@@ -95,6 +96,31 @@ TEST(Footprint, MatchesTheHalfSpaceSolution) {
     const double most = deep_mm < 0.2 * radius_mm ? 0.2 : 0.11;
     EXPECT_NEAR(is_N, truth_N, most * truth_N) << radius_mm << ", " << length_mm << ", " << deep_mm;
   }
+}
+
+// Spheres farther apart than a layer is thick press as if each were alone, and close ones as on a half-space
+// with the layer's base.
+TEST(Footprint, PlacesOnALayerAreSupportedByTheirOwnBase) {
+  const double modulus = 0.0125, thickness_mm = 3;
+  const ContactLaw layer{layer_base_mm_per_N(thickness_mm, modulus, 0.45), {}, modulus};
+  const double base_per_mm = -layer.surroundings_mm_per_N * modulus;
+  const auto pressed = [&](double apart_mm) {
+    const PressPlace places[2] = {{{0, 0, 0}, 3, 1}, {{apart_mm, 0, 0}, 3, 1}};
+    const Footprint foot = footprint_of(places, kUp, base_per_mm);
+    ContactLaw both = layer;
+    both.surroundings_mm_per_N += foot.interaction_per_mm / modulus;
+    return yield_force(both, foot.depth_mm, foot.radius_mm).force_N;
+  };
+  const double alone_N = yield_force(layer, 1, 3).force_N;
+  EXPECT_NEAR(pressed(12) / (2 * alone_N), 1, 1e-9);
+  double before = pressed(3);
+  for (double apart_mm = 3.01; apart_mm < 12; apart_mm += 0.01) {
+    const double now = pressed(apart_mm);
+    EXPECT_LT(std::abs(now - before), 0.01 * alone_N) << apart_mm;
+    EXPECT_LE(now, 2 * alone_N * (1 + 1e-9));
+    before = now;
+  }
+  EXPECT_LT(pressed(3), 1.9 * alone_N);
 }
 
 // as a place passes through the surface, moves behind another place, or passes it

@@ -3,100 +3,35 @@
 #include <algorithm>
 #include <cmath>
 
+#include "contact/sphere_law.h"
 #include "palpate/base/cube_root.h"
 #include "palpate/base/hash.h"
 
 namespace palpate {
 namespace {
 
-constexpr int kMaxRootSteps = 40;
-constexpr double kSameRoot = 1e-13;
-
-/// Depth at the force F = s^3: b F + k F^(2/3) - c F^2, and -c first_N (2 F - first_N) instead of the last
-/// term for F above first_N.
-struct DepthLaw {
-  double b, k, c, first_N;
-
-  double at(double s) const {
-    const double force_N = s * s * s;
-    return (b * s + k) * s * s -
-           c * (force_N <= first_N ? force_N * force_N : first_N * (2 * force_N - first_N));
-  }
-  // reduction of the compliance dd/dF by the c term
-  double less(double s) const { return 2 * c * std::min(s * s * s, first_N); }
-  double per_s(double s) const { return (3 * b * s + 2 * k) * s - 3 * less(s) * s * s; }
-  // dd/dF, times s
-  double per_N(double s) const { return b * s + k * (2.0 / 3) - less(s) * s; }
-  // stored energy: F d minus the integral of d over F; of b F one half remains, of k F^(2/3) two fifths, of c
-  // F^2 two thirds
-  double stored(double s) const {
-    const double force_N = s * s * s;
-    return s * s * s * s * s * (0.5 * b * s + 0.4 * k) -
-           c * (force_N <= first_N ? force_N * force_N * force_N * (2.0 / 3)
-                                   : first_N * (force_N * force_N - first_N * first_N * (1.0 / 3)));
-  }
-  // largest s at which the compliance is at least `least`; infinite: everywhere
-  double max_s(double least) const;
-
- private:
-  static double straight_most_s(double b, double k, double least) {
-    return b < least ? 2 * k / (3 * (least - b)) : std::numeric_limits<double>::infinity();
-  }
-};
-
-double DepthLaw::max_s(double least) const {
-  if (c == 0) return straight_most_s(b, k, least);
-  // the compliance decreases monotonically beyond first_N
-  const double beyond = straight_most_s(b - 2 * c * first_N, k, least);
-  // first root of (b - least) s + 2/3 k - 2 c s^4 below it
-  const double more = b - least;
-  double s = straight_most_s(b, k, least);
-  if (c > 0) {
-    // concave: Newton's method converges from above the root, where c s^4 exceeds each of the other terms
-    double end = std::sqrt(std::sqrt(2 * k / (3 * c)));
-    if (more > 0) end = std::max(end, cube_root(more / c));
-    s = std::min(s, end);
-  } else {
-    // convex: Newton's method converges from 0 to the first root, if there is one
-    if (more >= 0) return beyond;
-    const double lowest = cube_root(more / (8 * c));
-    if (more * lowest * 0.75 + k * (2.0 / 3) >= 0) return beyond;
-  }
-  for (int n = 0; n < kMaxRootSteps; ++n) {
-    const double left = more * s + k * (2.0 / 3) - 2 * c * (s * s) * (s * s);
-    const double slope = more - 8 * c * (s * s * s);
-    const double next = s - left / slope;
-    if (!(slope < 0) || !(next > 0) || std::abs(next - s) <= kSameRoot * s) break;
-    s = next;
-  }
-  return s * s * s <= first_N ? s : beyond;
+double min_compliance_mm_per_N(double max_N_per_mm) {
+  return std::max(1 / max_N_per_mm, kYieldFeel.min_compliance_mm_per_N);
 }
 
-DepthLaw law_of(const ContactLaw& tissue, double radius_mm) {
-  const double modulus = tissue.modulus_N_per_mm2;
-  const double radius = std::max(radius_mm, kYieldFeel.min_radius_mm);
-  return {tissue.surroundings_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
-          tissue.stiffening_mm_per_N2, tissue.finite_N};
+// Integrals of SphereLaw over the force, where the law is linear in the force beyond s.
+SphereLaw::Integrals integrals_to(const SphereLaw& law, double s, double force_N, double min_give) {
+  SphereLaw::Integrals sum = law.integrals(s);
+  const double more_N = force_N - s * s * s;
+  if (!(more_N > 0)) return sum;
+  sum.depth_mJ += more_N * (law.at(s).mm + 0.5 * min_give * more_N);
+  sum.of_surroundings_N2 += more_N * law.per_surroundings_N(s);
+  sum.of_stiffening_N3 += more_N * law.per_stiffening_N2(s);
+  return sum;
 }
 
-// the s in 0 ... max_s with a given depth; on that interval the depth increases with a compliance of at
-// least `least`
-double root_of_depth(const DepthLaw& law, double depth_mm, double max_s, double least) {
-  const double b = law.b, k = law.k;
-  double low = 0, high = law.c == 0 ? max_s : std::min(max_s, cube_root(depth_mm / least));
-  double s = std::sqrt(depth_mm / k);
-  if (b > 0) s = std::min(s, cube_root(depth_mm / b));
-  s = std::min(s, high);
-  for (int n = 0; n < kMaxRootSteps; ++n) {
-    const double off_mm = law.at(s) - depth_mm;
-    (off_mm > 0 ? high : low) = s;
-    const double slope = law.per_s(s);
-    double next = slope > 0 ? s - off_mm / slope : low;
-    if (!(next >= low && next <= high)) next = 0.5 * (low + high);
-    if (std::abs(next - s) <= kSameRoot * s) return next;
-    s = next;
-  }
-  return s;
+// the same for a force
+SphereLaw::Integrals integrals_of(const ContactLaw& tissue, double force_N, double radius_mm,
+                                  double max_N_per_mm) {
+  if (!(force_N > 0)) return {0, 0, 0};
+  const SphereLaw law(tissue, radius_mm);
+  const double min_give = min_compliance_mm_per_N(max_N_per_mm), s = cube_root(force_N);
+  return integrals_to(law, std::min(s, law.first_limited(s, min_give)), force_N, min_give);
 }
 
 }  // namespace
@@ -109,7 +44,9 @@ std::uint64_t ComplianceFrame::hash() const {
       hash_double(hash, one.at[axis]);
       hash_double(hash, one.slope_per_N[axis]);
     }
-    for (const double value : {one.compliance_mm_per_N, one.modulus_N_per_mm2, one.patch_radius_mm})
+    for (const double value :
+         {one.compliance_mm_per_N, one.modulus_N_per_mm2, one.patch_radius_mm, one.poissons_ratio,
+          one.surroundings_mm_per_N, one.surroundings_per_compliance})
       hash_double(hash, value);
     one.relaxed.hash_into(hash);
     // the linear law adds nothing to the hash
@@ -121,10 +58,17 @@ std::uint64_t ComplianceFrame::hash() const {
   return hash_finish(hash);
 }
 
+void LocalCompliance::find_surroundings() {
+  const auto [surroundings, per_compliance] =
+      surroundings_of_patch(compliance_mm_per_N, patch_radius_mm, modulus_N_per_mm2, poissons_ratio);
+  surroundings_mm_per_N = surroundings;
+  surroundings_per_compliance = per_compliance;
+}
+
 void ComplianceState::hash_into(std::uint64_t& hash) const {
   hash_word(hash, frame);
-  for (const double value :
-       {left_mm_per_N, left_modulus, elapsed_s, surroundings_mm_per_N, modulus_N_per_mm2})
+  for (const double value : {left_mm_per_N, left_modulus, left_poissons_ratio, elapsed_s,
+                             surroundings_mm_per_N, modulus_N_per_mm2, poissons_ratio})
     hash_double(hash, value);
   // the linear law adds nothing to the hash
   if (finite_N == 0 && left_N == 0) return;
@@ -133,7 +77,9 @@ void ComplianceState::hash_into(std::uint64_t& hash) const {
 }
 
 ContactLaw tissue_at(const LocalCompliance& spot) {
-  ContactLaw tissue{spot.beyond_half_space_mm_per_N(), spot.slope_per_N, spot.modulus_N_per_mm2};
+  ContactLaw tissue{spot.surroundings_mm_per_N, spot.slope_per_N * spot.surroundings_per_compliance,
+                    spot.modulus_N_per_mm2};
+  tissue.poissons_ratio = spot.poissons_ratio;
   if (!spot.is_finite()) return tissue;
   tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
   tissue.stiffening_slope = spot.stiffening_slope;
@@ -150,9 +96,11 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
     const double on = told + spot.slope_per_N.dot(at - spot.at);
     const double carried =
         std::clamp(on, kYieldFeel.min_extrapolation * told, kYieldFeel.max_extrapolation * told);
-    tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N() + (carried - told);
-    if (carried == on) tissue.slope_per_N = spot.slope_per_N;
+    const double per_compliance = spot.surroundings_per_compliance;
+    tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N + per_compliance * (carried - told);
+    if (carried == on) tissue.slope_per_N = spot.slope_per_N * per_compliance;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
+    tissue.poissons_ratio = spot.poissons_ratio;
     if (spot.is_finite()) {
       const double c = spot.stiffening_mm_per_N2, there = c + spot.stiffening_slope.dot(at - spot.at);
       const double most = kYieldFeel.max_stiffening * told / spot.finite_N;
@@ -164,11 +112,13 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   // a new contact has no previous values to blend with
   if (state.modulus_N_per_mm2 == 0) {
     state.left_mm_per_N = state.left_modulus = state.left_mm_per_N2 = state.left_N = 0;
+    state.left_poissons_ratio = 0;
   } else if (frame != state.frame) {
     state.left_mm_per_N = state.surroundings_mm_per_N - tissue.surroundings_mm_per_N;
     state.left_modulus = state.modulus_N_per_mm2 / tissue.modulus_N_per_mm2 - 1;
     state.left_mm_per_N2 = state.stiffening_mm_per_N2 - tissue.stiffening_mm_per_N2;
     state.left_N = state.finite_N - tissue.finite_N;
+    state.left_poissons_ratio = state.poissons_ratio - tissue.poissons_ratio;
     state.elapsed_s = 0;
   }
   state.frame = frame;
@@ -178,53 +128,48 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   tissue.modulus_N_per_mm2 *= 1 + left * state.left_modulus;
   tissue.stiffening_mm_per_N2 += left * state.left_mm_per_N2;
   tissue.finite_N += left * state.left_N;
+  tissue.poissons_ratio += left * state.left_poissons_ratio;
   state.surroundings_mm_per_N = tissue.surroundings_mm_per_N;
   state.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   state.stiffening_mm_per_N2 = tissue.stiffening_mm_per_N2;
   state.finite_N = tissue.finite_N;
+  state.poissons_ratio = tissue.poissons_ratio;
   return tissue;
 }
 
 YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm, double max_N_per_mm) {
   YieldForce force;
   if (!(depth_mm > 0)) return force;
-  const DepthLaw law = law_of(tissue, radius_mm);
-  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_compliance_mm_per_N);
-  const double max_s = law.max_s(min_give);
-  if (std::isfinite(max_s) && depth_mm >= law.at(max_s)) {
-    const double first_N = max_s * max_s * max_s, more_mm = depth_mm - law.at(max_s);
-    force.force_N = first_N + more_mm / min_give;
+  const SphereLaw law(tissue, radius_mm);
+  const double min_give = min_compliance_mm_per_N(max_N_per_mm);
+  double s = law.root(depth_mm);
+  const double give = law.compliance_mm_per_N(s);
+  // without a C term the compliance is least at the greatest force
+  const bool never_limited = tissue.stiffening_mm_per_N2 == 0 && give >= min_give;
+  const double limited_s = never_limited ? s : law.first_limited(s, min_give);
+  if (limited_s < s) {
+    s = limited_s;
+    force.force_N = s * s * s + std::max(0.0, depth_mm - law.at(s).mm) / min_give;
     force.tangent_N_per_mm = 1 / min_give;
-    force.stored_mJ = law.stored(max_s) + (first_N + 0.5 * more_mm / min_give) * more_mm;
   } else {
-    const double s = root_of_depth(law, depth_mm, max_s, min_give);
     force.force_N = s * s * s;
-    force.tangent_N_per_mm = s / law.per_N(s);
-    force.stored_mJ = law.stored(s);
+    force.tangent_N_per_mm = 1 / give;
   }
-  const TangentialCoefficients aside = yield_aside(tissue, force.force_N);
+  const auto [depth_mJ, of_surroundings_N2, of_stiffening_N3] = integrals_to(law, s, force.force_N, min_give);
+  force.stored_mJ = force.force_N * depth_mm - depth_mJ;
   force.tangential_force_N =
-      tissue.slope_per_N * aside.of_compliance_N2 - tissue.stiffening_slope * aside.of_stiffening_N3;
+      tissue.slope_per_N * of_surroundings_N2 - tissue.stiffening_slope * of_stiffening_N3;
   return force;
 }
 
-TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N) {
-  const double squared = force_N * force_N, first_N = tissue.finite_N;
-  return {0.5 * squared, force_N <= first_N
-                             ? squared * force_N * (1.0 / 3)
-                             : first_N * (squared - first_N * (force_N - first_N * (1.0 / 3)))};
+TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N, double radius_mm,
+                                   double max_N_per_mm) {
+  const auto sum = integrals_of(tissue, force_N, radius_mm, max_N_per_mm);
+  return {sum.of_surroundings_N2, sum.of_stiffening_N3};
 }
 
 double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm, double max_N_per_mm) {
-  if (!(force_N > 0)) return 0;
-  const DepthLaw law = law_of(tissue, radius_mm);
-  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_compliance_mm_per_N);
-  const double max_s = law.max_s(min_give);
-  const double s = std::min(cube_root(force_N), max_s);
-  const double more_N = std::max(0.0, force_N - s * s * s);
-  return s * s * s * s * s * (0.5 * law.b * s + 0.6 * law.k) -
-         law.c * yield_aside(tissue, s * s * s).of_stiffening_N3 +
-         more_N * (law.at(s) + 0.5 * min_give * more_N);
+  return integrals_of(tissue, force_N, radius_mm, max_N_per_mm).depth_mJ;
 }
 
 }  // namespace palpate

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "base/test_seed.h"
+#include "contact/sphere_law.h"
 #include "contact/test_proxy_surfaces.h"
 #include "palpate/base/cube_root.h"
 
@@ -20,32 +21,53 @@ using testing::ProxyRun;
 
 constexpr double kModulus = 0.0125;  // E = 10 kPa, nu = 0.45
 
-// depth at a force, as in docs/concepts/tissue.md, and dd/dF
-double depth_mm(const ContactLaw& tissue, double force_N, double radius_mm) {
-  const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
-  const double first_N = tissue.finite_N;
-  return tissue.surroundings_mm_per_N * force_N + 0.75 * force_N / (a * tissue.modulus_N_per_mm2) -
-         tissue.stiffening_mm_per_N2 *
-             (force_N < first_N ? force_N * force_N : 2 * first_N * force_N - first_N * first_N);
-}
-double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm) {
-  const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
-  return tissue.surroundings_mm_per_N + 0.5 / (a * tissue.modulus_N_per_mm2) -
-         2 * tissue.stiffening_mm_per_N2 * std::min(force_N, tissue.finite_N);
+// ratio of the depth of a sphere to that of a paraboloid in a half-space (Sneddon 1965), by bisection for the
+// contact's radius
+double sphere_ratio(double force_N, double modulus, double radius_mm) {
+  const double wanted = force_N / (modulus * radius_mm * radius_mm);
+  double low = 0, high = 1;
+  for (int n = 0; n < 200; ++n) {
+    const double a = 0.5 * (low + high);
+    // the difference of two nearly equal terms where a is small
+    const double force = a < 1e-3 ? 4.0 / 3 * a * a * a * (1 + 0.4 * a * a) : (a * a + 1) * std::atanh(a) - a;
+    (force < wanted ? low : high) = a;
+  }
+  const double hertz = std::cbrt(0.75 * wanted);
+  return low * std::atanh(low) / (hertz * hertz);
 }
 
-// force by bisection, linear from where the compliance would be below the minimum
+// depth at a force, as in docs/concepts/tissue.md, and dd/dF
+double depth_mm(const ContactLaw& tissue, double force_N, double radius_mm) {
+  return SphereLaw(tissue, radius_mm).at(std::cbrt(force_N)).mm;
+}
+double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm) {
+  const double step = 1e-5 * force_N;
+  return (depth_mm(tissue, force_N + step, radius_mm) - depth_mm(tissue, force_N - step, radius_mm)) /
+         (2 * step);
+}
+
+// force by bisection, linear from where the compliance is first below the minimum
 double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double min_give) {
-  double low = 0, high = 1e6;
-  for (int n = 0; n < 200; ++n) {
-    const double middle = 0.5 * (low + high);
-    (give_mm_per_N(tissue, middle, radius_mm) > min_give ? low : high) = middle;
+  constexpr double kSmallest_N = 1e-7, kGrowth = 1.02;
+  constexpr int kForces = 1400;
+  double first_N = kSmallest_N;
+  int step = 0;
+  while (step < kForces && depth_mm(tissue, first_N, radius_mm) < depth &&
+         give_mm_per_N(tissue, first_N, radius_mm) >= min_give) {
+    first_N *= kGrowth;
+    ++step;
   }
-  const double first_N = low;
-  if (first_N < 1e5 && depth >= depth_mm(tissue, first_N, radius_mm))
-    return first_N + (depth - depth_mm(tissue, first_N, radius_mm)) / min_give;
-  low = 0, high = first_N;
-  for (int n = 0; n < 200; ++n) {
+  double low = step > 0 ? first_N / kGrowth : 0, high = first_N;
+  if (give_mm_per_N(tissue, high, radius_mm) < min_give) {
+    for (int n = 0; n < 60; ++n) {
+      const double middle = 0.5 * (low + high);
+      (give_mm_per_N(tissue, middle, radius_mm) > min_give ? low : high) = middle;
+    }
+    const double at_mm = depth_mm(tissue, low, radius_mm);
+    if (depth >= at_mm) return low + (depth - at_mm) / min_give;
+    low = 0;
+  }
+  for (int n = 0; n < 60; ++n) {
     const double middle = 0.5 * (low + high);
     (depth_mm(tissue, middle, radius_mm) < depth ? low : high) = middle;
   }
@@ -62,15 +84,20 @@ TEST(CubeRoot, IsOneOverTheWholeRange) {
   EXPECT_EQ(cube_root(0), 0);
 }
 
-TEST(YieldForce, MatchesHertzOnAHalfSpace) {
+TEST(YieldForce, MatchesSneddonsSphereOnAHalfSpace) {
   const ContactLaw half_space{0, {}, kModulus};
   for (const double radius_mm : {0.5, 3.0, 8.0})
-    for (const double depth : {0.01, 1.0, 7.0}) {
-      const YieldForce force = yield_force(half_space, depth, radius_mm);
-      const double hertz_N = 4.0 / 3 * kModulus * std::sqrt(radius_mm) * std::pow(depth, 1.5);
-      EXPECT_NEAR(force.force_N / hertz_N, 1, 1e-12);
-      EXPECT_NEAR(force.tangent_N_per_mm / (1.5 * hertz_N / depth), 1, 1e-12);
-      EXPECT_NEAR(force.stored_mJ / (0.4 * hertz_N * depth), 1, 1e-12);
+    for (const double depth : {0.01, 0.1, 0.5, 1.0, 2.0, 4.0}) {
+      const YieldForce force = yield_force(half_space, depth * radius_mm, radius_mm);
+      const double hertz_N = 4.0 / 3 * kModulus * radius_mm * radius_mm * std::pow(depth, 1.5);
+      const double depth_at =
+          std::pow(force.force_N / hertz_N, 2.0 / 3) * sphere_ratio(force.force_N, kModulus, radius_mm);
+      EXPECT_NEAR(depth_at, 1, 0.005) << depth;
+      // small contacts are Hertz's
+      if (depth == 0.01) {
+        EXPECT_NEAR(force.force_N / hertz_N, 1, 0.005);
+      }
+      EXPECT_NEAR(force.stored_mJ / (0.4 * hertz_N * depth * radius_mm), 1, 0.01 + 0.12 * depth);
     }
   EXPECT_EQ(yield_force(half_space, 0, 3).force_N, 0);
   EXPECT_EQ(yield_force(half_space, -1, 3).force_N, 0);
@@ -85,7 +112,7 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);
-  for (int n = 0; n < 20'000; ++n) {
+  for (int n = 0; n < 2000; ++n) {
     const double radius_mm = 0.5 + 7 * unit(random);
     ContactLaw tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
     // from stiff bone below to soft surroundings
@@ -101,7 +128,8 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
     const double depth = std::pow(10, 3 * unit(random) - 2);
     const YieldForce force = yield_force(tissue, depth, radius_mm, most);
     const double slow_N = slow_force_N(tissue, depth, radius_mm, min_give);
-    ASSERT_NEAR(force.force_N / slow_N, 1, 1e-8) << n;
+    // the slope of the exhaustive search is a difference
+    ASSERT_NEAR(force.force_N / slow_N, 1, 1e-5) << n;
     ASSERT_LE(force.tangent_N_per_mm, 1 / min_give * (1 + 1e-9)) << n;
     const double step = 1e-4 * depth;
     const YieldForce less = yield_force(tissue, depth - step, radius_mm, most),
@@ -176,6 +204,7 @@ ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<P
   ComplianceFrame frame;
   frame.number = number;
   frame.spot[0] = {Point<Patient>(0, 0, 0), compliance, slope, kModulus, 3};
+  frame.spot[0].find_surroundings();
   return frame;
 }
 
@@ -188,18 +217,18 @@ TEST(FeelYield, IsAHalfSpaceWithoutAFrame) {
 }
 
 TEST(FeelYield, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
-  const ComplianceFrame frame = frame_of(1, 10, {0.5, 0, 0});
+  const ComplianceFrame frame = frame_of(1, 20, {0.5, 0, 0});
   const double half_space = 0.6 / (3 * kModulus);
   const auto beyond_at = [&](double x) {
     ComplianceState state;
     return blend_compliance(1, frame.spot[0], {x, 0, 0}, 1, 0.001, state);
   };
-  EXPECT_NEAR(beyond_at(0).surroundings_mm_per_N, 10 - half_space, 1e-12);
-  EXPECT_NEAR(beyond_at(2).surroundings_mm_per_N, 11 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(0).surroundings_mm_per_N, 20 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(2).surroundings_mm_per_N, 21 - half_space, 1e-12);
   EXPECT_EQ(beyond_at(2).slope_per_N, frame.spot[0].slope_per_N);
   // where the extrapolation is clamped there is no tangential force either
-  EXPECT_NEAR(beyond_at(200).surroundings_mm_per_N, 20 - half_space, 1e-12);
-  EXPECT_NEAR(beyond_at(-200).surroundings_mm_per_N, 5 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(200).surroundings_mm_per_N, 40 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(-200).surroundings_mm_per_N, 10 - half_space, 1e-12);
   EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
 }
 

@@ -90,6 +90,8 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& felt) {
       spot.compliance_mm_per_N = patch.displacement(unit_mm);
       spot.modulus_N_per_mm2 = patch.contact_modulus();
       spot.patch_radius_mm = rho_mm;
+      spot.poissons_ratio = patch.poissons_ratio();
+      spot.find_surroundings();
       force_N = instantaneous_force_N(felt.device[d], tissue_at(spot), press.radius_mm);
     }
     parts_.emplace_back(grid, unit_mm, force_N);

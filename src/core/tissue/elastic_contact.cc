@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "palpate/base/cube_root.h"
+#include "palpate/contact/elastic_constants.h"
 
 namespace palpate {
 namespace {
@@ -124,7 +125,7 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Pati
 void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> wanted) {
   const double h = grid.box().cell_mm;
   std::vector<PlaceInCell> places;
-  double modulus = 0;
+  double modulus = 0, poissons_ratio = 0;
   for (const Eigen::Vector3d& at : wanted) {
     PlaceInCell place;
     if (!find_cell(grid, at, -outward_, kReach, place)) continue;
@@ -132,9 +133,11 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
     const std::size_t cell = grid.layout().cell(place.cell[0], place.cell[1], place.cell[2]);
     const double mu = grid.mu()[cell] / grid.fill()[cell], lambda = grid.lambda()[cell] / grid.fill()[cell];
     modulus += 4 * mu * (lambda + mu) / (lambda + 2 * mu);
+    poissons_ratio += 0.5 * lambda / (lambda + mu);
   }
   if (places.empty()) return;
   modulus_ = modulus / static_cast<double>(places.size());
+  poissons_ratio_ = std::clamp(poissons_ratio / static_cast<double>(places.size()), 0.0, kMaxPoissonsRatio);
 
   const double share = 1.0 / static_cast<double>(places.size());
   int along = 0;

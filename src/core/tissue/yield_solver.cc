@@ -7,11 +7,13 @@
 #include <vector>
 
 #include "palpate/base/cube_root.h"
+#include "palpate/contact/bonded_layer.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/elastic_multigrid.h"
 #include "tissue/relaxation_weights.h"
+#include "tissue/supported_layer.h"
 #include "tissue/yield_cells.h"
 
 namespace palpate {
@@ -69,6 +71,17 @@ std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& 
   const Point<Patient> place(felt.contact_patient_mm[0], felt.contact_patient_mm[1],
                              felt.contact_patient_mm[2]);
   return find_surface(model, place + (way - normal * way.dot(normal)));
+}
+
+// Replaces the surroundings of a spot by those of a thin layer, by the more the fewer cells it is thick.
+void support_by_layer(const SupportedLayer& layer, double cell_mm, LocalCompliance& spot) {
+  const double at_layer_mm_per_N =
+      layer_base_mm_per_N(layer.thickness_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
+  const double resolved = std::clamp((layer.thickness_mm / cell_mm - kSolvingFeel.thin_layer_cells) /
+                                         (kSolvingFeel.resolved_layer_cells - kSolvingFeel.thin_layer_cells),
+                                     0.0, 1.0);
+  spot.surroundings_mm_per_N = (1 - resolved) * at_layer_mm_per_N + resolved * spot.surroundings_mm_per_N;
+  spot.surroundings_per_compliance *= resolved;
 }
 
 bool presses(const DeviceTick& felt) {
@@ -271,14 +284,14 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   // displacement of the patch at the predicted depth, by the last published contact law
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
   ContactLaw tissue;
-  tissue.surroundings_mm_per_N = spot.beyond_half_space_mm_per_N();
+  tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N;
+  tissue.poissons_ratio = spot.poissons_ratio;
   tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
   tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
   tissue.finite_N = f.finite_N;
   const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
-  // W F - C F^2, continued linearly beyond finite_N (ContactLaw)
-  const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
-  const double expected_mm = w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
+  const double expected_mm =
+      w * expected_N - stiffening_depth_mm(f.stiffening_mm_per_N2, f.finite_N, expected_N);
   const double give_mm = std::clamp(expected_mm, kSolvingFeel.min_indentation * rho_mm, f.max_give * rho_mm);
   const double s = give_mm / w;
 
@@ -375,18 +388,47 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     const double rho_mm =
         std::clamp(touched_mm, min_mm, kMaxPatchPart * region->grid().box().cells[1] * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
-    region->modulus = patch.contact_modulus();
-    if (!patch.touches()) continue;
-    std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
-    patch.add(1, region->load_N);
-    region->solver.solve(region->load_N, region->unit_mm,
-                         anew ? kSolvingFeel.first_iterations : kSolvingFeel.iterations, kTolerance);
+    const auto layer =
+        supported_layer(labels, by_label, contact->at, contact->outward, std::max(touched_mm, 0.5 * cell_mm),
+                        kSolvingFeel.resolved_layer_cells * cell_mm);
     spot.at = contact->at;
-    spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
-    // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
-    spot.slope_per_N = patch.change(region->unit_mm) * 2;
-    spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
+    if (layer) {
+      const ElasticConstants constants{layer->material.youngs_modulus_kPa, layer->material.poissons_ratio};
+      spot.modulus_N_per_mm2 = contact_modulus_N_per_mm2(constants);
+      spot.poissons_ratio = constants.poissons_ratio;
+    }
+    region->modulus = patch.contact_modulus();
+    if (patch.touches()) {
+      std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
+      patch.add(1, region->load_N);
+      region->solver.solve(region->load_N, region->unit_mm,
+                           anew ? kSolvingFeel.first_iterations : kSolvingFeel.iterations, kTolerance);
+      spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
+      // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
+      spot.slope_per_N = patch.change(region->unit_mm) * 2;
+      if (!layer) {
+        spot.modulus_N_per_mm2 = region->modulus;
+        spot.poissons_ratio = patch.poissons_ratio();
+      }
+    }
+    if (spot.is_known()) {
+      spot.find_surroundings();
+      if (layer) support_by_layer(*layer, cell_mm, spot);
+    } else if (layer) {
+      // the layer is thinner than a cell, whose nodes are all held
+      support_by_layer(*layer, cell_mm, spot);
+      spot.slope_per_N = {};
+      spot.compliance_mm_per_N = patch_compliance_mm_per_N(spot.surroundings_mm_per_N, rho_mm,
+                                                           spot.modulus_N_per_mm2, spot.poissons_ratio);
+      // the cells hold no share of the displacement
+      if (const Tissue* const tissue = model.tissue_of(layer->label))
+        spot.relaxed.add(tissue->relaxation, model.relaxation_times, 1);
+      continue;
+    } else {
+      spot = {};
+      continue;
+    }
     if (region->finite != nullptr) region->solve_neo_hookean(patch, depth_mm, anew, spot);
     if (region->shares) spot.relaxed = region->shares->relaxed(region->grid(), region->unit_mm);
   }

@@ -118,8 +118,7 @@ TEST(YieldSolver, CoarserCellsAreFewerAndSayNearlyTheSame) {
     EXPECT_LT(of(coarse_field), of(fine_field) / 3.5);
     const LocalCompliance &one = fine.frame().spot[0], &other = coarse.frame().spot[0];
     ASSERT_TRUE(one.is_known() && other.is_known());
-    EXPECT_NEAR(other.beyond_half_space_mm_per_N(), one.beyond_half_space_mm_per_N(),
-                0.1 * one.compliance_mm_per_N);
+    EXPECT_NEAR(other.surroundings_mm_per_N, one.surroundings_mm_per_N, 0.1 * one.compliance_mm_per_N);
   }
 }
 

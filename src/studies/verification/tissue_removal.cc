@@ -19,8 +19,18 @@ constexpr double kPresser_mm = 3, kPressed_mm = 2, kHead_mm = 2;
 constexpr int kTruthIterations = 200;
 constexpr double kTruthTolerance = 1e-6;
 
-double pressing_N(double compliance, double rho_mm, double modulus) {
-  return yield_force({compliance - 0.6 / (rho_mm * modulus), {}, modulus}, kPressed_mm, kPresser_mm).force_N;
+double pressing_N(const LocalCompliance& spot) {
+  return yield_force(tissue_at(spot), kPressed_mm, kPresser_mm).force_N;
+}
+
+double pressing_N(double compliance, double rho_mm, const PressurePatch& patch) {
+  LocalCompliance spot;
+  spot.compliance_mm_per_N = compliance;
+  spot.modulus_N_per_mm2 = patch.contact_modulus();
+  spot.poissons_ratio = patch.poissons_ratio();
+  spot.patch_radius_mm = rho_mm;
+  spot.find_surroundings();
+  return pressing_N(spot);
 }
 
 double median_ms(std::vector<double> seconds) {
@@ -71,7 +81,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       frame_s.push_back(tissue_thread_seconds() - begin);
     }
     const double w = patch.displacement(unit);
-    const double force_N = pressing_N(w, rho_mm, patch.contact_modulus());
+    const double force_N = pressing_N(w, rho_mm, patch);
 
     converged = unit;
     solver.solve(load, converged, kTruthIterations, kTruthTolerance);
@@ -150,7 +160,7 @@ Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
     const LocalCompliance& spot = solver.solve(model, felt).spot[0];
     YieldField field;
     if (!spot.is_known() || !solver.field_of(0, field)) continue;
-    const double force_N = pressing_N(spot.compliance_mm_per_N, spot.patch_radius_mm, spot.modulus_N_per_mm2);
+    const double force_N = pressing_N(spot);
     const bool anew = last_N > 0 && !(field.box->corner == corner);
     if (anew) {
       told.change_percent = std::max(told.change_percent, 100 * std::abs(force_N / last_N - 1));

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "palpate/geometry/geometry.h"
+#include "palpate/tissue/carved_cells.h"
+#include "palpate/tissue/elastic_grid.h"
+
+namespace palpate {
+
+/// Layer of one soft material on a rigid base.
+struct SupportedLayer {
+  double thickness_mm = 0;
+  LabelId label = 0;  ///< Label at which the first ray enters
+  ElasticMaterial material;
+};
+
+/// Layer under a contact, measured through the voxels on rays into the tissue: one in the middle of the
+/// contact and eight on its circle. The thickness is their mean. None where a ray meets no rigid structure
+/// within `max_mm`, a cavity, or material whose Young's modulus differs by more than a quarter.
+/// @param labels   labels and what was removed from them
+/// @param at       middle of the contact on the surface
+/// @param outward  unit normal of the surface
+/// @param circle_mm  radius of the circle; above 0
+/// @param max_mm     greatest thickness of interest; above 0
+std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
+                                              std::span<const ElasticMaterial> by_label,
+                                              const Point<Patient>& at, const Vector<Patient>& outward,
+                                              double circle_mm, double max_mm);
+
+}  // namespace palpate
