@@ -49,6 +49,11 @@ struct DeviceContext {
   double max_damping_N_s_per_mm() const;
 };
 
+/// Upper limit of the stiffness rendered for deformable tissue, N/mm in the patient: the stiffness of the
+/// stiffest felt tissue if that one is rigid, so that nothing that deforms resists more than bone. Infinity
+/// if the stiffest tissue deforms, or if the law deforms none.
+double max_deformable_stiffness_N_per_mm(const Model& model);
+
 /// Contact of one point of the tool.
 struct PointContact {
   /// Value and gradient of the force field; with the proxy, the gradient is the inward contact normal.

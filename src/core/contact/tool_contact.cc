@@ -166,6 +166,16 @@ double DeviceContext::max_damping_N_s_per_mm() const {
              : std::numeric_limits<double>::infinity();
 }
 
+double max_deformable_stiffness_N_per_mm(const Model& model) {
+  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  if (!is_elastic(model.tissue_law)) return kUnlimited;
+  const Tissue* stiffest = nullptr;
+  for (const Tissue& tissue : model.tissues)
+    if (tissue.felt && (stiffest == nullptr || tissue.stiffness_N_per_mm > stiffest->stiffness_N_per_mm))
+      stiffest = &tissue;
+  return stiffest == nullptr || model.is_deformable(*stiffest) ? kUnlimited : stiffest->stiffness_N_per_mm;
+}
+
 PosedTool::PosedTool(const TickContext& tick, const DeviceContext& hand)
     : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return hand.in_patient(tick, of_tool); };
@@ -181,7 +191,9 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   const double peak_N = hand.device.limits.peak_force_N;
   ProxyOptions options;
   options.friction = tick.friction;
-  options.max_stiffness_N_per_mm = hand.max_stiffness_N_per_mm();
+  // fmin, because the device's limit is NaN if unknown. Layers, which are rigid, are within the other one.
+  options.max_stiffness_N_per_mm =
+      std::fmin(hand.max_stiffness_N_per_mm(), max_deformable_stiffness_N_per_mm(tick.model));
   options.dt_s = tick.dt_s;
   options.max_slip_N_per_s = kProxyFeel.max_slip_N_per_s / hand.device.force_gain;
   options.compliance = tick.compliance;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "palpate/base/cube_root.h"
+#include "palpate/contact/tool_contact.h"
 #include "palpate/tissue/chain_mail.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
@@ -92,7 +93,8 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& felt) {
       spot.patch_radius_mm = rho_mm;
       spot.poissons_ratio = patch.poissons_ratio();
       spot.find_surroundings();
-      force_N = instantaneous_force_N(felt.device[d], tissue_at(spot), press.radius_mm);
+      force_N = instantaneous_force_N(felt.device[d], tissue_at(spot), press.radius_mm,
+                                      max_deformable_stiffness_N_per_mm(model));
     }
     parts_.emplace_back(grid, unit_mm, force_N);
   }

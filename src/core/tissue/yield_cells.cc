@@ -51,9 +51,13 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
   return true;
 }
 
-double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm) {
+double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm,
+                             double max_N_per_mm) {
   if (!(tissue.modulus_N_per_mm2 > 0)) return felt.contact_N[0];
-  return yield_force(tissue, felt.depth_mm, radius_mm, RenderedStiffness(felt).max_in_patient()).force_N;
+  // fmin, because the device's limit is NaN if unknown
+  return yield_force(tissue, felt.depth_mm, radius_mm,
+                     std::fmin(RenderedStiffness(felt).max_in_patient(), max_N_per_mm))
+      .force_N;
 }
 
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,

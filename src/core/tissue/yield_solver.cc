@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "palpate/base/cube_root.h"
 #include "palpate/contact/bonded_layer.h"
+#include "palpate/contact/tool_contact.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
@@ -184,8 +186,10 @@ struct YieldSolver::Region {
   std::optional<RelaxationWeights> shares;  ///< Unset: no tissue of the model relaxes
   double modulus = 0;                       ///< Contact modulus under the patch in the last frame
   double radius_mm = 0;                     ///< Radius of the tool in the last frame
-  bool is_new = true;                       ///< The next solve counts as the first one in this box
-  std::unique_ptr<NeoHookeanBody> finite;   ///< null: the law is linear
+  /// max_deformable_stiffness_N_per_mm() in the last frame
+  double max_N_per_mm = std::numeric_limits<double>::infinity();
+  bool is_new = true;                      ///< The next solve counts as the first one in this box
+  std::unique_ptr<NeoHookeanBody> finite;  ///< null: the law is linear
 
   /// @param before  region that this one replaces, whose solution is reused where both overlap; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
@@ -378,6 +382,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     const double cell_mm = region->grid().box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.min_radius_mm);
     region->radius_mm = radius_mm;
+    region->max_N_per_mm = max_deformable_stiffness_N_per_mm(model);
     const double min_mm = kSolvingFeel.min_patch_cells * cell_mm;
     if (!(region->modulus > 0))
       region->modulus =
@@ -469,7 +474,7 @@ bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
 double YieldSolver::displacing_force_N(std::size_t device, const DeviceTick& felt) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
   if (region == nullptr || !region->shares || !frame_.spot[device].is_known()) return felt.contact_N[0];
-  return instantaneous_force_N(felt, tissue_at(frame_.spot[device]), region->radius_mm);
+  return instantaneous_force_N(felt, tissue_at(frame_.spot[device]), region->radius_mm, region->max_N_per_mm);
 }
 
 bool VirtualClockYieldSolver::advance(const Model& model, const TickRecord* before) {

@@ -348,7 +348,8 @@ SceneKeys declared_keys() {
              .meaning = "For the other methods: the other limit of the force along the surface."},
             {.name = "colour",
              .type = kColour,
-             .meaning = "`\"#rrggbb\"`. Default: the colours of the structures."},
+             .meaning = "`\"#rrggbb\"`. Default: that of the preset; without one those of the "
+                        "structures."},
             {.name = "opacity",
              .type = kNumber,
              .default_text = "1",

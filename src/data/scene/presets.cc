@@ -43,7 +43,7 @@ struct Surface {
 };
 
 TissuePreset make(std::string name, double tissue_N_per_mm, const Surface& surface, double opacity,
-                  const std::string& source, std::vector<std::string> kind_words,
+                  const Rgb& colour, const std::string& source, std::vector<std::string> kind_words,
                   std::vector<std::string> structure_names) {
   TissuePreset preset;
   preset.values.preset = name;
@@ -53,6 +53,7 @@ TissuePreset make(std::string name, double tissue_N_per_mm, const Surface& surfa
   preset.values.friction_max_N = surface.max_N;
   preset.values.viscosity_N_s_per_mm = surface.viscosity_N_s_per_mm;
   preset.values.opacity = opacity;
+  preset.values.colour = colour;
   std::array<char, 64> stiffness{};
   std::snprintf(stiffness.data(), stiffness.size(), ". Under the probe %.3g N/mm", tissue_N_per_mm);
   preset.source = source + stiffness.data();
@@ -67,7 +68,7 @@ std::vector<TissuePreset> make_presets() {
   const double cartilage_MPa = 0.79 * 1.1 * 0.8 / 0.9;
   std::vector<TissuePreset> presets;
   presets.push_back(
-      make("bone", punch_stiffness(18600, 0.3), {0.2, 0.005, 0.5, 0.001}, 1,
+      make("bone", punch_stiffness(18600, 0.3), {0.2, 0.005, 0.5, 0.001}, 1, {227, 218, 201},
            "Rho, Ashman, Turner 1993, J Biomech 26:111. Cortical bone of the human tibia, E = 18.6 GPa by "
            "microtensile test; nu = 0.3",
            {"bone", "bony", "trabecular", "osseous", "vertebral body"},
@@ -87,33 +88,33 @@ std::vector<TissuePreset> make_presets() {
             "collarbone", "kneecap",    "shinbone",  "heel bone",   "incisor",
             "canine",     "premolar",   "molar",     "hard palate", "styloid process"}));
   presets.push_back(
-      make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1,
+      make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1, {196, 218, 232},
            "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88. Human patellar cartilage, mean aggregate "
            "modulus 0.79 MPa at equilibrium; nu = 0.1, E = 0.77 MPa",
            {"cartilage", "cartilago", "chondral"}, {"labrum"}));
   presets.back().source +=
       ". Friction: Bonnevie et al. 2011, Tribol Lett 41:83: 0.025 under a probe that slides at 1 to 5 mm/s";
   presets.push_back(
-      make("meniscus", punch_stiffness(0.12, 0), {0.05, 0.002, 0.2, 0.001}, 1,
+      make("meniscus", punch_stiffness(0.12, 0), {0.05, 0.002, 0.2, 0.001}, 1, {232, 222, 160},
            "Sweigart et al. 2004, Ann Biomed Eng 32:1569. Human medial meniscus, aggregate modulus "
            "0.16 MPa in front, 0.10 MPa in the middle and behind; their mean 0.12 MPa, nu = 0",
            {"meniscus", "menisci", "meniscal"}, {}));
   // E = H_A (1 + nu)(1 - 2 nu)/(1 - nu), as for cartilage
   const double disc_MPa = 1.01 * 1.1 * 0.8 / 0.9;
   presets.push_back(
-      make("disc", punch_stiffness(disc_MPa, 0.1), {0.05, 0.002, 0.2, 0.001}, 1,
+      make("disc", punch_stiffness(disc_MPa, 0.1), {0.05, 0.002, 0.2, 0.001}, 1, {160, 190, 182},
            "Johannessen, Elliott 2005, Spine 30:E724. Nucleus of human lumbar discs that are not degenerate, "
            "effective aggregate modulus 1.01 MPa; nu = 0.1, E = 0.99 MPa",
            {"intervertebral disc", "intervertebral disk", "disc", "disk", "discus"},
            {"annulus fibrosus", "nucleus pulposus"}));
   presets.push_back(
-      make("ligament", punch_stiffness(11.0, 0.5), {0.1, 0.003, 0.3, 0.001}, 1,
-           "Quapp, Weiss 1998, J Biomech Eng 120:757. Human medial collateral ligament across its fibres, "
-           "tangent modulus 11.0 MPa (332 MPa along them); nu = 0.5",
+      make("ligament", punch_stiffness(0.31, 0.49), {0.1, 0.003, 0.3, 0.001}, 1, {214, 182, 140},
+           "Salisbury, Buckley, Zavatsky 2016, J Biomech Eng 138:041002. Bovine digital extensor tendons "
+           "compressed across their fibres, E = 0.31 MPa, nu = 0.49",
            {"ligament", "ligamentum", "tendon", "tendo", "aponeurosis", "retinaculum", "fascia"},
            {"iliotibial tract", "iliotibial band", "acl", "pcl", "mcl", "lcl"}));
   presets.push_back(make(
-      "muscle", punch_stiffness(3 * 0.0045, 0.5), {0.1, 0.003, 0.2, 0.003}, 0.6,
+      "muscle", punch_stiffness(3 * 0.0045, 0.5), {0.1, 0.003, 0.2, 0.003}, 0.6, {172, 58, 52},
       "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873. Nine human thigh muscles at rest, shear "
       "modulus 3.9 to 6.2 kPa; taken 4.5 kPa, E = 3 mu, nu = 0.5",
       {"muscle", "muscular", "musculus", "musculature"},
@@ -136,17 +137,17 @@ std::vector<TissuePreset> make_presets() {
        // such a segment contains mostly what surrounds bone
        "soft tissue", "soft tissues"}));
   presets.push_back(
-      make("fat", punch_stiffness(3 * 0.00304, 0.5), {0.05, 0.002, 0.1, 0.002}, 0.4,
+      make("fat", punch_stiffness(3 * 0.00304, 0.5), {0.05, 0.002, 0.1, 0.002}, 0.4, {244, 208, 104},
            "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873. Fat under the skin of the human "
            "thigh, shear modulus 3.04 kPa; E = 3 mu, nu = 0.5",
            {"fat", "fatty", "adipose", "hoffa"}, {"omentum"}));
   presets.push_back(
-      make("skin", punch_stiffness(0.0563, 0.5), {0.3, 0.003, 0.3, 0.001}, 0.4,
+      make("skin", punch_stiffness(0.0563, 0.5), {0.3, 0.003, 0.3, 0.001}, 0.4, {236, 188, 168},
            "Briot et al. 2022, Clin Biomech 99:105743. Skin of the human breast by suction in vivo, "
            "E = 56.3 kPa; nu = 0.5",
            {"skin", "dermis", "epidermis", "cutis", "scalp"}, {}));
   presets.push_back(make(
-      "vessel", tube_stiffness(0.771, 3, 1), {0.05, 0.002, 0.1, 0.001}, 1,
+      "vessel", tube_stiffness(0.771, 3, 1), {0.05, 0.002, 0.1, 0.001}, 1, {206, 22, 38},
       "Riley et al. 1992, Stroke 23:952. Wall of the human carotid artery, E = 771 kPa in men of 45 to 49 "
       "years. As a tube without pressure (tourniquet) of radius 3 mm and wall 1 mm",
       {"artery", "arteries", "arteria", "arteriole", "vein", "vena", "venae", "venous", "arterial", "vessel",
@@ -158,7 +159,7 @@ std::vector<TissuePreset> make_presets() {
        "sinotubular junction", "coronary cusp", "pul bifurcation", "pulmonary bifurcation", "pul left start",
        "pul right start"}));
   presets.push_back(
-      make("nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
+      make("nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1, {250, 238, 60},
            "Main et al. 2011, J Biomech 44:863. Human median nerve compressed across, first-order Ogden "
            "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
            {"nerve", "nervus", "plexus", "optic disc"},
@@ -167,34 +168,34 @@ std::vector<TissuePreset> make_presets() {
             "alveolar canal", "mandibular canal", "incisive canal", "lingual canal", "incisor pulp",
             "canine pulp", "premolar pulp", "molar pulp", "dental pulp", "tooth pulp"}));
   presets.push_back(
-      make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+      make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {118, 46, 34},
            "Venkatesh et al. 2014, J Magn Reson Imaging 39:1. Human liver by MR elastography at 60 Hz, shear "
            "stiffness 2.09 kPa; E = 3 mu, nu = 0.5",
            {}, {"liver", "hepatic", "hepar", "caudate lobe", "quadrate lobe"}));
   presets.push_back(
-      make("kidney", punch_stiffness(3 * 0.0049, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+      make("kidney", punch_stiffness(3 * 0.0049, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {156, 92, 70},
            "Rouviere et al. 2011, J Magn Reson Imaging 34:880. Human renal parenchyma by MR elastography at "
            "45 Hz, shear modulus 4.9 kPa; E = 3 mu, nu = 0.5",
            {}, {"kidney", "renal"}));
   presets.push_back(
-      make("spleen", punch_stiffness(3 * 0.003565, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+      make("spleen", punch_stiffness(3 * 0.003565, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {112, 40, 78},
            "Mannelli et al. 2010, AJR 195:387. Spleen of volunteers by MR elastography at 60 Hz, shear "
            "stiffness 3.565 kPa with the driver on the right; E = 3 mu, nu = 0.5",
            {}, {"spleen", "splenic", "lien"}));
   presets.push_back(
-      make("lung", punch_stiffness(3 * 0.00114, 0.5), {0.05, 0.002, 0.1, 0.001}, 0.4,
+      make("lung", punch_stiffness(3 * 0.00114, 0.5), {0.05, 0.002, 0.1, 0.001}, 0.4, {240, 158, 168},
            "Mariappan et al. 2011, J Magn Reson Imaging 33:1351. Human lung by MR elastography, shear "
            "stiffness 1.14 kPa at residual volume; E = 3 mu, nu = 0.5",
            {}, {"lung", "pulmo"}));
   presets.push_back(
-      make("heart", punch_stiffness(0.0034, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+      make("heart", punch_stiffness(0.0034, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {202, 88, 92},
            "Wen et al. 2005, Magn Reson Med 54:538. Lateral wall of the left ventricle of dogs in diastole, "
            "E = 3.40 kPa by MRI; nu = 0.5",
            {"myocardium", "myocardial"},
            {"heart", "cardiac", "atrium", "atrial appendage", "left ventricle", "right ventricle",
             "ventricular outflow tract"}));
   presets.push_back(
-      make("brain", punch_stiffness(0.001895, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+      make("brain", punch_stiffness(0.001895, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {200, 166, 182},
            "Budday et al. 2015, J Mech Behav Biomed Mater 46:318. Bovine white matter under a flat punch, "
            "E = 1.895 kPa; nu = 0.5",
            {"white matter", "gray matter", "grey matter"},
@@ -228,19 +229,19 @@ std::vector<TissuePreset> make_presets() {
             "septum pellucidum",
             "central sulcus"}));
   presets.push_back(
-      make("gland", punch_stiffness(0.01092, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+      make("gland", punch_stiffness(0.01092, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {226, 148, 92},
            "Arda et al. 2011, AJR 197:532. Submandibular glands of volunteers by shear wave elastography, "
            "E = 10.92 kPa (parotid 10.38, thyroid 10.97, pancreas 4.8); nu = 0.5",
            {"gland", "glandula", "glandular"},
            {"thyroid", "parathyroid", "parotid", "submandibular", "sublingual", "salivary", "adrenal",
             "pituitary", "hypophysis", "prostate", "pancreas", "thymus", "breast", "mammary", "testis"}));
   presets.push_back(
-      make("lymph node", punch_stiffness(0.0214, 0.5), {0.05, 0.002, 0.1, 0.002}, 1,
+      make("lymph node", punch_stiffness(0.0214, 0.5), {0.05, 0.002, 0.1, 0.002}, 1, {142, 150, 84},
            "Bhatia et al. 2012, Ultrasound Med Biol 38:195. Benign human cervical lymph nodes by shear wave "
            "elastography, median E = 21.4 kPa; nu = 0.5",
            {"lymph node", "lymphnode", "lymphonodus"}, {"tonsil"}));
   presets.push_back(make(
-      "tumour", punch_stiffness(0.04252, 0.5), {0.1, 0.003, 0.2, 0.002}, 1,
+      "tumour", punch_stiffness(0.04252, 0.5), {0.1, 0.003, 0.2, 0.002}, 1, {178, 132, 32},
       "Samani, Zubovits, Plewes 2007, Phys Med Biol 52:1565. High-grade invasive ductal carcinoma of the "
       "human breast, E = 42.52 kPa; nu = 0.5",
       {"tumour", "tumor", "lesion", "carcinoma", "cancer", "metastasis", "metastases", "neoplasm", "nodule",
@@ -272,7 +273,13 @@ constexpr std::array kElasticPresets{
                   "them it is up to a thousand times stiffer, which an isotropic body cannot represent"},
     ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
     ElasticPreset{
-        "ligament", {11000, 0.45}, {5500, 22000}, "across its fibres, the direction of palpation; range (E)"},
+        "ligament",
+        {310, 0.45},
+        {100, 310},
+        "compressed across its fibres, as under a probe; range from two of the tendons, same source. Under "
+        "tension it is stiffer: 11 MPa across the fibres and 332 MPa along them (Quapp, Weiss 1998, J "
+        "Biomech "
+        "Eng 120:757)"},
     ElasticPreset{"muscle", {14, 0.45}, {5, 19}, "3.9 to 6.2 kPa of shear modulus; from 5 kPa on (E)"},
     ElasticPreset{"fat", {9.1, 0.45}, {1, 25}, "range (E)"},
     ElasticPreset{"skin", {56, 0.45}, {28, 110}, "range (E)"},
@@ -439,6 +446,12 @@ std::vector<TermMatch> find_terms(const std::vector<std::string>& words) {
   return matches;
 }
 
+std::string hex_text(const Rgb& colour) {
+  std::array<char, 8> text{};
+  std::snprintf(text.data(), text.size(), "#%02x%02x%02x", colour.r, colour.g, colour.b);
+  return text.data();
+}
+
 }  // namespace
 
 const std::vector<TissuePreset>& tissue_presets() {
@@ -478,14 +491,14 @@ PresetMatch match_preset(const std::string& structure_name) {
 std::string tissue_preset_table() {
   std::string text =
       "| preset | stiffness N/mm | friction | friction_damping N·s/mm | friction_max N | viscosity N·s/mm | "
-      "opacity | source |\n|---|---|---|---|---|---|---|---|\n";
+      "opacity | colour | source |\n|---|---|---|---|---|---|---|---|---|\n";
   for (const TissuePreset& preset : tissue_presets()) {
     const TissueSettings& v = preset.values;
     text += "| `" + preset.name + "`";
     for (const double value : {v.stiffness_N_per_mm, v.friction, v.friction_damping_N_s_per_mm,
                                v.friction_max_N, v.viscosity_N_s_per_mm, v.opacity})
       text += " | " + number_text(value);
-    text += " | " + preset.source + " |\n";
+    text += " | `" + hex_text(*v.colour) + "` | " + preset.source + " |\n";
   }
   return text;
 }

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <sstream>
 
@@ -67,7 +68,7 @@ TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
 // in series with a spring of 1.5 N/mm
 TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
   EXPECT_EQ(stiffness_of("bone"), 1.5);          // 61 kN/mm
-  EXPECT_EQ(stiffness_of("ligament"), 1.45);     // 3 * 11 / 0.75 = 44 N/mm
+  EXPECT_EQ(stiffness_of("ligament"), 0.67);     // 3 * 0.31 / 0.7599 = 1.224 N/mm
   EXPECT_EQ(stiffness_of("cartilage"), 0.91);    // 3 * 0.7724 / 0.99 = 2.341 N/mm
   EXPECT_EQ(stiffness_of("meniscus"), 0.29);     // 3 * 0.12 = 0.36 N/mm
   EXPECT_EQ(stiffness_of("nerve"), 0.14);        // 4 * 0.0387 = 0.155 N/mm
@@ -128,9 +129,25 @@ TEST(TissuePresets, ModuliAndStiffnessesAreOfTheSameTissue) {
   }
 }
 
-TEST(TissuePresets, WhatRestsOnSomethingIsSofter) {
-  EXPECT_LT(stiffness_of("cartilage"), stiffness_of("bone"));
-  EXPECT_LT(stiffness_of("meniscus"), stiffness_of("cartilage"));
+TEST(TissuePresets, AreOrderedAsAProbeFindsThem) {
+  for (const auto& [stiffer, softer] : {std::pair{"bone", "cartilage"},
+                                        {"cartilage", "ligament"},
+                                        {"cartilage", "meniscus"},
+                                        {"ligament", "muscle"},
+                                        {"muscle", "fat"}})
+    EXPECT_GT(stiffness_of(stiffer), stiffness_of(softer)) << stiffer << " and " << softer;
+}
+
+TEST(TissuePresets, ColoursAreDistinct) {
+  const auto& presets = tissue_presets();
+  for (std::size_t a = 0; a < presets.size(); ++a) {
+    ASSERT_TRUE(presets[a].values.colour.has_value()) << presets[a].name;
+    for (std::size_t b = 0; b < a; ++b) {
+      const Rgb &one = *presets[a].values.colour, &other = *presets[b].values.colour;
+      EXPECT_GE(std::hypot(one.r - other.r, one.g - other.g, one.b - other.b), 30)
+          << presets[a].name << " and " << presets[b].name;
+    }
+  }
 }
 
 TEST(MatchPreset, KnowsEveryNameOfTheKneeAtlas) {

@@ -95,7 +95,7 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_THAT(bone.labels, ElementsAre(LabelReference("femur"), LabelReference(96)));
   EXPECT_EQ(bone.stiffness_N_per_mm, tissue_presets()[0].values.stiffness_N_per_mm);
   EXPECT_FALSE(bone.optional);
-  EXPECT_FALSE(bone.colour.has_value());
+  EXPECT_EQ(bone.colour, tissue_presets()[0].values.colour);
 
   const TissueSettings& cartilage = scene.tissues[1];
   EXPECT_TRUE(cartilage.optional);

@@ -136,19 +136,22 @@ bool number_segments(std::vector<Segment>& segments) {
 }
 
 Rgb colour_for(LabelId id) {
-  // colours of ColorBrewer's "Set2" and "Set3" with sufficient contrast in lightness on grey
-  static constexpr std::array<Rgb, 11> kColours{{{102, 194, 165},
-                                                 {252, 141, 98},
-                                                 {141, 160, 203},
-                                                 {231, 138, 195},
-                                                 {166, 216, 84},
-                                                 {255, 217, 47},
-                                                 {229, 196, 148},
-                                                 {128, 177, 211},
-                                                 {251, 128, 114},
-                                                 {188, 128, 189},
-                                                 {141, 211, 199}}};
-  return kColours[id % kColours.size()];
+  // Greens to violets, which no tissue preset has. Hue and lightness follow the additive recurrence of the
+  // plastic number, which keeps any number of consecutive ids apart (Roberts 2018).
+  const auto part = [&](double step) {
+    const double whole = 0.5 + step * id;
+    return whole - std::floor(whole);
+  };
+  const double hue_deg = 95 + 195 * part(0.7548776662466927);
+  const double lightness = 0.34 + 0.36 * part(0.5698402909980532);
+  const double chroma = 0.6 * (1 - std::abs(2 * lightness - 1));
+  // HSL to RGB: a channel is at its maximum within 60 degrees of its hue, at its minimum beyond 120 degrees
+  const auto channel = [&](double channel_deg) {
+    const double away_deg = std::abs(std::remainder(hue_deg - channel_deg, 360.0));
+    const double share = std::clamp(2 - away_deg / 60, 0.0, 1.0) - 0.5;
+    return static_cast<std::uint8_t>(std::lround(255 * (lightness + chroma * share)));
+  };
+  return {channel(0), channel(120), channel(240)};
 }
 
 }  // namespace volume_io
