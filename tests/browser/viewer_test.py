@@ -2706,7 +2706,15 @@ class WithSphere(Viewer):
         aside = numpy.hypot(x, y)
         disc = aside < 0.985 * radius
         facing = numpy.sqrt(1 - numpy.minimum(1, aside / radius) ** 2)
-        surface = 0.28 + 0.68 * facing + 0.08 * facing ** 20
+        # the key light is at the upper left (web/src/volume/shading.gen.ts); y points down; the mock's friction of 0.15 is a gloss of a quarter
+        key = numpy.array((-0.45, 0.6, 0.66)) / numpy.linalg.norm((-0.45, 0.6, 0.66))
+        half = (key + (0, 0, 1)) / numpy.linalg.norm(key + (0, 0, 1))
+
+        def shaded(towards):
+            along = [numpy.maximum(0, (way[0] * x - way[1] * y) / radius + way[2] * towards * facing) for way in (key, half)]
+            return 0.22 + 0.46 * facing + 0.34 * along[0] + 0.05 * facing ** 20 + 0.25 * (0.12 * along[1] ** 8 + 0.35 * along[1] ** 60)
+
+        surface, far_side = shaded(1), shaded(-1)
         off = {}
         for opacity in (1, 0.6, 0.3):
             self.page.run("""const set = (kind, value) => {
@@ -2721,7 +2729,7 @@ class WithSphere(Viewer):
             # in through a surface, a faint haze, out through one, and the ground behind
             dense = numpy.ones_like(surface) if opacity == 1 else 1 - (1 - 0.6 * opacity) ** (1 / numpy.maximum(facing, 0.3))
             haze = 1 - numpy.exp(-0.006 * opacity * 2 * radius * facing)
-            behind = haze * 0.8 + (1 - haze) * (dense * surface + (1 - dense) * 12 / 255)
+            behind = haze * 0.8 + (1 - haze) * (dense * far_side + (1 - dense) * 12 / 255)
             error = (seen - (dense * surface + (1 - dense) * behind))[disc]
             off[opacity] = (numpy.sqrt((error ** 2).mean()), abs(error).max())
             light = seen[disc].mean() / (opacity * surface + (1 - opacity) * 12 / 255)[disc].mean()

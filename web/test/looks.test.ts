@@ -1,7 +1,7 @@
 import type { Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { hasBone, keptLooks, looksOf, presetLooks, restored, type KeptLooks } from "../src/state/looks.js";
+import { glossOf, hasBone, keptLooks, looksOf, presetLooks, restored, type KeptLooks } from "../src/state/looks.js";
 
 const scene = {
   tissues: [
@@ -107,4 +107,10 @@ test("stored looks are restored by label, and invalid ones are ignored", () => {
     12: { colour: [1, 2, 300], opacity: 1, visible: true },
   } as unknown as KeptLooks;
   assert.deepEqual(restored(scene, own, broken), own);
+});
+
+test("what slides well shines: cartilage more than ligament, bone little, skin and what has no tissue not", () => {
+  const [cartilage, ligament, bone] = [0.025, 0.1, 0.2].map(glossOf) as [number, number, number];
+  assert.ok(255 >= cartilage && cartilage > ligament && ligament > bone && bone > 0);
+  for (const dry of [0.3, 2, undefined]) assert.equal(glossOf(dry), 0);
 });

@@ -271,6 +271,7 @@ test("a quiz hides names, and the distance to its target until the target pushes
       { label: 7, name: "left_nodule", colour: [0, 0, 0], tissue: 0 },
       { label: 8, name: "skin", colour: [0, 0, 0], tissue: 0 },
     ],
+    tissues: [{ felt: true, friction: 0.1 }],
     tools: [PROBE],
     world_from_patient: [
       [1, 0, 0, 0],

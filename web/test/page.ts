@@ -56,6 +56,8 @@ function contextOf(canvas: HTMLCanvasElement): CanvasRenderingContext2D {
   const own: Record<string | symbol, unknown> = {
     canvas,
     measureText: (text: string) => ({ width: 6 * text.length }),
+    createLinearGradient: () => ({ addColorStop: () => undefined }),
+    createRadialGradient: () => ({ addColorStop: () => undefined }),
     getImageData: (_x: number, _y: number, width: number, height: number) => ({
       width,
       height,

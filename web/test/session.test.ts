@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import type { Vec3 } from "../src/base/geometry.js";
 import { showsTheSame, Volumes } from "../src/protocol/scene.js";
+import { words } from "../src/words/words.js";
 import { Session } from "../src/state/session.js";
 import { Flag, type DevicePose, type Pose } from "../src/protocol/wire.js";
 
@@ -27,12 +28,20 @@ function session(): Session {
   );
   made.scene.value = {
     structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }],
+    tissues: [{ felt: true }],
     no_go: [],
   } as unknown as Scene;
   return made;
 }
 const device = (x: number, label: number, flags: number, force: Vec3): DevicePose =>
   ({ tip: [x, 0, 0], label, flags, force }) as DevicePose;
+
+test("a scene in which no tissue is felt says so in place of a contact", () => {
+  const made = session();
+  made.scene.value = { ...made.scene.value!, tissues: [{ felt: false }] } as unknown as Scene;
+  for (const x of [0, 3])
+    assert.deepEqual(made.contactOf(device(x, 0, 0, [0, 0, 0])), { label: 0, words: words.nothingToFeel });
+});
 
 test("a touched structure is felt while there is a force or nothing withholds it", () => {
   const contact = (x: number, label: number, flags: number, force: Vec3 = [0, 0, 0]) =>

@@ -60,12 +60,17 @@ struct ClipPlane {
   Vector<Patient> away;  ///< Any length but 0
 };
 
-/// Reflection coefficients of surfaces, 0 ... 1 each. The light is a headlight along the picture's central
-/// ray.
+/// Reflection coefficients of surfaces, 0 ... 1 each. One light is a headlight along the picture's central
+/// ray, the other, the key light, is fixed to the camera. The page has the same
+/// (web/src/volume/shading.gen.ts).
 struct VolumeLight {
-  double ambient = 0.28;   ///< Independent of the normal
-  double diffuse = 0.68;   ///< Proportional to the cosine between normal and light
-  double specular = 0.08;  ///< White, proportional to the 20th power of the cosine
+  double ambient = 0.22;   ///< Independent of the normal
+  double diffuse = 0.46;   ///< Proportional to the cosine between normal and headlight
+  double specular = 0.05;  ///< White, proportional to the 20th power of that cosine
+  double key = 0.34;       ///< Proportional to the cosine between the outward normal and the key light
+  /// Direction towards the key light: components to the picture's right, to its top and to the viewer; any
+  /// length but 0.
+  std::array<double, 3> key_direction{-0.45, 0.6, 0.66};
 };
 
 /// Background, light and clipping of a picture.

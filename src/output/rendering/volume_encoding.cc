@@ -221,15 +221,24 @@ void BlockRows::make_room(std::size_t group, int count) {
   first_[group] = static_cast<std::uint32_t>(end);
 }
 
-RowsView BlockRows::view(const Vector<Patient>& into, const VolumeLight& light) const {
+RowsView BlockRows::view(const VolumeCamera& camera, const VolumeLight& light) const {
+  const Vector<Patient> into = camera.into(), from_key = -direction_to_key(camera, light);
   RowsView view;
   view.mask = mask_.data();
   view.first = first_.data();
   view.voxels = voxels_.data();
-  view.light = {{static_cast<float>(into.x()), static_cast<float>(into.y()), static_cast<float>(into.z())},
-                static_cast<float>(light.ambient),
-                static_cast<float>(light.diffuse),
-                static_cast<float>(light.specular)};
+  const auto set = [](const Vector<Patient>& from, float(&to)[3]) {
+    to[0] = static_cast<float>(from.x());
+    to[1] = static_cast<float>(from.y());
+    to[2] = static_cast<float>(from.z());
+  };
+  set(into, view.light.into);
+  set(from_key, view.light.from_key);
+  view.light.ambient = static_cast<float>(light.ambient);
+  view.light.diffuse = static_cast<float>(light.diffuse);
+  view.light.specular = static_cast<float>(light.specular);
+  view.light.key = static_cast<float>(light.key);
+  view.light.key_facing = static_cast<float>(std::max(0.0, from_key.dot(into)));
   view.blocks = blocks_;
   view.words = words_;
   view.groups = groups_;

@@ -30,7 +30,7 @@ class BlockRows {
   /// @param i, j, k  first voxel of the block
   void put(int i, int j, int k, const VoxelBlock& block);
   /// @param into  unit vector away from the viewer
-  RowsView view(const Vector<Patient>& into, const VolumeLight& light) const;
+  RowsView view(const VolumeCamera& camera, const VolumeLight& light) const;
   /// Blocks of a row by their number; null for an empty block.
   struct Row {
     const std::uint64_t* mask;

@@ -161,11 +161,14 @@ class VolumeOracle {
 
   void light(const VolumeCamera& camera, const VolumeStyle& style) {
     const Eigen::Vector3d into = camera.into().eigen();
+    const Eigen::Vector3d from_key = -internal::volume_picture::direction_to_key(camera, style.light).eigen();
     lit_.resize(voxels_.size());
     for (std::size_t n = 0; n < voxels_.size(); ++n) {
       const OracleVoxel& voxel = voxels_[n];
       const double facing = std::abs(voxel.normal.dot(into)) + 1 - voxel.normal.norm();
-      lit_[n] = voxel.colour * (style.light.ambient + style.light.diffuse * facing) +
+      const double key = std::max(0.0, voxel.normal.dot(from_key)) +
+                         std::max(0.0, into.dot(from_key)) * (1 - voxel.normal.norm());
+      lit_[n] = voxel.colour * (style.light.ambient + style.light.diffuse * facing + style.light.key * key) +
                 Eigen::Vector3d::Constant(255 * style.light.specular *
                                           std::pow(facing, internal::volume_picture::kShininess));
     }

@@ -291,8 +291,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
       continue;
     }
-    const RowsView rows =
-        rows_of(encoding_->rows_for(region.axis).view(camera.into(), style.light), grid, *view);
+    const RowsView rows = rows_of(encoding_->rows_for(region.axis).view(camera, style.light), grid, *view);
     const Ways ways(grid, rays, *view, style.clip);
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
                         internal::volume_picture::kChunk * internal::volume_picture::kChunk;

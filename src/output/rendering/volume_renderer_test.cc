@@ -264,7 +264,7 @@ TEST(VolumeRenderer, ABallIsLitAsABallIs) {
     const double radius = 22.3;
     VolumeRenderer renderer = made(ball(grid, radius), {{{0, 0, 0}, 0}, {{255, 255, 255}, 1}});
     VolumeStyle style;
-    style.light = {0, 1, 0};
+    style.light = {0, 1, 0, 0};
     for (const int number : {0, 1, 2}) {
       std::mt19937 random(static_cast<unsigned>(number));
       VolumeCamera camera = some_camera(grid, number, random);

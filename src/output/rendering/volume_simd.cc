@@ -88,7 +88,14 @@ HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitB
     const VF f2 = hn::Mul(facing, facing), f4 = hn::Mul(f2, f2),
              f16 = hn::Mul(hn::Mul(f4, f4), hn::Mul(f4, f4));
     const VF gloss = hn::Mul(hn::Set(d, light.specular), hn::Mul(f16, f4));
-    const VF dull = hn::Add(hn::Set(d, light.ambient), hn::Mul(hn::Set(d, light.diffuse), facing));
+    const VF from_key = hn::Add(
+        hn::Mul(x, hn::Set(d, light.from_key[0])),
+        hn::Add(hn::Mul(y, hn::Set(d, light.from_key[1])), hn::Mul(z, hn::Set(d, light.from_key[2]))));
+    const VF lit = hn::Min(
+        hn::Add(hn::Max(from_key, hn::Zero(d)), hn::Mul(hn::Set(d, light.key_facing), hn::Sub(one, length))),
+        one);
+    const VF dull = hn::Add(hn::Add(hn::Set(d, light.ambient), hn::Mul(hn::Set(d, light.diffuse), facing)),
+                            hn::Mul(hn::Set(d, light.key), lit));
     const VI steps = hn::PromoteTo(di, hn::LoadU(D16(), from.extinction + n));
     const VF extinction = hn::ConvertTo(d, steps);
     const auto lit_by = [&](const std::uint8_t* colours) HWY_ATTR {

@@ -27,10 +27,12 @@ struct alignas(64) LitBlock {
 };
 static_assert(sizeof(VoxelBlock) == 64 && sizeof(LitBlock) == 64);
 
-/// Illumination: direction away from the viewer, and VolumeLight.
+/// Illumination: directions away from the viewer and away from the key light, patient frame, and VolumeLight.
 struct LightFall {
   float into[3];
-  float ambient, diffuse, specular;
+  float from_key[3];
+  float ambient, diffuse, specular, key;
+  float key_facing;  ///< Cosine between the key light and a surface that faces the viewer, at least 0
 };
 
 /// Direct-mapped cache of recently lit blocks, of the size of a thread's own CPU cache: a block is reused on

@@ -20,12 +20,10 @@
 ///    normal      m     gradient of the smoothed opacity divided by its length or by kFaintGradient of an
 ///                      opaque surface's gradient, whichever is larger, times sidedness(): length at most 1;
 ///                      0 where structures have no extinction
-///    radiance    l     of a voxel: c (ambient + diffuse f) + specular f^20 with
-///                      f =
-/// m . into
-/// + 1 -
-/// m
-/// : a voxel without a normal faces the light
+///    radiance    l     of a voxel: c (ambient + diffuse f + key g) + specular f^20 with
+///                      f = abs(m . into) + 1 - norm(m) and
+///                      g = max(0, m . from_key) + max(0, into . from_key) (1 - norm(m)):
+///                      a voxel without a normal faces the viewer
 ///
 /// Between voxels e and e l are interpolated trilinearly, towards 0 beyond the grid. A ray accumulates
 /// integral T e l dt with the transmittance T = exp(-integral e dt).
@@ -46,6 +44,12 @@ inline constexpr int kShininess = 20;
 /// clipped surface is shaded flat.
 inline double sidedness(double smoothed_opacity) {
   return std::clamp((0.95 - smoothed_opacity) / 0.15, 0.0, 1.0);
+}
+
+/// Unit direction towards the key light.
+inline Vector<Patient> direction_to_key(const VolumeCamera& camera, const VolumeLight& light) {
+  const auto& [right, up, towards] = light.key_direction;
+  return (camera.right * right - camera.down * up - camera.into() * towards).normalized();
 }
 
 /// Both as in the viewer's page (web/src/volume/volume_caster.ts).

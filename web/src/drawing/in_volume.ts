@@ -2,6 +2,7 @@
 
 import { quantity } from "../words/figures.js";
 import { add, apply, tangents, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "../base/geometry.js";
+import { drawRod } from "./instrument.js";
 import { line, text, type Frame } from "./overlay.js";
 import type { Volumes } from "../protocol/scene.js";
 
@@ -83,14 +84,8 @@ export function drawShaft(
     // dashed where occluded
     context.globalAlpha = run.isHidden ? 0.6 : 1;
     if (!run.isHidden) {
-      context.beginPath();
-      context.moveTo(...left[0]);
-      context.lineTo(...left[1]);
-      context.lineTo(...right[1]);
-      context.lineTo(...right[0]);
-      context.closePath();
-      context.fillStyle = "rgba(120, 142, 155, 0.6)";
-      context.fill();
+      const wide = (p: Vec3) => Math.max(1.5 * ratio, radiusAt(p) * seen.pixelsPerMm(p));
+      drawRod(context, a, b, [wide(run.from), wide(run.to)]);
     }
     for (const [begin, end] of [left, right]) {
       if (!run.isHidden) line(frame, begin, end, 3, "rgba(6, 9, 11, 0.6)");

@@ -2,10 +2,11 @@
 // `ratio` is the number of canvas pixels per CSS pixel.
 
 import type { Scene } from "../protocol/messages.js";
+import { drawContactShadow, drawInstrument } from "./instrument.js";
 import { limitQuantity, quantity } from "../words/figures.js";
 import { add, length, niceLength, rotate, scale, type Letters, type Vec3 } from "../base/geometry.js";
 import type { Session } from "../state/session.js";
-import type { DevicePose } from "../protocol/wire.js";
+import { Flag, type DevicePose } from "../protocol/wire.js";
 import { words } from "../words/words.js";
 
 export const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", "Liberation Sans", Arial, sans-serif';
@@ -14,6 +15,8 @@ const FORCE = "#ffd34d";
 const GREY = "#a4adb3";
 /** Threshold below which a force is a rounding error without meaningful direction. */
 const LEAST_FORCE_N = 1e-5;
+/** Minimum radius from which the size of a contact shadow follows; a point tool has none. */
+const LEAST_SHADOW_MM = 1.2;
 
 export interface Frame {
   context: CanvasRenderingContext2D;
@@ -127,6 +130,8 @@ export interface Projection {
   pixelsPerMm(p: Vec3): number;
   /** Opacity of overlays at a position, 0 to 1. */
   clearness(p: Vec3): number;
+  /** The picture shows bodies, so that the tool is drawn as one; absent: a section, which shows its outline. */
+  hasBodies?: boolean;
   /** Draws a capsule of the tool; absent: its outline in the plane is drawn. */
   capsule?(from: Vec3, to: Vec3, radii_mm: readonly [number, number], colour: string): void;
 }
@@ -221,6 +226,11 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
     ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
   }
+  const isSeen = projection.hasBodies === true && projection.clearness(shown) > 0.5;
+  if (isSeen && device.flags & Flag.contact && !(device.flags & Flag.inside)) {
+    const foot = add(shown, scale(device.normal, -tip_mm));
+    drawContactShadow(context, projection.pixel, foot, device.normal, Math.max(tip_mm, LEAST_SHADOW_MM));
+  }
   for (const { from_mm, to_mm, radius_mm, end_radius_mm } of capsules) {
     const place = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
     if (projection.capsule) {
@@ -235,8 +245,18 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     stadium(frame, at(from_mm), at(to_mm), wide, 3, "rgba(6, 9, 11, 0.6)");
     stadium(frame, at(from_mm), at(to_mm), wide, 1.3, colour);
   }
-  ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
-  ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
+  if (isSeen) {
+    const per_mm = projection.pixelsPerMm(shown);
+    const end = projection.pixel(add(shown, session.toPatient(pose, rotate(device.orientation, [0, 0, 1]))));
+    // pointers and hands that never turn have no orientation: their instrument comes from the right hand
+    const behind: [number, number] =
+      Math.abs(device.orientation[0]) > 1 - 1e-9 ? [0.5 * per_mm, -0.8 * per_mm] : [end[0] - tool[0], end[1] - tool[1]];
+    drawInstrument(context, session.heldBy(device), tool, radius, behind, per_mm);
+    ring(frame, tool, radius, 1.3, colour);
+  } else {
+    ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
+    ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
+  }
 
   // force on the hand
   const force_N = length(device.force);

@@ -47,6 +47,15 @@ function isBone(scene: Scene, { name, tissue }: Structure): boolean {
 }
 export const hasBone = (scene: Scene): boolean => scene.structures.some((structure) => isBone(scene, structure));
 
+/** Coefficient of friction from which on a surface looks dry. */
+const DRY_FRICTION = 0.3;
+/**
+ * Gloss of a surface, 0 to 255: what slides well is wet.
+ * @param friction  of the tissue; undefined: structures without a tissue, which look dry
+ */
+export const glossOf = (friction: number | undefined): number =>
+  Math.round(255 * Math.max(0, 1 - (friction ?? DRY_FRICTION) / DRY_FRICTION) ** 2);
+
 /** Initial looks of a scene. */
 export const looksOf = (scene: Scene): Look[] =>
   scene.structures.map(({ colour, tissue }) => ({

@@ -8,7 +8,7 @@ import { keep, recall, recallScene } from "./kept.js";
 import type { Near, NearStructure } from "../protocol/near.js";
 import type { PlanStore } from "./plan_store.js";
 import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
-import { looksOf, restored, type KeptLooks, type Look } from "./looks.js";
+import { glossOf, looksOf, restored, type KeptLooks, type Look } from "./looks.js";
 import { REMOVED, showsTheSame, type Volumes } from "../protocol/scene.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
 import { Flag } from "../protocol/wire.js";
@@ -162,8 +162,23 @@ export class Session {
     for (const value of alike?.values ?? []) rgba.copyWithin(4 * value, 4 * alike!.as, 4 * alike!.as + 4);
     return rgba;
   });
+  /** Gloss of 256 structures, in the order of the palette. */
+  private readonly gloss = computed<Uint8Array<ArrayBuffer>>(() => {
+    const values = new Uint8Array(256);
+    const scene = this.scene.value;
+    scene?.structures
+      .slice(0, 255)
+      .forEach(({ tissue }, place) => (values[place + 1] = glossOf(scene.tissues[tissue]?.friction)));
+    const alike = this.alike.value;
+    for (const value of alike?.values ?? []) values[value] = values[alike!.as]!;
+    return values;
+  });
   /** Appearance of the volume: another object after every change of colours, voxels or deformation. */
-  readonly appearance = computed(() => ({ palette: this.palette.value, edits: this.edits.value }));
+  readonly appearance = computed(() => ({
+    palette: this.palette.value,
+    gloss: this.gloss.value,
+    edits: this.edits.value,
+  }));
 
   // ---- changes
 
@@ -304,6 +319,11 @@ export class Session {
 
   // ---- names
 
+  /** Whether no structure of the scene has contact forces. */
+  private readonly hasNothingToFeel = computed(() => {
+    const scene = this.scene.value;
+    return scene !== null && !this.quiz.value && !scene.tissues.some(({ felt }) => felt);
+  });
   contactOf(device: DevicePose): Contact {
     const touches = device.label > 0;
     const isFelt = touches && !(device.flags & WITHHELD && length(device.force) === 0);
@@ -311,6 +331,7 @@ export class Session {
     const place = this.volumes.value?.structureAt(device.tip) ?? null;
     const around = place === null ? null : this.nameAt(place);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
+    if (!touches && this.hasNothingToFeel.value) return { label: 0, words: words.nothingToFeel };
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
     return isFelt
       ? { label: device.label, words: this.withEnclosing(readable(name), device.label) }

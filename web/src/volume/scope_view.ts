@@ -322,6 +322,8 @@ export class ScopeView {
           pixel: (p) => [x + dot(sub(p, eye), right) * pixelsPerMm(p), y - dot(sub(p, eye), up) * pixelsPerMm(p)],
           direction: (v) => [dot(v, right), -dot(v, up)],
           pixelsPerMm,
+          // the tool that holds the camera is behind the lens, but for its head
+          hasBodies: each.number !== this.heldBy,
           clearness: (p) =>
             seen.found.hides(p, session.heldBy(each).radius_mm + 1.5 * session.volumes.value!.voxelSize) ? 0.45 : 1,
         });

@@ -4,10 +4,11 @@
 import type { Displacement } from "../drawing/displacement.js";
 import { DisplacementTexture, MOVED, reachOf } from "../drawing/displacement.js";
 import { BLOCK, TEXEL_BYTES, type Field } from "./field.js";
-import { apply, dot, invert, length, sub, turn, type Affine, type Vec3 } from "../base/geometry.js";
+import { add, apply, dot, invert, length, scale, sub, turn, type Affine, type Vec3 } from "../base/geometry.js";
 import { halfFloats } from "../base/half_floats.js";
 import { inPieces, slicesOfPiece } from "../base/pieces.js";
 import { isSoftware, usedProgram } from "../drawing/shader_program.js";
+import { SHADING } from "./shading.gen.js";
 import { BACKGROUND, type Cut, type View } from "./view.js";
 
 /** Texture unit of the coverage; the displacement has unit 4. */
@@ -17,14 +18,20 @@ const COVERS = 5;
  * without a graphics card are below it, except at full resolution.
  */
 const QUICK_TEXELS = 2e6;
+/** Number of samples of a surface's surroundings, and their distance. */
+const OCCLUDERS = 5;
+const SURROUNDINGS_MM = 4;
+const LEAST_SURROUNDINGS_TEXELS = 2.5;
+/** A number as a GLSL literal. */
+const glsl = (x: number): string => (Number.isInteger(x) ? `${x}.0` : String(x));
 // Software WebGL executes both branches of every `if`, but skips loops without iterations. Expensive parts are
 // therefore in loops that rarely run, from the outside in: surfaces, samples near a surface, steps to the next surface.
 // It also inlines every call, and many copies take seconds to compile, so that neighbours are visited in loops, too.
 //
 // Variants. SCAN: the scan around the structures. THIN: translucent structures. EYE: perspective. FINE: smooth
-// surfaces, in 1.5 times the time. CUT: clipping. DISPLACED: deformation. ROUGH: pictures that are replaced soon, in
-// 1/8 of the time: coverage is one lookup in a filtered texture for the current looks (`covers`), and a surface has the
-// colour of one texel.
+// surfaces, in 1.5 times the time. CUT: clipping. GRAIN: the scan on cut faces. DISPLACED: deformation. ROUGH: pictures
+// that are replaced soon, in 1/8 of the time: coverage is one lookup in a filtered texture for the current looks
+// (`covers`), and a surface has the colour of one texel.
 const FRAGMENT = `precision highp float;
 precision highp int;
 precision highp sampler3D;
@@ -35,7 +42,7 @@ uniform usampler3D leaps;    // per block: distance to the nearest non-empty blo
 uniform sampler3D covers;    // solid and translucent coverage per texel, with the field's border
 #endif
 uniform sampler3D haze;      // scan
-// RGBA of 256 structures; 0 is nothing; second row: where clipped
+// RGBA of 256 structures; 0 is nothing; second row: where clipped; third row: red is the gloss
 uniform sampler2D looks;
 uniform mat3 patient;        // gradient per texel to gradient per mm
 uniform vec3 corner;         // origin and steps of pixels in texels; perspective: relative to the eye, mm
@@ -62,6 +69,8 @@ uniform float height;
 uniform vec2 range;          // of depths: minimum, mm; 1 / extent
 uniform vec3 window;         // of the scan: lower end, 1 / width, opacity
 uniform vec3 ground;
+uniform vec4 lamp;           // key light: direction towards it, patient, unit; strength
+uniform float surroundings;  // distance at which surroundings occlude, texels
 #if DISPLACED
 uniform vec3 reach;          // maximum displacement per axis, texels
 #endif
@@ -167,8 +176,9 @@ float surface(vec3 origin, float outside, float inside, float before, float afte
   return t;
 }
 
-// shading by a headlight. Alpha: cosine of the viewing angle
-vec4 lit(vec3 at, vec2 kind, vec3 base) {
+// Shading by SHADING. Alpha: cosine of the viewing angle.
+// gloss: of the structure; occlusion: darkening of a surface whose surroundings are covered
+vec4 lit(vec3 at, vec2 kind, vec3 base, float gloss, float occlusion) {
   // six neighbours, close enough that a sheet of one texel has sides
 #if FINE
   const int places = 14;
@@ -178,19 +188,28 @@ vec4 lit(vec3 at, vec2 kind, vec3 base) {
   const float near = 1.0;
 #endif
   vec3 gradient = vec3(0.0), slope = vec3(0.0);
-  for (int c = 0; c < places; c++) {
+  float covered = 0.0;
+  for (int c = 0; c < places + ${OCCLUDERS}; c++) {
     vec3 direction = vec3(c >> 1 == 0, c >> 1 == 1, c >> 1 == 2) * (c % 2 == 0 ? 1.0 : -1.0);
-    float reach = near;
-#if FINE
-    // then eight in the tangent plane, wide enough to smooth the steps of voxels
     vec3 up = gradient / max(length(gradient), 1e-6);
     vec3 tangent = cross(up, abs(up.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
     tangent /= max(length(tangent), 1e-6);
+    float reach = near;
+#if FINE
+    // then eight in the tangent plane, wide enough to smooth the steps of voxels
     float angle = 0.785398 * float(c);
     direction = c < 6 ? direction : cos(angle) * tangent + sin(angle) * cross(up, tangent);
     reach = c < 6 ? near : 3.5;
 #endif
-    vec3 rise = direction * dot(kind, coverage(clamp(at + reach * direction, vec3(-1.0), dims - 0.001)));
+    // at last the surroundings in front, on a cone about the normal
+    bool isAway = c >= places;
+    float around = ${((2 * Math.PI) / OCCLUDERS).toFixed(6)} * float(c);
+    vec3 sky = 0.816497 * (cos(around) * tangent + sin(around) * cross(up, tangent)) - 0.577350 * up;
+    direction = isAway ? sky : direction;
+    reach = isAway ? surroundings : reach;
+    float cover = dot(kind, coverage(clamp(at + reach * direction, vec3(-1.0), dims - 0.001)));
+    covered += isAway ? cover : 0.0;
+    vec3 rise = isAway ? vec3(0.0) : direction * cover;
     gradient += c < 6 ? rise / (2.0 * near) : vec3(0.0);
     slope += c < 6 ? vec3(0.0) : rise / (4.0 * reach);
   }
@@ -198,17 +217,28 @@ vec4 lit(vec3 at, vec2 kind, vec3 base) {
   // these eight determine the tangent components, the six the normal one
   gradient += slope;
 #endif
+  // outward; a surface without a normal faces the viewer
   vec3 normal = patient * gradient;
   float size = length(normal);
-  float facing = size > 0.0 ? abs(dot(normal, inward)) / size : 1.0;
-  return vec4(base * (0.28 + 0.68 * facing) + 0.08 * pow(facing, 20.0), facing);
+  normal = size > 0.0 ? -normal / size : -inward;
+  float facing = abs(dot(normal, inward));
+  float key = max(dot(normal, lamp.xyz), 0.0);
+  float mirrored = max(dot(normal, normalize(lamp.xyz - inward)), 0.0);
+  float open = 1.0 - occlusion * covered / ${OCCLUDERS}.0;
+  float dull = ${glsl(SHADING.ambient)} + (${glsl(SHADING.diffuse)} + ${glsl(SHADING.key)} * (1.0 - lamp.w)) * facing;
+  dull += ${glsl(SHADING.key)} * lamp.w * key;
+  // a broad sheen and a small highlight
+  float wet = 0.12 * pow(mirrored, 8.0) + 0.35 * pow(mirrored, 60.0);
+  float white = ${glsl(SHADING.specular)} * pow(facing, ${glsl(SHADING.shininess)}) + gloss * lamp.w * wet;
+  return vec4(open * (base * dull + white), facing);
 }
 
-// dominant solid structure
-float solidAt(vec3 at) {
+// dominant structure of one kind
+uint dominantAt(vec3 at, vec2 kind) {
   uvec4 texel = texelFetch(field, clamp(ivec3(floor(lookedUp(at) + 0.5)), ivec3(0), ivec3(dims) - 1) + 1, 0);
-  float first = kinds(lookOf(texel.r).a).x * float(texel.b), second = kinds(lookOf(texel.g).a).x * float(texel.a);
-  return float(second > first ? texel.g : texel.r) / 255.0;
+  float first = dot(kind, kinds(lookOf(texel.r).a)) * float(texel.b);
+  float second = dot(kind, kinds(lookOf(texel.g).a)) * float(texel.a);
+  return second > first ? texel.g : texel.r;
 }
 
 void main() {
@@ -328,7 +358,18 @@ void main() {
     float path = surface(origin, last, t, dot(kind, before), dot(kind, now), kind);
     vec3 hit = origin + path * into;
     vec4 base = paint(hit, kind);
-    vec4 shade = lit(hit, kind, base.rgb);
+    float gloss = texelFetch(looks, ivec2(int(dominantAt(hit, kind)), 2), 0).r, occlusion = 0.55;
+#if CUT
+    // a cut face lies within its structure
+    bool isFace = abs(path - cut) < pace;
+    occlusion = isFace ? 0.0 : occlusion;
+    gloss = isFace ? 0.0 : gloss;
+#if GRAIN
+    float grain = clamp((texture(haze, (lookedUp(hit) + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
+    base.rgb *= isFace ? 0.4 + 1.1 * grain : 1.0;
+#endif
+#endif
+    vec4 shade = lit(hit, kind, base.rgb, gloss, occlusion);
     float dense = kind.x > 0.5 ? 1.0 : 1.0 - pow(1.0 - 0.6 * base.a, 1.0 / max(shade.a, 0.3));
     dense = isSurface ? dense : 0.0;
 #if EYE
@@ -346,7 +387,7 @@ void main() {
   row = met + range.x < cut ? 1 : 0;
 #endif
   float steps = floor(65535.0 * clamp(met * range.y, 0.0, 1.0) + 0.5);
-  float solid = met < 0.0 ? 0.0 : solidAt(origin + (met + range.x) * into);
+  float solid = met < 0.0 ? 0.0 : float(dominantAt(origin + (met + range.x) * into, SOLID)) / 255.0;
   found = vec4(floor(steps / 256.0) / 255.0, mod(steps, 256.0) / 255.0, solid, 1.0);
 }`;
 
@@ -356,6 +397,7 @@ interface Kind {
   thin?: boolean;
   eye?: boolean;
   cut?: boolean;
+  grain?: boolean;
   fine?: boolean;
   rough?: boolean;
   displaced?: boolean;
@@ -370,6 +412,7 @@ export class Caster {
   private field: Field | null = null;
   private texelFromPatient: Affine = [];
   private looks = new Uint8Array(1024);
+  private gloss = new Uint8Array(256);
   private leapsStand = false; // the texture of leaps is valid for the current looks and field
   private coversStand = false; // the texture of coverage is valid for the current looks and field
   private window: Vec3 = [0, 1, 0];
@@ -405,8 +448,8 @@ export class Caster {
     gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
     for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
       gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 2);
-    this.setLooks(this.looks);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 3);
+    this.setLooks(this.looks, this.gloss);
     this.target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     this.attached.length = 0;
@@ -435,6 +478,7 @@ export class Caster {
       define("THIN", what.thin) +
       define("EYE", what.eye) +
       define("CUT", what.cut) +
+      define("GRAIN", what.grain) +
       define("FINE", what.fine) +
       define("ROUGH", what.rough) +
       define("DISPLACED", what.displaced) +
@@ -559,16 +603,21 @@ export class Caster {
     );
   }
 
-  /** @param looks  256 RGBA values: 0 for no structure, then the structures in order */
-  setLooks(looks: Uint8Array<ArrayBuffer>): void {
+  /**
+   * @param looks  256 RGBA values: 0 for no structure, then the structures in order
+   * @param gloss  256 values of glossOf() in the same order, 0 to 255
+   */
+  setLooks(looks: Uint8Array<ArrayBuffer>, gloss: Uint8Array<ArrayBuffer>): void {
     const gl = this.gl;
     const isSame = (as: (opacity: number) => unknown) =>
       looks.every((value, n) => n % 4 !== 3 || as(value) === as(this.looks[n]!));
     this.leapsStand &&= isSame((opacity) => opacity > 0);
     this.coversStand &&= isSame((opacity) => (opacity === 0 ? 0 : opacity === 255 ? 2 : 1));
-    this.looks = looks;
+    [this.looks, this.gloss] = [looks, gloss];
+    const glossRow = Uint8Array.from({ length: 1024 }, (_, n) => (n % 4 === 0 ? gloss[n / 4]! : 0));
     gl.activeTexture(gl.TEXTURE3);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 2, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, glossRow);
   }
 
   /** Sets the deformation; null: none. */
@@ -600,6 +649,7 @@ export class Caster {
       thin,
       eye: eye !== null,
       cut: cut !== null,
+      grain: cut !== null && this.field!.haze !== null,
       fine: isFine,
       rough: !isFine && !cut && this.isQuick,
       displaced: this.displacement !== null,
@@ -681,6 +731,16 @@ export class Caster {
     gl.uniform2f(this.at("range"), this.range[0], 1 / this.range[1]);
     gl.uniform1f(this.at("height"), view.height);
     gl.uniform3fv(this.at("window"), this.window);
+    const [aside, above, towards] = SHADING.keyDirection;
+    const key = [
+      scale(view.across, aside / length(view.across)),
+      scale(view.down, -above / length(view.down)),
+      scale(view.into, -towards),
+    ].reduce(add);
+    // an arthroscope has its own light alone
+    gl.uniform4f(this.at("lamp"), ...scale(key, 1 / length(key)), eye?.isRound ? 0 : 1);
+    const texelsPerMm = Math.max(...m.map((row) => Math.hypot(row[0]!, row[1]!, row[2]!)));
+    gl.uniform1f(this.at("surroundings"), Math.max(LEAST_SURROUNDINGS_TEXELS, SURROUNDINGS_MM * texelsPerMm));
   }
   private setClipping({ corner, across, down, into, eye }: View, cut: Cut): void {
     const gl = this.gl;

@@ -293,7 +293,7 @@ export class VolumeRenderer {
     if (this.appearance !== appearance) {
       this.appearance = appearance;
       this.looks += 1;
-      this.setLooks(appearance.palette);
+      this.setLooks(appearance.palette, appearance.gloss);
     }
     const haze =
       session.scanInVolume.value > 0 ? JSON.stringify([session.storedWindow(), session.scanInVolume.value]) : "";
@@ -304,9 +304,12 @@ export class VolumeRenderer {
     this.version = `${this.looks} ${haze} ${this.edits}`;
   }
 
-  /** @param rgba  256 colours: 0 for no structure, then the structures in order; alpha is the opacity */
-  private setLooks(rgba: Uint8Array<ArrayBuffer>): void {
-    this.say({ type: "looks", rgba });
+  /**
+   * @param rgba  256 colours: 0 for no structure, then the structures in order; alpha is the opacity
+   * @param gloss  256 values of glossOf() in the same order
+   */
+  private setLooks(rgba: Uint8Array<ArrayBuffer>, gloss: Uint8Array<ArrayBuffer>): void {
+    this.say({ type: "looks", rgba, gloss });
   }
   /**
    * Sets the display of the scan around the structures.

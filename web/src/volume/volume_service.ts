@@ -17,7 +17,7 @@ export type Asked =
   | { type: "put"; piece: Piece }
   | { type: "displace"; by: { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null }
   | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
-  | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
+  | { type: "looks"; rgba: Uint8Array<ArrayBuffer>; gloss: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
   | { type: "draw"; id: number; view: View; givesWay: boolean } // givesWay: dropped if a newer one is queued
   | { type: "restore" }
@@ -110,7 +110,7 @@ class Service {
         this.say({ type: "put" });
         break;
       case "looks":
-        caster.setLooks(asked.rgba);
+        caster.setLooks(asked.rgba, asked.gloss);
         this.work.looks += 1;
         break;
       case "haze":

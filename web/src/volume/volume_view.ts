@@ -340,6 +340,7 @@ export class VolumeView {
     drawTool(frame, session, device, {
       ...projection,
       clearness: () => (projection.hides(tool, slack_mm) ? 0.45 : 1),
+      hasBodies: true,
       capsule: (from, to, radii_mm, colour) =>
         drawShaft(frame, projection, from, to, radii_mm, colour, 1.5 * session.volumes.value!.voxelSize),
     });
