@@ -30,10 +30,11 @@ class PointerDriver final : public DeviceDriver {
   /// @param now  clock for interpolation and sample times, also used by move(); nullptr: CLOCK_MONOTONIC
   explicit PointerDriver(const Point<Device>& tip, TimeSource now = nullptr);
 
-  /// Sets the position, and the force to press with from there, as of now. A non-finite value is a bug. Never
-  /// blocks. Any thread, but only one at a time; the same holds for release().
-  void move(const Point<Device>& tip) noexcept { move(tip, {}); }
-  void move(const Point<Device>& tip, const Press& press) noexcept;
+  /// Sets the position, and the force to press with from there, as of now. Never blocks. Any thread, but only
+  /// one at a time; the same holds for release(). Errors: kBadInput if the position or the press is not finite;
+  /// the earlier ones then stay.
+  Result<void> move(const Point<Device>& tip) { return move(tip, {}); }
+  Result<void> move(const Point<Device>& tip, const Press& press);
   /// Invalidates the position: its age is unlimited from the next tick on.
   void release() noexcept;
 

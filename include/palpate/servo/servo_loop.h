@@ -133,9 +133,10 @@ class ServoLoop {
   virtual Parameters parameters() const = 0;
   /// Replaces the model from the next tick on. The force blends over in kOutputFeel.blend_s, except for a
   /// local edit (Model::edits), which applies at once. A model of the same version must be the same apart
-  /// from being prepared for more methods; a lower version is a bug. The old model is freed by a later call
-  /// of set_model() or collect(), never on the servo thread.
-  virtual void set_model(std::shared_ptr<const Model> model) = 0;
+  /// from being prepared for more methods. The old model is freed by a later call of set_model() or
+  /// collect(), never on the servo thread. Errors: kBadInput if the model is null or of a lower version; the
+  /// loop then keeps its model.
+  virtual Result<void> set_model(std::shared_ptr<const Model> model) = 0;
   /// Frees models that no tick uses any more. Returns the number of models still held.
   virtual std::size_t collect() = 0;
   /// Sets forces to zero from the next tick on, until a rearm() answers this stop or a later one. Idempotent:

@@ -160,7 +160,7 @@ plp_status plp_loop_set_model(plp_loop* loop, const plp_model* model) {
       return fail(fine.error());
     if (!model->felt().has(loop->method))
       return fail(PLP_USAGE, "model: this version is not prepared for the loop's method");
-    loop->loop->set_model(model->loaded.model);
+    if (auto accepted = loop->loop->set_model(model->loaded.model); !accepted) return fail(accepted.error());
     loop->model = model->loaded.model;
     return PLP_OK;
   });

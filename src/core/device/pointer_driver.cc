@@ -28,10 +28,14 @@ DeviceInfo PointerDriver::info() {
   return info;
 }
 
-void PointerDriver::move(const Point<Device>& tip, const Press& press) noexcept {
-  PALPATE_CHECK(press.into.all_finite() && std::isfinite(press.force_N));
+Result<void> PointerDriver::move(const Point<Device>& tip, const Press& press) {
+  if (!tip.all_finite())
+    return Error{ErrorKind::kBadInput, "is not finite", "position", "give three finite coordinates in mm"};
+  if (!press.into.all_finite() || !std::isfinite(press.force_N))
+    return Error{ErrorKind::kBadInput, "is not finite", "press", "give a finite direction, and a finite force in N"};
   presses_.post(press);
   told_.tell(tip, Eigen::Quaterniond::Identity(), now_());
+  return {};
 }
 
 void PointerDriver::release() noexcept {

@@ -87,7 +87,8 @@ TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
   const auto said_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
   // plus the longest possible interpolation, 40 ms
   const auto seen = run(driver, 220, [&](int tick) {
-    if (tick % 8 == 0 && tick / 8 <= 20) driver.move(Point<Device>(said_mm(tick / 8), 0, 0));
+    if (tick % 8 == 0 && tick / 8 <= 20)
+      EXPECT_TRUE(driver.move(Point<Device>(said_mm(tick / 8), 0, 0)).ok());
   });
   double farthest_mm = 0;
   int between = 0;
@@ -112,7 +113,7 @@ TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
   std::int64_t moved_ns = 0;
   const auto seen = run(driver, 1000, [&](int tick) {
     if (tick != 5 && tick != 900) return;
-    driver.move(Point<Device>(tick == 5 ? 1 : 2, 0, 0));
+    EXPECT_TRUE(driver.move(Point<Device>(tick == 5 ? 1 : 2, 0, 0)).ok());
     if (tick == 5) moved_ns = virtual_ns;
   });
   int fresh = 0, old = 0;
@@ -135,8 +136,8 @@ TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
 TEST(PointerDriver, LetGoItIsOldAtOnceAndRestsWhereItIs) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto seen = run(driver, 60, [&](int tick) {
-    if (tick == 3) driver.move(Point<Device>(0, 0, 0));
-    if (tick == 5) driver.move(Point<Device>(30'000, 0, 0));
+    if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0)).ok());
+    if (tick == 5) EXPECT_TRUE(driver.move(Point<Device>(30'000, 0, 0)).ok());
     if (tick == 12) driver.release();
   });
   const Seen& last = seen.back();
@@ -152,9 +153,9 @@ TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
     SCOPED_TRACE(let_go);
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
     const auto seen = run(driver, 700, [&](int tick) {
-      if (tick == 3) driver.move(Point<Device>(10, 0, 0));
+      if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
       if (tick == 20 && let_go) driver.release();
-      if (tick == 670) driver.move(Point<Device>(90, 0, 0));
+      if (tick == 670) EXPECT_TRUE(driver.move(Point<Device>(90, 0, 0)).ok());
     });
     for (const Seen& at : seen) {
       const double x = at.tip.x();
@@ -168,7 +169,7 @@ TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
 TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto seen = run(driver, 350, [&](int tick) {
-    if (tick % 10 == 0) driver.move(Point<Device>(tick < 50 ? 0 : 300, 0, 0));
+    if (tick % 10 == 0) EXPECT_TRUE(driver.move(Point<Device>(tick < 50 ? 0 : 300, 0, 0)).ok());
   });
   for (std::size_t n = 1; n < seen.size(); ++n) {
     const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
@@ -189,7 +190,7 @@ TEST(PointerDriver, StallsOfAPageDoNotDropTheHold) {
   int stalls = 0, left = beats(random);
   const auto seen = run(driver, 70'000, [&](int) {
     if (virtual_ns < next_ns || stalls == 200) return;
-    driver.move(Point<Device>(1, 2, 3));
+    EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
     const bool stalled = --left == 0;
     next_ns = virtual_ns + (stalled ? stall_ms(random) : 33) * kMs_ns;
     if (!stalled) return;
@@ -210,7 +211,7 @@ TEST(PointerDriver, ALongStallReleasesInTime) {
     std::int64_t last_ns = 0;
     const auto seen = run(driver, stall_ms, [&](int tick) {
       if (tick > 3) return;
-      driver.move(Point<Device>(1, 2, 3));
+      EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
       last_ns = virtual_ns;
     });
     for (const Seen& at : seen)
@@ -234,8 +235,9 @@ TEST(PointerDriver, APressHasItsForceWhateverTheStiffness) {
       const auto seen = run(
           driver, 3000,
           [&](int tick) {
-            if (tick % 16 == 0)
-              driver.move(Point<Device>(0.03 * std::max(0, tick - 500), 0, 0), {{0, 0, -1}, wanted_N});
+            if (tick % 16 != 0) return;
+            const Point<Device> tip(0.03 * std::max(0, tick - 500), 0, 0);
+            EXPECT_TRUE(driver.move(tip, {{0, 0, -1}, wanted_N}).ok());
           },
           force_N);
       int outside = 0;
@@ -257,9 +259,9 @@ TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
   const auto seen = run(
       driver, 800,
       [&](int tick) {
-        if (tick % 16 == 0)
-          driver.move(Point<Device>(0, 0, 0),
-                      tick < 400 ? PointerDriver::Press{{0, 0, -1}, 1} : PointerDriver::Press{});
+        if (tick % 16 != 0) return;
+        const auto press = tick < 400 ? PointerDriver::Press{{0, 0, -1}, 1} : PointerDriver::Press{};
+        EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0), press).ok());
       },
       [](const auto&) { return 0.0; });
   EXPECT_NEAR(seen[399].tip.z(), -PointerDriver::kMaxSearch_mm, 1e-9);
@@ -276,7 +278,7 @@ TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
     for (; !ended; ++said) {
       // a torn read would leave the diagonal
       const double x = 5 * std::sin(0.01 * said);
-      driver.move(Point<Device>(x, x, x));
+      EXPECT_TRUE(driver.move(Point<Device>(x, x, x)).ok());
       std::this_thread::yield();
     }
   });
@@ -293,10 +295,18 @@ TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
   }
 }
 
-TEST(PointerDriver, APlaceThatIsNoNumberIsABug) {
+TEST(PointerDriver, RefusesAPositionThatIsNotFiniteAndKeepsTheEarlierOne) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  EXPECT_DEATH(driver.move(Point<Device>(0, std::nan(""), 0)), "finite");
-  EXPECT_DEATH(driver.move(Point<Device>(0, 0, 0), {{0, 0, 1}, std::nan("")}), "finite");
+  const auto seen = run(driver, 40, [&](int tick) {
+    if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
+    if (tick < 5) return;
+    for (const auto& refused : {driver.move(Point<Device>(0, std::nan(""), 0)),
+                                driver.move(Point<Device>(0, 0, 0), {{0, 0, 1}, std::nan("")})}) {
+      ASSERT_FALSE(refused.ok());
+      EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
+    }
+  });
+  EXPECT_EQ(seen.back().tip.eigen(), Eigen::Vector3d(1, 2, 3));
 }
 
 // half of the path has half of the rotation, along the shorter arc

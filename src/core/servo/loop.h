@@ -36,7 +36,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
 
   std::uint32_t change(const std::function<void(Parameters&)>& edit) override;
   Parameters parameters() const override;
-  void set_model(std::shared_ptr<const Model> model) override { model_.set(std::move(model)); }
+  Result<void> set_model(std::shared_ptr<const Model> model) override { return model_.set(std::move(model)); }
   std::size_t collect() override { return model_.collect(); }
   std::uint32_t emergency_stop() noexcept override;
   RearmResult rearm(std::uint32_t stop, std::uint32_t& number) noexcept override;

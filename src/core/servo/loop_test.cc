@@ -309,7 +309,7 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   });
   // alternately soft and stiff, faster than a blend
   for (std::uint32_t version = 2; version <= 20; ++version) {
-    loop->set_model(watched(ball(version, version % 2 ? 1 : 0.5)));
+    ASSERT_TRUE(loop->set_model(watched(ball(version, version % 2 ? 1 : 0.5))).ok());
     std::this_thread::sleep_for(20ms);
     take_records();
   }
@@ -632,7 +632,7 @@ TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
     edited.device[0].max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
     edited.device[0].max_damping_N_s_per_mm = kNotKnown;
   });
-  loop.set_model(ball(2, 4));
+  ASSERT_TRUE(loop.set_model(ball(2, 4)).ok());
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
   const DeviceTick seen = loop.snapshot().device[0];
   const CarefulBounds careful = careful_bounds(driver.info);
@@ -651,7 +651,7 @@ TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
   ASSERT_GT(loop.snapshot().device[0].force_N[0], 1);
   Model strict = *ball(2);
   strict.scene_max_force_N = 0.5;
-  loop.set_model(std::make_shared<const Model>(std::move(strict)));
+  ASSERT_TRUE(loop.set_model(std::make_shared<const Model>(std::move(strict))).ok());
   EXPECT_LE(tick_after(loop, 1'000'000).force_N.norm(), 0.5);
   EXPECT_EQ(loop.snapshot().device[0].limit_N, 0.5);
 }

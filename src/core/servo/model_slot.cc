@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <limits>
+#include <string>
+#include <utility>
 
 #include "palpate/base/check.h"
 
@@ -17,16 +19,23 @@ ModelSlot::ModelSlot(std::shared_ptr<const Model> model) : current_(model.get())
   held_.push_back({std::move(model), kNever});
 }
 
-void ModelSlot::set(std::shared_ptr<const Model> model) {
+Result<void> ModelSlot::set(std::shared_ptr<const Model> model) {
   const std::lock_guard lock(mutex_);
-  PALPATE_CHECK(model != nullptr);
-  PALPATE_CHECK(model->version >= held_.back().model->version);
+  if (model == nullptr)
+    return Error{ErrorKind::kBadInput, "is null", "model", "give the model's next version"};
+  const std::uint32_t current = held_.back().model->version;
+  if (model->version < current)
+    return Error{ErrorKind::kBadInput,
+                 "version " + std::to_string(model->version) + " is lower than version " +
+                     std::to_string(current) + ", which the loop has",
+                 "model", "make the next version of the loop's model"};
   const Model* next = model.get();
   // before the exchange, because it may throw for lack of memory: the servo's pointer must always be owned
   held_.push_back({std::move(model), kNever});
   current_.store(next);
   held_[held_.size() - 2].free_from = begun_.load();
   collect_locked();
+  return {};
 }
 
 std::size_t ModelSlot::collect() {

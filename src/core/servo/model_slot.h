@@ -6,6 +6,7 @@
 #include <mutex>
 #include <vector>
 
+#include "palpate/base/result.h"
 #include "palpate/contact/haptics.h"
 
 namespace palpate {
@@ -32,8 +33,8 @@ class ModelSlot {
   void end_tick() noexcept { done_.fetch_add(1); }
 
   // ---- every other thread
-  /// Replaces the current model. A version below the current one's is a bug.
-  void set(std::shared_ptr<const Model> model);
+  /// Replaces the current model. Errors: kBadInput if it is null or of a version below the current one's.
+  Result<void> set(std::shared_ptr<const Model> model);
   /// Frees the models that no tick uses. Returns the number of models still held, the current one included.
   std::size_t collect();
 

@@ -1,11 +1,14 @@
 #include "servo/model_slot.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <thread>
 
 namespace palpate {
 namespace {
+
+using ::testing::HasSubstr;
 
 std::shared_ptr<const Model> model(std::uint32_t version) {
   auto made = std::make_shared<Model>();
@@ -16,17 +19,17 @@ std::shared_ptr<const Model> model(std::uint32_t version) {
 TEST(ModelSlot, KeepsWhatATickMayStillUse) {
   ModelSlot slot(model(1));
   EXPECT_EQ(slot.begin_tick().version, 1u);
-  slot.set(model(2));
+  EXPECT_TRUE(slot.set(model(2)).ok());
   EXPECT_EQ(slot.collect(), 2u) << "the tick that began before still uses the first";
   slot.end_tick();
   EXPECT_EQ(slot.collect(), 1u);
   EXPECT_EQ(slot.begin_tick().version, 2u);
-  slot.set(model(3));
-  slot.set(model(4));
+  EXPECT_TRUE(slot.set(model(3)).ok());
+  EXPECT_TRUE(slot.set(model(4)).ok());
   EXPECT_EQ(slot.collect(), 3u);
   slot.end_tick();
   EXPECT_EQ(slot.collect(), 1u);
-  slot.set(model(5));
+  EXPECT_TRUE(slot.set(model(5)).ok());
   EXPECT_EQ(slot.collect(), 1u) << "between ticks nothing is used";
 }
 
@@ -58,7 +61,7 @@ TEST(ModelSlot, NoTickEverSeesAFreedModel) {
   for (std::uint32_t version = 1; version <= 2000; ++version) {
     const int before = ticks;
     while (version % 20 == 0 && ticks == before) std::this_thread::yield();
-    slot.set(made(version));
+    EXPECT_TRUE(slot.set(made(version)).ok());
   }
   done = true;
   servo.join();
@@ -67,11 +70,17 @@ TEST(ModelSlot, NoTickEverSeesAFreedModel) {
   EXPECT_EQ(slot.collect(), 1u);
 }
 
-TEST(ModelSlotDeathTest, AVersionBelowTheLastIsABug) {
+TEST(ModelSlot, RefusesAVersionBelowTheLastAndKeepsItsModel) {
   ModelSlot slot(model(2));
   // the same version, prepared for more methods
-  slot.set(model(2));
-  EXPECT_DEATH(slot.set(model(1)), "version");
+  EXPECT_TRUE(slot.set(model(2)).ok());
+  const auto refused = slot.set(model(1));
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
+  EXPECT_THAT(refused.error().message(), HasSubstr("version 1 is lower than version 2"));
+  EXPECT_FALSE(slot.set(nullptr).ok());
+  EXPECT_EQ(slot.begin_tick().version, 2u);
+  slot.end_tick();
 }
 
 }  // namespace

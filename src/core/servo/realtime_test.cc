@@ -325,7 +325,7 @@ class LoopExercise : private ServoClock {
       parameters.rotation_target =
           Eigen::AngleAxisd(parameters.friction ? 0.1 : 0.0, Eigen::Vector3d::UnitZ());
     });
-    loop_.set_model(model(++version_));
+    EXPECT_TRUE(loop_.set_model(model(++version_)).ok());
     loop_.reset_health();
   }
   void run(int ticks) {

@@ -372,7 +372,7 @@ TEST(ForceDimension, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
   ForceDimensionDriver nowhere(settings);
   EXPECT_THAT(refusal(nowhere), HasSubstr("no libdrd.so.3 or libdrd.so or libdhd.so.3 or libdhd.so is in " +
                                           empty.path().string()));
-  settings.library.file = __FILE__;
+  settings.library.file = std::string(PALPATE_SOURCE_DIR) + "/CMakeLists.txt";
   ForceDimensionDriver no_library(settings);
   EXPECT_THAT(refusal(no_library), HasSubstr("cannot be loaded"));
   // missing functions are listed

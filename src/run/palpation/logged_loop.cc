@@ -1,5 +1,7 @@
 #include "palpate/palpation/logged_loop.h"
 
+#include "palpate/base/check.h"
+
 #include <exception>
 #include <utility>
 
@@ -61,7 +63,7 @@ void set_model_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_p
     event.by = by;
     event.number = change.version;
     event.change = change;
-    loop.set_model(std::move(model));
+    PALPATE_CHECK(loop.set_model(std::move(model)).ok());
     return event;
   });
 }

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "palpate/base/check.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/palpation/logged_loop.h"
 #include "session/refusal.h"
@@ -23,7 +24,7 @@ void LiveModel::apply_cuts(const Lock& /*held*/, std::span<const Cut> cuts,
 }
 
 void LiveModel::set_prepared(const Lock& /*held*/, ModelVersions same) {
-  loop_.get()->set_model(same.felt);
+  PALPATE_CHECK(loop_.get()->set_model(same.felt).ok());
   versions_ = std::move(same);
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "palpate/base/check.h"
 #include "palpate/palpation/logged_loop.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "session/refusal.h"
@@ -354,10 +355,13 @@ void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
   const WorkspaceMapping mapping(parts_.pointer->devices().front(), parts_.workspace);
   const Point<Device> tip_device = mapping.to_device(tip);
-  if (target->force_N == 0) return parts_.pointer->move(tip_device);
-  const Point<World> ahead =
-      X_WorldPatient * (tip_patient + Vector<Patient>(target->into[0], target->into[1], target->into[2]));
-  parts_.pointer->move(tip_device, {(mapping.to_device(ahead) - tip_device).normalized(), target->force_N});
+  PointerDriver::Press press;
+  if (target->force_N != 0) {
+    const Point<World> ahead =
+        X_WorldPatient * (tip_patient + Vector<Patient>(target->into[0], target->into[1], target->into[2]));
+    press = {(mapping.to_device(ahead) - tip_device).normalized(), target->force_N};
+  }
+  PALPATE_CHECK(parts_.pointer->move(tip_device, press).ok());
 }
 
 // ---- tasks
