@@ -12,9 +12,11 @@ import pathlib
 import random
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import typing
 import unittest
@@ -38,6 +40,7 @@ import palpate as pp
 SCENE = "palpation-block:spacing=2"
 SCRIPT = '[[step]]\napproach = "plate"\n[[step]]\npress = 0.5\n[[step]]\nleave = true\n'
 NAN = math.nan
+ABOVE = [9.5, 9.5, 16.0]  # over the middle of block()
 
 
 def block(**arguments):
@@ -229,6 +232,17 @@ class Runs(unittest.TestCase):
         self.assertEqual(re.search(r"run hash (\w+)", done.stdout)[1], f"{self.run_of_text.hash:016x}")
         self.assertEqual(pp.simulate(SCENE, self.folder / "press.toml", seed=7).hash, self.run_of_text.hash)
 
+    def test_ctrl_c_cancels_a_long_call_and_nothing_else(self):
+        scene = pp.load(SCENE)
+        # minutes of ticks
+        script = '[[step]]\napproach = "plate"\n[[step]]\npress = 0.5\n' + '[[step]]\nhold = 60\n' * 20
+        threading.Timer(0.5, signal.pthread_kill, [threading.main_thread().ident, signal.SIGINT]).start()
+        begun = time.monotonic()
+        with self.assertRaises(KeyboardInterrupt):
+            pp.simulate(scene, script)
+        self.assertLess(time.monotonic() - begun, 20)
+        self.assertGreater(len(pp.simulate(scene, SCRIPT, seed=1).records), 0)
+
     def test_force_against_depth(self):
         depth, force = self.run_of_text.press("plate")
         self.assertGreater(len(depth), 50)
@@ -263,6 +277,138 @@ class Runs(unittest.TestCase):
         frame = pp.read(self.folder / "run.h5").frame()
         self.assertIsInstance(frame, pandas.DataFrame)
         self.assertIn("force_world_N_x", frame.columns)
+
+
+class Environments(unittest.TestCase):
+    """Gymnasium's reset() and step(), without Gymnasium."""
+
+    def test_it_begins_above_the_middle(self):
+        model = block()
+        seen, _ = pp.Env(model, clearance=2).reset(seed=1)
+        self.assertAlmostEqual(float(model.sample(seen["tip"])[0]), 2, delta=0.3)
+        self.assertFalse(seen["force"].any())
+
+    @staticmethod
+    def press_to(newtons):
+        def reward(seen):
+            error = abs(np.linalg.norm(seen["force"]) - newtons)
+            return -error, error < 0.05
+        return reward
+
+    @staticmethod
+    def poses(tips):
+        return np.concatenate([tips, np.broadcast_to([1.0, 0, 0, 0], (*tips.shape[:-1], 4))], axis=-1)
+
+    def episode(self, env, seed, step=0.1, most=200):
+        """Everything that an environment returns while it presses downwards."""
+        seen, _ = env.reset(seed=seed)
+        tip, told = seen["tip"].copy(), [seen["tip"], seen["force"]]
+        for _ in range(most):
+            tip = tip - [0, 0, step]
+            seen, reward, terminated, truncated, _ = env.step(self.poses(tip))
+            told += [seen["tip"], seen["force"], np.array(reward)]
+            if np.any(terminated) or np.any(truncated):
+                break
+        return seen, terminated, np.concatenate([np.ravel(value) for value in told])
+
+    def test_it_presses_to_a_force_and_says_which_structure_bears_it(self):
+        env = pp.Env(block(), start=ABOVE, reward=self.press_to(1.0))
+        seen, terminated, _ = self.episode(env, 1)
+        self.assertIs(terminated, True)
+        self.assertAlmostEqual(float(np.linalg.norm(seen["force"])), 1.0, delta=0.06)
+        self.assertEqual(env.structures, ["bone"])
+        # the contact's normal force is that on the hand, on a flat face
+        self.assertAlmostEqual(seen["force_by_structure"][0], seen["force"][2], delta=0.05)
+        # 1 N/mm by default: as deep as the force
+        self.assertAlmostEqual(seen["indentation"][2], -1.0, delta=0.1)
+        for name, box in env.observation_space.items():
+            self.assertTrue(box.contains(seen[name]), name)
+
+    def test_a_force_on_the_hand_rests_where_the_contact_bears_it(self):
+        env = pp.Env(block(), start=ABOVE, action="wrench", seconds=3)
+        env.reset(seed=1)
+        for _ in range(150):
+            seen, _, _, truncated, _ = env.step([0, 0, -0.8])
+        self.assertIs(truncated, True)
+        self.assertAlmostEqual(seen["force"][2], 0.8, delta=0.02)
+        self.assertLess(np.linalg.norm(seen["velocity"]), 1)
+
+    def test_equal_seeds_give_equal_episodes_however_many_threads(self):
+        def make(threads):
+            return pp.Env(block(), envs=3, threads=threads, seconds=1, patch=8, start=lambda rng, _: [9.5, 9.5, 17 + rng.uniform(0, 1)],
+                          randomise=lambda rng, model: model.with_(stiffness={"bone": rng.uniform(0.5, 1.5)}))
+        _, _, first = self.episode(make(1), 7)
+        _, _, again = self.episode(make(2), 7)
+        _, _, other = self.episode(make(1), 8)
+        np.testing.assert_array_equal(first, again)
+        self.assertFalse(np.array_equal(first, other))
+
+    def test_an_environment_whose_episode_has_ended_begins_another(self):
+        env = pp.Env(block(), envs=2, seconds=0.1)
+        seen, _ = env.reset(seed=1)
+        ended = [env.step(self.poses(seen["tip"]))[3].tolist() for _ in range(5)]
+        self.assertEqual(ended, [[False, False]] * 4 + [[True, True]])
+        _, _, _, truncated, info = env.step(self.poses(seen["tip"] - [0, 0, 5]))
+        self.assertTrue(info["begun"].all())
+        self.assertFalse(truncated.any())
+
+    def test_patients_differ(self):
+        env = pp.Env([block(), block(tissues={"bone": {"labels": 1, "stiffness": 0.3}})], envs=2, max_force=10)
+        seen, _ = env.reset(seed=1)
+        seen, *_ = env.step(self.poses(np.array([[9.5, 9.5, 13.0], [9.5, 9.5, 13.0]])))
+        ratio = seen["force"][0, 2] / seen["force"][1, 2]
+        self.assertGreater(ratio, 2)
+
+    def test_episodes_are_what_robomimic_reads(self):
+        try:
+            import h5py
+        except ImportError:
+            self.skipTest("no h5py for this Python")
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / "demos.hdf5"
+            with pp.Episodes(pp.Env(block(), start=ABOVE, reward=self.press_to(1.0), seconds=20), file) as episodes:
+                for seed in (1, 2):
+                    self.episode(episodes, seed)
+            with h5py.File(file) as stored:
+                data = stored["data"]
+                self.assertEqual(sorted(data), ["demo_0", "demo_1"])
+                self.assertEqual(data.attrs["total"], sum(demo.attrs["num_samples"] for demo in data.values()))
+                demo, count = data["demo_0"], data["demo_0"].attrs["num_samples"]
+                self.assertEqual(demo["actions"].shape, (count, 7))
+                self.assertEqual(demo["dones"][:].tolist(), [0] * (count - 1) + [1])
+                np.testing.assert_array_equal(demo["obs/force"][1:], demo["next_obs/force"][:-1])
+                self.assertGreater(demo["rewards"][-1], -0.05)
+                np.testing.assert_array_equal(demo["next_obs/force"][:], data["demo_1/next_obs/force"][:])
+
+    def test_what_is_no_action_is_an_error(self):
+        env = pp.Env(block())
+        with self.assertRaises(pp.Usage):
+            env.step(self.poses(np.zeros(3)))
+        env.reset(seed=1)
+        for action in (np.zeros(3), np.full(7, NAN), np.zeros(7)):
+            with self.assertRaises(pp.BadInput):
+                env.step(action)
+        for wrong in ({"action": "spoon"}, {"control_rate": 300}, {"envs": 0}, {"seconds": NAN}, {"start": [1, NAN, 2]}):
+            with self.assertRaises(pp.BadInput):
+                pp.Env(block(), **wrong).reset(seed=1)
+
+
+class Verification(unittest.TestCase):
+    def setUp(self):
+        os.environ["PALPATE_PROGRAM"] = os.environ["PALPATE"]
+        self.addCleanup(os.environ.pop, "PALPATE_PROGRAM")
+
+    def test_figures_and_whether_their_limits_are_kept(self):
+        figures = pp.verify("latency", seconds=0.05, rate=1000, scene=SCENE)
+        self.assertIn(figures["kept"], (True, False))
+        self.assertGreater(len(figures), 1)
+
+    def test_what_is_refused_says_why(self):
+        with self.assertRaisesRegex(pp.BadInput, "spoon"):
+            pp.verify("spoon")
+        os.environ["PALPATE_PROGRAM"] = "/no/such/program"
+        with self.assertRaisesRegex(pp.Unavailable, "PALPATE_PROGRAM"):
+            pp.verify("contact")
 
 
 class Hostile(unittest.TestCase):

@@ -9,11 +9,13 @@ that fails raises an Error with the fault and the remedy, and changes nothing. N
 """
 
 from ._library import (METHODS, BadInput, Error, Internal, OutOfMemory, OutputError, Unavailable, Usage, lib as _lib)
+from ._env import Box, Env, Episodes
 from ._model import Model, Structure, Tissue, Tool, load
 from ._run import Recording, Run, read, simulate
 from ._session import Loop, Session
+from ._verify import verify
 
 __version__: str = _lib.plp_version().decode()
 
-__all__ = ["METHODS", "BadInput", "Error", "Internal", "Loop", "Model", "OutOfMemory", "OutputError", "Recording", "Run", "Session",
-           "Structure", "Tissue", "Tool", "Unavailable", "Usage", "load", "read", "simulate"]
+__all__ = ["METHODS", "BadInput", "Box", "Env", "Episodes", "Error", "Internal", "Loop", "Model", "OutOfMemory", "OutputError", "Recording", "Run", "Session",
+           "Structure", "Tissue", "Tool", "Unavailable", "Usage", "load", "read", "simulate", "verify"]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ctypes
 import os
 import pathlib
+import threading
 from typing import Any, Dict, Tuple, Type
 
 import numpy as np
 
-LIBRARY = "libpalpate.so.0"
+LIBRARY = "libpalpate.so.1"
 
 
 class Error(Exception):
@@ -44,11 +45,11 @@ _ERRORS: Dict[int, Type[Error]] = {1: BadInput, 2: Usage, 3: OutputError, 4: Una
 
 
 def _find() -> str:
-    """Path of the library: PALPATE_LIBRARY, within the package, in the lib folder above it, else as the linker finds it."""
+    """Path of the library: PALPATE_LIBRARY, within a wheel, in the lib folder above it, else as the linker finds it."""
     if "PALPATE_LIBRARY" in os.environ:
         return os.environ["PALPATE_LIBRARY"]
     here = pathlib.Path(__file__).resolve().parent
-    for folder in (here, *here.parents[1:4]):
+    for folder in (here / "lib", *here.parents[1:4]):
         if (folder / LIBRARY).is_file():
             return str(folder / LIBRARY)
     return LIBRARY
@@ -176,6 +177,12 @@ for _name in ("model", "session", "run", "loop", "recording"):
     getattr(lib, f"plp_{_name}_destroy").argtypes = (_HANDLE,)
     getattr(lib, f"plp_{_name}_destroy").restype = None
 lib.plp_run_trouble.argtypes = (_HANDLE, _SIZE)
+lib.plp_set_cancel_flag.argtypes = (ctypes.POINTER(ctypes.c_uint8),)
+lib.plp_set_cancel_flag.restype = None
+# what frees the handle that a function makes
+_DESTROYER = {"plp_model_create": "plp_model_destroy", "plp_model_load": "plp_model_destroy", "plp_model_change": "plp_model_destroy",
+              "plp_model_cut": "plp_model_destroy", "plp_simulate": "plp_run_destroy", "plp_session_create": "plp_session_destroy",
+              "plp_loop_start": "plp_loop_destroy", "plp_recording_open": "plp_recording_destroy"}
 for _name in ("plp_run_trouble", "plp_last_error", "plp_version"):
     getattr(lib, _name).restype = ctypes.c_char_p
 
@@ -187,9 +194,35 @@ def check(status: int) -> None:
 
 
 def made(call: Any, *arguments: Any) -> int:
-    """The handle that a call makes."""
+    """The handle that a call makes, which may take long: Ctrl-C in the main thread cancels it."""
     handle = ctypes.c_void_p()
-    check(call(*arguments, ctypes.byref(handle)))
+    arguments = (*arguments, ctypes.byref(handle))
+    if threading.current_thread() is not threading.main_thread():
+        check(call(*arguments))
+        return int(handle.value or 0)
+    # Python handles signals between its own instructions alone: this thread waits for another one, which calls
+    flag, results = ctypes.c_uint8(0), []
+
+    def work() -> None:
+        lib.plp_set_cancel_flag(ctypes.byref(flag))
+        results.append((call(*arguments), lib.plp_last_error()))
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    interruption = None
+    while worker.is_alive():
+        try:
+            worker.join()
+        except KeyboardInterrupt as error:
+            flag.value, interruption = 1, error
+    status, reason = results[0]
+    if interruption is not None:
+        # what was finished all the same is freed by nobody else
+        if status == 0:
+            getattr(lib, _DESTROYER[call.__name__])(handle)
+        raise interruption
+    if status:
+        raise _ERRORS.get(status, Error)(reason.decode("utf-8", "replace"))
     return int(handle.value or 0)
 
 
