@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 export FUZZ_SECONDS ?= 5
 
-.PHONY: demo test test-ci test-all bench manual format clean help
+.PHONY: demo test test-ci test-all bench manual package format clean help
 
 help:
 	@echo "make demo      build palpate, let a simulated hand feel a generated knee, write a report"
@@ -11,6 +11,7 @@ help:
 	@echo "make test-all  every test and check there is; goes on where an interrupted run stopped"
 	@echo "make bench     comparisons with other libraries, same work in one run"
 	@echo "make manual    the manual as a site, build/manual/docs/README.html"
+	@echo "make package   Debian packages, an archive that runs from any folder and a Python wheel, in out/packages"
 	@echo "make format    clang-format every file"
 	@echo "make clean     remove build/ and out/"
 
@@ -35,6 +36,11 @@ manual:
 	@tools/build_program palpate-verify
 	@sphinx-build -q -W --keep-going -b html -c docs/site . build/manual
 	@echo "build/manual/docs/README.html"
+
+package:
+	@tools/setup
+	@tools/build_program palpate_packaged
+	@tools/make_packages build/release out/packages
 
 format:
 	@tools/check_format --fix

@@ -40,7 +40,7 @@ extern "C" {
 #endif
 
 /// Version of the library, e.g. "1.0.0"; PLP_VERSION is that of the header. A program runs with any library
-/// of its soname, libpalpate.so.0, that is not older than its header.
+/// of its soname, libpalpate.so.1, that is not older than its header.
 PLP_API const char* plp_version(void);
 
 // ---- errors
@@ -51,7 +51,7 @@ typedef enum plp_status {
   PLP_USAGE = 2,          ///< Settings that do not go together
   PLP_OUTPUT = 3,         ///< A file could not be written
   PLP_UNAVAILABLE = 4,    ///< A data set, a library or a thread is not available
-  PLP_INTERRUPTED = 5,    ///< Reserved
+  PLP_INTERRUPTED = 5,    ///< Cancelled by plp_set_cancel_flag()'s flag
   PLP_OUT_OF_MEMORY = 6,  ///< Nothing was changed
   PLP_INTERNAL = 7        ///< A fault of the library
 } plp_status;
@@ -59,6 +59,13 @@ typedef enum plp_status {
 /// Reason for the latest error of the calling thread: "where: what", and the remedy in a second line. Empty
 /// before the first one. Valid until the thread's next error.
 PLP_API const char* plp_last_error(void);
+
+/// Lets another thread cancel the long calls of the calling thread: plp_model_create, plp_model_load,
+/// plp_model_change, plp_model_cut, plp_model_sample and plp_simulate. They return PLP_INTERRUPTED, and
+/// change nothing, soon after `*flag` has become 1.
+/// @param flag  0 or 1, written by any thread and read without a lock until another flag is set; null: none,
+///              as at the beginning of a thread
+PLP_API void plp_set_cancel_flag(const uint8_t* flag);
 
 // ---- values
 

@@ -88,7 +88,7 @@ void add_doctor(CLI::App& app, Run& run) {
                    "Duration of the clock measurement in seconds; default: 5")
       ->check(number_between(0.1, 600));
   verb->add_option("--device", options->settings.devices,
-                   "Required device (palpate devices); may be repeated; default: any")
+                   "Required device (palpate devices, or plugin=FILE); may be repeated; default: any")
       ->allow_extra_args(false);
   add_device_options(*verb, options->about_devices);
   verb->add_option("--hold", options->hold,
@@ -115,7 +115,7 @@ void add_doctor(CLI::App& app, Run& run) {
       if (!options->hold.empty() && !options->about_devices.held_masses.empty())
         return console.fail({ErrorKind::kUsage, "carries a weight, and --hold gives at most 1 N",
                              "--held-mass", "leave it out: hold the device without a tool"});
-      const auto known = known_devices(options->about_devices);
+      const auto known = known_devices(options->about_devices, nullptr, options->settings.devices);
       if (!known) return console.fail(known.error());
       if (!options->hold.empty())
         return hold_by_hand(*known, options->hold, options->hold_rate_hz, options->json, console);

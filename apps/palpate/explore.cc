@@ -496,7 +496,7 @@ int explore_target(ExploreArguments options, Console& console) {
   auto navigation = navigation_of(options.about_devices);
   if (!navigation) return console.fail(navigation.error());
   options.navigation = *std::move(navigation);
-  auto known = known_devices(options.about_devices, options.navigation);
+  auto known = known_devices(options.about_devices, options.navigation, options.devices);
   if (!known) return console.fail(known.error());
   options.known = *std::move(known);
   const auto claimed = check(options);
@@ -572,7 +572,8 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
                    "Palpation script (TOML); default: one planned for the scene");
   verb->add_option("--device", options.devices,
                    "Device to feel with: simulated (a hand that follows the script), pointer (moved by a "
-                   "viewer in the page), or the name of a device (palpate devices); may be repeated, up to 4 "
+                   "viewer in the page), the name of a device (palpate devices), or plugin=FILE (a driver of "
+                   "yours, docs/guide/plug-ins.md); may be repeated, up to 4 "
                    "devices; default: simulated")
       ->allow_extra_args(false);
   add_device_options(*verb, options.about_devices);

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <map>
 #include <optional>
+#include <string_view>
 
 #include "palpate/base/file.h"
 #include "palpate/base/printable.h"
@@ -12,6 +13,7 @@
 #include "palpate/haply/haply_driver.h"
 #include "palpate/navigation/result_files.h"
 #include "palpate/openhaptics/openhaptics_driver.h"
+#include "palpate/plugin/plugin_driver.h"
 #include "palpate/spacemouse/spacemouse_driver.h"
 #include "palpate/tracker/tracker_driver.h"
 
@@ -144,7 +146,8 @@ Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& opt
 }
 
 Result<DeviceRegistry> known_devices(const DeviceOptions& options,
-                                     const std::shared_ptr<const Navigation>& navigation) {
+                                     const std::shared_ptr<const Navigation>& navigation,
+                                     const std::vector<std::string>& names) {
   const std::vector<std::string> by_library{"force-dimension", "touch"};
   const auto libraries = Named::parse("--library", options.libraries, by_library);
   if (!libraries) return libraries.error();
@@ -180,6 +183,10 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options,
   registry.add(openhaptics_maker(openhaptics));
   registry.add(spacemouse_maker());
   registry.add(tracker_maker(tracked));
+  for (const std::string& name : names)
+    if (name.starts_with(kPluginPrefix) && registry.find(name) == nullptr)
+      registry.add(plugin_vendor(
+          {name.substr(std::string_view(kPluginPrefix).size()), {"/proc/self/exe", "serve-plugin"}}));
   return registry;
 }
 

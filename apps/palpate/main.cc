@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/command/surroundings.h"
+#include "palpate/plugin/plugin_driver.h"
 #include "palpate/supervisor/supervisor.h"
 #include "verbs.h"
 
@@ -13,6 +14,9 @@ int main(int argc, char** argv) {
   // supervisor process, which `explore` starts
   if (argc > 1 && std::string_view(argv[1]) == "supervise")
     return palpate::supervise({argv + 2, argv + argc});
+  // process of a plug-in, which a session starts
+  if (argc > 1 && std::string_view(argv[1]) == "serve-plugin")
+    return palpate::serve_plugin({argv + 2, argv + argc});
   palpate::app::sanitise_environment();
   // disables core dumps, which would contain patient data
   ::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);

@@ -28,8 +28,9 @@ class Install(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="palpate-install-")
         cls.addClassCleanup(folder.cleanup)
         cls.root = pathlib.Path(folder.name)
-        subprocess.run([CMAKE, "--install", BUILD, "--component", "program", "--prefix", cls.root / "usr"], check=True,
-                       stdout=subprocess.DEVNULL)
+        for component in ("library", "program"):
+            subprocess.run([CMAKE, "--install", BUILD, "--component", component, "--prefix", cls.root / "usr"], check=True,
+                           stdout=subprocess.DEVNULL)
         cls.palpate = cls.root / "usr/bin/palpate"
 
     def run_palpate(self, *arguments):
@@ -78,7 +79,9 @@ class Install(unittest.TestCase):
 
     def test_the_library_for_c_is_found_and_what_is_not_there_is_refused(self):
         prefix = self.root / "c"
-        subprocess.run([CMAKE, "--install", BUILD, "--component", "c", "--prefix", prefix], check=True, stdout=subprocess.DEVNULL)
+        for component in ("library", "c"):
+            subprocess.run([CMAKE, "--install", BUILD, "--component", component, "--prefix", prefix], check=True,
+                           stdout=subprocess.DEVNULL)
         self.assertEqual(sorted(path.name for path in (prefix / "lib/palpate").iterdir()), ["libpalpate_dicom.so"])
         for components in ("", "COMPONENTS c", "COMPONENTS c OPTIONAL_COMPONENTS core"):
             with self.subTest(components):

@@ -167,7 +167,7 @@ class Program:
 
     def install_libraries(self):
         """What pages link and import, in ~/palpate: the core, the C library and the Python package of the program's build folder."""
-        for component in ("core", "c", "python"):
+        for component in ("library", "core", "c", "python"):
             subprocess.run(["cmake", "--install", self.path.parents[2], "--component", component, "--prefix", self.folder / "home/palpate"],
                            stdout=subprocess.PIPE, check=True)
         if shutil.which("ccache"):

@@ -15,6 +15,7 @@ import time
 import cli
 import explore_test
 
+DEVICE_FAULT = 2048  # a flag of a tick
 
 class Devices(cli.PalpateTest):
     def test_lists_what_explore_knows(self):
@@ -168,6 +169,44 @@ class Doctor(cli.PalpateTest):
 
     def test_of_a_device_that_is_not_known(self):
         self.fail_clearly(cli.USAGE, "doctor", "--device", "spoon", says="haply")
+
+
+class Plugins(cli.PalpateTest):
+    """A driver that palpate was not built with, in a process of its own."""
+
+    def setUp(self):
+        super().setUp()
+        self.device = f"plugin={os.environ['TEST_PLUGIN']}"
+
+    @cli.long
+    def test_is_examined_and_refused_like_any_device(self):
+        said = self.succeed("doctor", "--device", self.device, "--json", by=self.either).stdout
+        line = next(line for line in json.loads(said)["lines"] if line["topic"] == self.device)
+        self.assertEqual((line["finding"], line["found"]), ("fine", "loads"))
+        self.fail_clearly(cli.UNAVAILABLE, "explore", "knee-phantom:spacing=4", "--device", "plugin=/no/such.so", "--no-viewer",
+                          says="cannot be loaded")
+
+    def either(self, *arguments):
+        """The machine may lack what doctor looks for."""
+        done = cli.spawn(*arguments)
+        done.returncode = cli.OK
+        return done
+
+    @cli.long
+    def test_its_faults_end_in_zero_force_and_one_message(self):
+        for fault, says in (("", ""), ("crash", "has ended by signal 11"), ("hang", "did not answer for 0.1 s"),
+                            ("nan", "a pose that is not finite"), ("size", "a sample of another size")):
+            with self.subTest(fault):
+                recording = self.folder / f"{fault or 'fine'}.h5"
+                done = self.succeed("explore", "knee-phantom:spacing=4", "--device", self.device, "--no-viewer", "--seconds", "2",
+                                    "-o", recording, env={**os.environ, "PALPATE_TEST_PLUGIN": fault})
+                self.assertEqual(done.stderr.count("the plug-in"), 1 if fault else 0, done.stderr)
+                self.assertIn(says, done.stderr)
+                columns = cli.device_columns(recording, "flags", "force_N")
+                faults = {flags & DEVICE_FAULT for flags in columns["flags"][-100:]}
+                self.assertEqual(faults, {DEVICE_FAULT} if fault else {0})
+                if fault:
+                    self.assertFalse(any(any(force) for force in columns["force_N"][-100:]))
 
 
 class Arming(cli.PalpateTest):

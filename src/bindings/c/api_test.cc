@@ -423,5 +423,25 @@ TEST(Api, HandlesComeAndGo) {
   ASSERT_EQ(plp_session_run(session.get(), poses.data(), poses.size(), kTick_s, nullptr, nullptr), PLP_OK);
 }
 
+// a flag that is set cancels the next long call, and one that is not set does not
+TEST(Cancellation, AFlagOfTheThreadEndsALongCall) {
+  const Block block;
+  std::uint8_t flag = 1;
+  plp_set_cancel_flag(&flag);
+  plp_model* model = nullptr;
+  EXPECT_EQ(plp_model_load("knee-phantom:spacing=4", nullptr, nullptr, &model), PLP_INTERRUPTED);
+  EXPECT_EQ(model, nullptr);
+  // another thread has none
+  std::thread([] {
+    plp_model* other = nullptr;
+    EXPECT_EQ(plp_model_load("knee-phantom:spacing=4", nullptr, nullptr, &other), PLP_OK);
+    plp_model_destroy(other);
+  }).join();
+  flag = 0;
+  EXPECT_EQ(plp_model_load("knee-phantom:spacing=4", nullptr, nullptr, &model), PLP_OK);
+  plp_model_destroy(model);
+  plp_set_cancel_flag(nullptr);
+}
+
 }  // namespace
 }  // namespace palpate::c::test

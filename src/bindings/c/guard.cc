@@ -2,12 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 
 namespace palpate::c {
 namespace {
 
 constexpr std::size_t kMaxReason = 2048;
 thread_local std::array<char, kMaxReason> last_error{};
+
+// an atomic bool is the host's byte
+static_assert(sizeof(std::atomic<bool>) == 1 && std::atomic<bool>::is_always_lock_free);
+thread_local const std::atomic<bool>* cancel_flag = nullptr;
 
 plp_status status_of(ErrorKind kind) {
   switch (kind) {
@@ -42,6 +47,10 @@ plp_status fail(const Error& error) {
   return fail(status_of(error.kind), error.message());
 }
 
+Progress cancellable() {
+  return {nullptr, cancel_flag};
+}
+
 bool is_size(std::uint32_t size, std::size_t known) {
   if (size >= known && size <= kMaxStructBytes) return true;
   set_last_error("a struct does not begin with its size: call its plp_..._init() first");
@@ -49,6 +58,10 @@ bool is_size(std::uint32_t size, std::size_t known) {
 }
 
 }  // namespace palpate::c
+
+void plp_set_cancel_flag(const uint8_t* flag) {
+  palpate::c::cancel_flag = reinterpret_cast<const std::atomic<bool>*>(flag);
+}
 
 const char* plp_last_error() {
   return palpate::c::last_error.data();

@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "palpate.h"
+#include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 
 /// Boundary between C and C++: every function of palpate.h runs its work in guarded(), so that no exception
@@ -20,6 +21,9 @@ void set_last_error(const char* text) noexcept;
 /// Stores a reason and returns the status.
 plp_status fail(plp_status status, const std::string& what);
 plp_status fail(const Error& error);
+
+/// Progress of long work, which the flag of the calling thread (plp_set_cancel_flag) cancels.
+Progress cancellable();
 
 /// Runs `work`, which returns a plp_status; exceptions become a status with a reason.
 template <class Work>

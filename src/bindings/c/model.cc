@@ -117,7 +117,7 @@ Result<void> add_structures(const plp_structure* structures, std::size_t count, 
 Result<std::shared_ptr<const Model>> made_model(ModelParts parts, ForceMethod method) {
   auto made = make_model(std::move(parts));
   if (!made) return made.error();
-  return prepared_for(*std::move(made), {&method, 1});
+  return prepared_for(*std::move(made), {&method, 1}, {}, cancellable());
 }
 
 plp_status create(const plp_labels& labels, const plp_tissue* tissues, std::size_t tissue_count,
@@ -191,11 +191,12 @@ Result<ModelVersions> changed(const plp_model& model, std::size_t tissue, const 
   ModelChange change = unchanged(felt, tissue);
   change.contact = {properties.stiffness_N_per_mm, properties.static_friction, properties.friction,
                     properties.viscosity_N_s_per_mm};
-  auto next = next_version({model.loaded.model, model.made}, change);
+  auto next = next_version({model.loaded.model, model.made}, change, {}, cancellable());
   const bool by_field = model.method != ForceMethod::kProxy;
   if (!next || !by_field || fields_match(*next->felt, *next->made) || !can_make_fields(*next->felt))
     return next;
-  return next_version(*next, {.version = next->felt->version + 1, .tissue = ModelChange::kFieldsRebuilt});
+  return next_version(*next, {.version = next->felt->version + 1, .tissue = ModelChange::kFieldsRebuilt}, {},
+                      cancellable());
 }
 
 void copy_grid(const GridGeometry& grid, plp_model_info& info) {
@@ -257,7 +258,7 @@ plp_structure plain(const Model& model, const Segment& segment) {
 Result<std::shared_ptr<const Model>> sampled_by(const plp_model& model, ForceMethod method) {
   const std::lock_guard lock(model.mutex);
   if (model.sampled == nullptr) model.sampled = model.loaded.model;
-  auto ready = prepared_for(model.sampled, {&method, 1});
+  auto ready = prepared_for(model.sampled, {&method, 1}, {}, cancellable());
   if (ready) model.sampled = *ready;
   return ready;
 }
@@ -329,11 +330,11 @@ plp_status plp_model_load(const char* scene, const char* segmentation, const plp
 
     palpate::SceneSource source{scene};
     if (segmentation != nullptr) source.segmentation = segmentation;
-    auto loaded = palpate::load_scene_or_data_set(source);
+    auto loaded = palpate::load_scene_or_data_set(source, palpate::c::cancellable());
     if (!loaded) return fail(loaded.error());
     auto created = std::make_unique<plp_model>();
     created->method = method->value_or(loaded->scene.force.method);
-    auto ready = palpate::ready_for(loaded->model, {&created->method, 1});
+    auto ready = palpate::ready_for(loaded->model, {&created->method, 1}, palpate::c::cancellable());
     if (!ready) return fail(ready.error());
     created->loaded = *std::move(loaded);
     created->loaded.scene.force.method = created->method;
@@ -370,9 +371,10 @@ plp_status plp_model_cut(const plp_model* model, const plp_cut* cuts, size_t cou
       return palpate::Result<void>();
     });
     if (!read) return fail(read.error());
-    auto versions = palpate::next_version(
-        {model->loaded.model, model->made},
-        {.version = model->felt().version + 1, .tissue = palpate::ModelChange::kCut}, swept);
+    auto versions =
+        palpate::next_version({model->loaded.model, model->made},
+                              {.version = model->felt().version + 1, .tissue = palpate::ModelChange::kCut},
+                              swept, palpate::c::cancellable());
     if (!versions) return fail(versions.error());
     *next = palpate::c::next_of(*model, *std::move(versions));
     return PLP_OK;

@@ -105,8 +105,9 @@ plp_status plp_simulate(const plp_model* model, const plp_run_options* options, 
       made->devices = static_cast<std::size_t>(tick.devices);
       for (std::size_t d = 0; d < made->devices; ++d) made->records.push_back(palpate::c::record_of(tick, d));
     };
-    auto result = palpate::simulate(model->loaded, *script, *simulation,
-                                    given.recording == nullptr ? "" : given.recording);
+    auto result =
+        palpate::simulate(model->loaded, *script, *simulation,
+                          given.recording == nullptr ? "" : given.recording, palpate::c::cancellable());
     if (!result) return fail(result.error());
     made->result = *std::move(result);
     *run = made.release();
