@@ -96,12 +96,13 @@ std::vector<DeviceState> path_of(int presses, double speed_mm_s, std::mt19937& r
   for (int press = 0; press < presses; ++press) {
     const Vector<World> outward = direction();
     const Vector<World> along = outward.cross(direction()).normalized();
-    const double max_mm = 1 + 2 * unit(random), way_mm = kTick_s * speed_mm_s * (0.5 + 0.5 * unit(random));
-    for (double above_mm = 8; above_mm > -max_mm; above_mm -= way_mm)
+    const double max_mm = 1 + 2 * unit(random),
+                 distance_mm = kTick_s * speed_mm_s * (0.5 + 0.5 * unit(random));
+    for (double above_mm = 8; above_mm > -max_mm; above_mm -= distance_mm)
       add(Point<World>() + outward * (kBall_mm + above_mm));
     const Point<World> pressed = Point<World>() + outward * (kBall_mm - max_mm);
-    for (double slid_mm = 0; slid_mm < 10; slid_mm += way_mm) add(pressed + along * slid_mm);
-    for (double above_mm = -max_mm; above_mm < 8; above_mm += way_mm)
+    for (double slid_mm = 0; slid_mm < 10; slid_mm += distance_mm) add(pressed + along * slid_mm);
+    for (double above_mm = -max_mm; above_mm < 8; above_mm += distance_mm)
       add(pressed + along * 10 + outward * (above_mm + max_mm));
   }
   return path;
@@ -124,7 +125,7 @@ std::vector<Tool> tools() {
   return {one, four, shaft};
 }
 
-nlohmann::json felt_by(Model model, const Tool& tool, const std::vector<DeviceState>& path, int repeats) {
+nlohmann::json rendered_by(Model model, const Tool& tool, const std::vector<DeviceState>& path, int repeats) {
   model.tools = {tool};
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
@@ -168,7 +169,7 @@ int run(const Options& options) {
   const auto path = path_of(options.presses, options.speed_mm_s, random);
   std::printf("%zu structures, %zu ticks\n", (*model)->label_of_surface.size(), path.size());
   nlohmann::json json = {{"structures", (*model)->label_of_surface.size()}, {"ticks", path.size()}};
-  for (const Tool& tool : tools()) json["tools"].push_back(felt_by(**model, tool, path, options.repeats));
+  for (const Tool& tool : tools()) json["tools"].push_back(rendered_by(**model, tool, path, options.repeats));
   return write_json("crowd_bench", options.json, json);
 }
 

@@ -39,20 +39,20 @@ Costs costs_of(std::vector<std::int64_t> ns) {
 }
 
 // queries of a tick, once at every position
-void measure(const char* what, const Distances& distances, const std::vector<Point<Patient>>& places,
+void measure(const char* what, const Distances& distances, const std::vector<Point<Patient>>& positions,
              nlohmann::json& json) {
   const std::vector<ToolSphere> point{ToolSphere{}};
   std::vector<std::int64_t> ticks;
   std::size_t near = 0;
   double all_ns = 0, sum_mm = 0;
-  for (const Point<Patient>& place : places) {
+  for (const Point<Patient>& position : positions) {
     const std::int64_t begun = now_ns();
-    const auto told = nearest_structures(distances, point, place);
+    const auto reported = nearest_structures(distances, point, position);
     ticks.push_back(now_ns() - begun);
     all_ns += static_cast<double>(ticks.back());
-    sum_mm += told[0].distance_mm;
+    sum_mm += reported[0].distance_mm;
     for (std::size_t s = 0; s < distances.structures().size(); ++s)
-      near += distances.at_least_mm(s, box_of_tool(point, place)) <= kReach_mm;
+      near += distances.at_least_mm(s, box_of_tool(point, position)) <= kReach_mm;
   }
   std::size_t bytes = 0, pieces = 0;
   for (const TrackedStructure& structure : distances.structures()) {
@@ -61,13 +61,13 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
   }
   const Costs costs = costs_of(ticks);
   const auto count = static_cast<double>(distances.structures().size());
-  const double near_each = static_cast<double>(near) / static_cast<double>(places.size());
+  const double near_each = static_cast<double>(near) / static_cast<double>(positions.size());
   std::printf(
       "%-12s %4.0f structures, %5.1f near: median %7.0f ns, p99 %7.0f, most %7.0f; %5.0f ns a near one; "
       "%.0f pieces and %.2f MB each (%.1f)\n",
       what, count, near_each, costs.median_ns, costs.p99_ns, costs.max_ns,
       all_ns / std::max<double>(1, static_cast<double>(near)), static_cast<double>(pieces) / count,
-      static_cast<double>(bytes) / count / (1 << 20), sum_mm / static_cast<double>(places.size()));
+      static_cast<double>(bytes) / count / (1 << 20), sum_mm / static_cast<double>(positions.size()));
   json[what] = {{"structures", count},
                 {"near", near_each},
                 {"median_ns", costs.median_ns},
@@ -111,17 +111,18 @@ Distances crowd(std::size_t count) {
 std::vector<Point<Patient>> places_in(const Eigen::Array3d& low, const Eigen::Array3d& high, int count) {
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> part(0, 1);
-  std::vector<Point<Patient>> places;
+  std::vector<Point<Patient>> positions;
   for (int n = 0; n < count; ++n) {
     Eigen::Array3d at;
     for (int axis = 0; axis < 3; ++axis) at[axis] = part(random);
-    places.emplace_back(Eigen::Vector3d(low + at * (high - low)));
+    positions.emplace_back(Eigen::Vector3d(low + at * (high - low)));
   }
-  return places;
+  return positions;
 }
 
 // the same surface as triangles, with VTK's search
-void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& places, nlohmann::json& json) {
+void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& positions,
+                 nlohmann::json& json) {
   const SignedField& position = tree.surface()->position();
   const Volume<float> values = position.values();
   const GridGeometry& grid = values.geometry();
@@ -139,11 +140,11 @@ void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& pla
   distance->SetInput(edges->GetOutput());
   std::vector<std::int64_t> ours, theirs;
   std::vector<double> apart_mm;
-  for (const Point<Patient>& place : places) {
+  for (const Point<Patient>& at_position : positions) {
     std::int64_t begun = now_ns();
-    const auto near = tree.nearest(place);
+    const auto near = tree.nearest(at_position);
     ours.push_back(now_ns() - begun);
-    double at[3] = {place.x(), place.y(), place.z()};
+    double at[3] = {at_position.x(), at_position.y(), at_position.z()};
     begun = now_ns();
     const double mm = distance->EvaluateFunction(at);
     theirs.push_back(now_ns() - begun);

@@ -80,9 +80,9 @@ class Interior {
 
 template <class Out, class Smooth>
 Contender ours(std::string name, int threads, const Smooth& smooth, const Interior& interior, float unit) {
-  const auto kept = std::make_shared<Volume<Out>>();
-  return {std::move(name), threads, [=] { *kept = smooth().value(); },
-          [=] { return interior.of(kept->voxels().data(), unit); }};
+  const auto stored = std::make_shared<Volume<Out>>();
+  return {std::move(name), threads, [=] { *stored = smooth().value(); },
+          [=] { return interior.of(stored->voxels().data(), unit); }};
 }
 
 std::vector<Contender> contenders(const Work& work, double sigma_mm) {

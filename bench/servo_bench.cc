@@ -146,14 +146,14 @@ Footprint footprint_of(const Model& model, const PalpationPath& path) {
     deep += known ? 1 : 0;
     std::visit(
         [&](const auto& volume) {
-          for (int way = 0; way <= count; ++way) {
-            const auto to_surface = outward * (std::copysign(step_mm, device.depth_mm) * way);
+          for (int direction = 0; direction <= count; ++direction) {
+            const auto to_surface = outward * (std::copysign(step_mm, device.depth_mm) * direction);
             const Point<Voxel> x = labels.X_VoxelPatient() * (tip + (known ? to_surface : Vector<Patient>()));
             bool inside = true;
             for (int axis = 0; axis < 3; ++axis)
               inside = inside && x[axis] >= 0 && x[axis] < labels.geometry().dims[axis] - 1;
             if (!inside) continue;
-            way == 0 ? add_rows(volume, x, 1, 2, field) : add_rows(volume, x, 0, 1, field);
+            direction == 0 ? add_rows(volume, x, 1, 2, field) : add_rows(volume, x, 0, 1, field);
             if (known)
               label.add(labels.view().cell(static_cast<int>(x.x() + 0.5), static_cast<int>(x.y() + 0.5),
                                            static_cast<int>(x.z() + 0.5)),

@@ -97,10 +97,10 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
   }
   for (std::thread& thread : threads) thread.join();
 
-  PosesSeen seen;
-  for (const auto& client : clients) seen.add(client->seen());
-  report.poses = seen.ages_ms.size();
-  report.missed = seen.missed;
+  ObservedPoses observed;
+  for (const auto& client : clients) observed.add(client->seen());
+  report.poses = observed.ages_ms.size();
+  report.missed = observed.missed;
   std::vector<double> first_ms;
   for (const Downloads& one : downloads) {
     report.downloaded_bytes += one.bytes;
@@ -108,8 +108,8 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
     if (one.first_ms > 0) first_ms.push_back(one.first_ms);
   }
   report.first_load_p50_ms = first_ms.empty() ? 0 : quantile(first_ms, 0.5);
-  report.age_p50_ms = quantile(seen.ages_ms, 0.5);
-  report.age_p99_ms = quantile(seen.ages_ms, 0.99);
+  report.age_p50_ms = quantile(observed.ages_ms, 0.5);
+  report.age_p99_ms = quantile(observed.ages_ms, 0.99);
   return report;
 }
 

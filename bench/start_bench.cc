@@ -34,8 +34,8 @@ int main(int argc, char** argv) {
     return 1;
   }
   std::uint64_t surfaces = 0;
-  for (const ContactSurface& felt : (*ready)->surfaces)
-    if (felt.surface) surfaces = surfaces * 31 + felt.surface->content_hash();
+  for (const ContactSurface& surface : (*ready)->surfaces)
+    if (surface.surface) surfaces = surfaces * 31 + surface.surface->content_hash();
   rusage used{};
   getrusage(RUSAGE_SELF, &used);
   std::printf("%016llx %016llx %ld\n", static_cast<unsigned long long>((*ready)->content_hash),

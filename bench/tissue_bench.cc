@@ -131,7 +131,7 @@ nlohmann::json frames(int rounds) {
                                 Vector<Patient>(0, 0, 1), 2);
       std::fill(load.values.begin(), load.values.end(), 0.0f);
       patch.add(1, load);
-      solver.solve(load, unit, kSolvingFeel.iterations, 0);
+      solver.solve(load, unit, kSolverSettings.iterations, 0);
     };
     const double frame_s = medians_s({slide}, rounds)[0];
     const auto soft = static_cast<double>(grid.soft_cells());
@@ -152,7 +152,7 @@ nlohmann::json box(int rounds) {
   const auto bricks = label_bricks(labels);
   const ElasticMaterial by_label[] = {{}, {Matter::kSoft, 10, 0.45}, {Matter::kRigid, 0, 0}};
   ElasticBox place = elastic_box_of(grid, {{8, 8, 8}, {1, 1, 1}}, 1.6);
-  place.cells = {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
+  place.cells = {kSolverSettings.cells_along, kSolverSettings.cells_across, kSolverSettings.cells_across};
   const auto times = medians_s({[&] { PALPATE_CHECK(ElasticGrid::of_labels(*bricks, by_label, place).ok()); },
                                 [&] {
                                   const auto made = ElasticGrid::of_labels(*bricks, by_label, place);

@@ -33,8 +33,8 @@ std::vector<PressedBody> pressed_bodies() {
       {"layer", [](const Point<Patient>&) { return soft(10); }},
       {"nodule",
        [](const Point<Patient>& p) {
-         const bool within = std::abs(p.x()) < 4 && std::abs(p.y()) < 4 && p.z() < -5 && p.z() > -13;
-         return soft(within ? 100 : 10);
+         const bool is_inside = std::abs(p.x()) < 4 && std::abs(p.y()) < 4 && p.z() < -5 && p.z() > -13;
+         return soft(is_inside ? 100 : 10);
        }},
       {"skin", [](const Point<Patient>& p) { return soft(p.z() > -2 ? 100 : 10); }},
       {"hard-edge",
@@ -50,13 +50,13 @@ std::vector<PressedBody> pressed_bodies() {
 std::vector<Point<Patient>> pressed_places(double rho_mm) {
   constexpr int kPlaces = 4096;
   const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
-  std::vector<Point<Patient>> places;
+  std::vector<Point<Patient>> positions;
   for (int n = 0; n < kPlaces; ++n) {
     // the force within r is a fraction 1 - (1 - r2 / rho2)^(3/2)
     const double beyond = std::cbrt(1 - (n + 0.5) / kPlaces), r_mm = rho_mm * std::sqrt(1 - beyond * beyond);
-    places.emplace_back(r_mm * std::cos(n * golden_angle), r_mm * std::sin(n * golden_angle), 0);
+    positions.emplace_back(r_mm * std::cos(n * golden_angle), r_mm * std::sin(n * golden_angle), 0);
   }
-  return places;
+  return positions;
 }
 
 // compliance W, mm/N
@@ -82,11 +82,11 @@ double compliance(const PressedBody& body, double cell_mm) {
 }
 
 int run() {
-  nlohmann::ordered_json told;
+  nlohmann::ordered_json reported;
   for (const char* cell_mm : {"1", "0.5"})
     for (const PressedBody& body : pressed_bodies())
-      told[cell_mm][body.name] = compliance(body, std::stod(cell_mm));
-  std::printf("%s\n", told.dump(2).c_str());
+      reported[cell_mm][body.name] = compliance(body, std::stod(cell_mm));
+  std::printf("%s\n", reported.dump(2).c_str());
   return 0;
 }
 

@@ -61,13 +61,13 @@ int run(const Options& options) {
     threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
   for (std::thread& thread : threads) thread.join();
 
-  PosesSeen seen;
-  for (const auto& client : clients) seen.add(client->seen());
-  const double p50 = quantile(seen.ages_ms, 0.5), p99 = quantile(seen.ages_ms, 0.99),
-               p999 = quantile(seen.ages_ms, 0.999), most = quantile(seen.ages_ms, 1);
+  ObservedPoses observed;
+  for (const auto& client : clients) observed.add(client->seen());
+  const double p50 = quantile(observed.ages_ms, 0.5), p99 = quantile(observed.ages_ms, 0.99),
+               p999 = quantile(observed.ages_ms, 0.999), most = quantile(observed.ages_ms, 1);
   std::printf("%d viewers at %g Hz for %g s%s: %zu poses, %llu missed\n", options.viewers, options.poses_hz,
-              options.seconds, options.stuck ? ", one more that reads nothing" : "", seen.ages_ms.size(),
-              static_cast<unsigned long long>(seen.missed));
+              options.seconds, options.stuck ? ", one more that reads nothing" : "", observed.ages_ms.size(),
+              static_cast<unsigned long long>(observed.missed));
   std::printf("snapshot to receipt: median %.3f ms, p99 %.3f ms, p99.9 %.3f ms, largest %.3f ms\n", p50, p99,
               p999, most);
   return write_json("viewer_bench", options.json,
@@ -75,8 +75,8 @@ int run(const Options& options) {
                      {"poses_hz", options.poses_hz},
                      {"seconds", options.seconds},
                      {"stuck", options.stuck},
-                     {"poses", seen.ages_ms.size()},
-                     {"missed", seen.missed},
+                     {"poses", observed.ages_ms.size()},
+                     {"missed", observed.missed},
                      {"p50_ms", p50},
                      {"p99_ms", p99},
                      {"p999_ms", p999},

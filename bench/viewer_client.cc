@@ -26,7 +26,7 @@ std::int64_t steady_ns() {
   return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
-void PosesSeen::add(const PosesSeen& other) {
+void ObservedPoses::add(const ObservedPoses& other) {
   ages_ms.insert(ages_ms.end(), other.ages_ms.begin(), other.ages_ms.end());
   missed += other.missed;
 }
@@ -68,9 +68,9 @@ void ViewerClient::read_until(std::int64_t until_ns) {
     std::int64_t clock_ns;
     std::memcpy(&sequence, pose.data() + kSequenceAt, sizeof sequence);
     std::memcpy(&clock_ns, pose.data() + kClockAt, sizeof clock_ns);
-    if (last_ > 0) seen_.missed += sequence - last_ - 1;
+    if (last_ > 0) observed_.missed += sequence - last_ - 1;
     last_ = sequence;
-    seen_.ages_ms.push_back(static_cast<double>(got_ns - clock_ns) * 1e-6);
+    observed_.ages_ms.push_back(static_cast<double>(got_ns - clock_ns) * 1e-6);
   }
 }
 
@@ -80,9 +80,9 @@ void ViewerClient::say(const std::string& bytes) {
 
 bool ViewerClient::receive() {
   char buffer[4096];
-  const ssize_t got = ::recv(handle_, buffer, sizeof buffer, 0);
-  if (got > 0) input_.append(buffer, static_cast<std::size_t>(got));
-  return got > 0;
+  const ssize_t received = ::recv(handle_, buffer, sizeof buffer, 0);
+  if (received > 0) input_.append(buffer, static_cast<std::size_t>(received));
+  return received > 0;
 }
 
 // payload of the next message; empty if the connection has ended
@@ -133,24 +133,24 @@ class Download {
     std::size_t end = std::string::npos;
     while ((end = head.find("\r\n\r\n")) == std::string::npos) {
       if (steady_ns() >= until_ns) return false;
-      const ssize_t got = ::recv(handle_, buffer_.data(), buffer_.size(), 0);
-      if (got == 0) return false;
-      if (got > 0) head.append(buffer_.data(), static_cast<std::size_t>(got));
+      const ssize_t received = ::recv(handle_, buffer_.data(), buffer_.size(), 0);
+      if (received == 0) return false;
+      if (received > 0) head.append(buffer_.data(), static_cast<std::size_t>(received));
     }
-    const std::size_t said = head.find("\r\nContent-Length: ");
-    if (said == std::string::npos) return false;
-    const std::size_t length = std::stoul(head.substr(said + 18));
+    const std::size_t stated = head.find("\r\nContent-Length: ");
+    if (stated == std::string::npos) return false;
+    const std::size_t length = std::stoul(head.substr(stated + 18));
     std::size_t got_bytes = head.size() - end - 4;
     bytes += got_bytes;
     if (body) *body = head.substr(end + 4);
     while (got_bytes < length) {
       if (steady_ns() >= until_ns) return false;
-      const ssize_t got = ::recv(handle_, buffer_.data(), std::min(buffer_.size(), length - got_bytes), 0);
-      if (got == 0) return false;
-      if (got < 0) continue;
-      got_bytes += static_cast<std::size_t>(got);
-      bytes += static_cast<std::uint64_t>(got);
-      if (body) body->append(buffer_.data(), static_cast<std::size_t>(got));
+      const ssize_t count = ::recv(handle_, buffer_.data(), std::min(buffer_.size(), length - got_bytes), 0);
+      if (count == 0) return false;
+      if (count < 0) continue;
+      got_bytes += static_cast<std::size_t>(count);
+      bytes += static_cast<std::uint64_t>(count);
+      if (body) body->append(buffer_.data(), static_cast<std::size_t>(count));
     }
     return true;
   }
@@ -164,23 +164,23 @@ class Download {
 }  // namespace
 
 Downloads download_until(int port, std::int64_t until_ns) {
-  Downloads seen;
+  Downloads observed;
   Download connection(port);
   const std::int64_t begin_ns = steady_ns();
   std::uint64_t other_bytes = 0;
   std::string scene;
-  if (!connection.get("/api/scene", until_ns, other_bytes, &scene)) return seen;
+  if (!connection.get("/api/scene", until_ns, other_bytes, &scene)) return observed;
   const std::size_t at = scene.find("\"hash\":");
   const std::size_t quote = scene.find('"', at + 7);
-  if (at == std::string::npos || quote == std::string::npos) return seen;
+  if (at == std::string::npos || quote == std::string::npos) return observed;
   const std::string hash = scene.substr(quote + 1, scene.find('"', quote + 1) - quote - 1);
   for (std::uint64_t n = 0; steady_ns() < until_ns; ++n) {
     const char* const kind = n % 2 == 0 ? "scan/" : "labels/";
-    if (!connection.get("/api/volume/" + std::string(kind) + hash, until_ns, seen.bytes)) return seen;
-    ++seen.whole;
-    if (n == 1) seen.first_ms = static_cast<double>(steady_ns() - begin_ns) * 1e-6;
+    if (!connection.get("/api/volume/" + std::string(kind) + hash, until_ns, observed.bytes)) return observed;
+    ++observed.whole;
+    if (n == 1) observed.first_ms = static_cast<double>(steady_ns() - begin_ns) * 1e-6;
   }
-  return seen;
+  return observed;
 }
 
 double quantile(std::vector<double>& values, double part) {

@@ -11,10 +11,10 @@ namespace palpate::bench {
 std::int64_t steady_ns();
 
 /// Poses that viewers received.
-struct PosesSeen {
+struct ObservedPoses {
   std::vector<double> ages_ms;  ///< From a snapshot to the receipt of its message
   std::uint64_t missed = 0;     ///< Poses that the server skipped, by their sequence numbers
-  void add(const PosesSeen& other);
+  void add(const ObservedPoses& other);
 };
 
 class ViewerClient {
@@ -28,7 +28,7 @@ class ViewerClient {
 
   /// Reads until the deadline, or until the server closes the connection.
   void read_until(std::int64_t until_ns);
-  const PosesSeen& seen() const { return seen_; }
+  const ObservedPoses& seen() const { return observed_; }
 
  private:
   void say(const std::string& bytes);
@@ -37,7 +37,7 @@ class ViewerClient {
 
   int handle_;
   std::string input_;
-  PosesSeen seen_;
+  ObservedPoses observed_;
   std::uint64_t last_ = 0;
 };
 

@@ -131,7 +131,7 @@ PLP_API plp_status plp_labels_init(plp_labels* labels, size_t size);
 /// Haptic properties of structures (docs/guide/scene.md has their meaning and ranges).
 typedef struct plp_tissue {
   uint32_t size;
-  int32_t felt;  ///< 0: displayed only
+  int32_t touchable;  ///< 0: displayed only
   const char* name;
   double stiffness_N_per_mm;
   double static_friction;  ///< At least `friction`
@@ -340,9 +340,9 @@ typedef struct plp_record {
   uint32_t contact_part[6];   ///< Part of the tool: its points, then its capsules
   double contact_patient_mm[18];
   double contact_N[6];
-  uint32_t felt_label[6];   ///< Structures along the tip's path, outermost first; label 0 ends the list
-  double felt_depth_mm[6];  ///< Length of the path within each
-  double felt_share[6];     ///< Share of the force, 0 ... 1
+  uint32_t path_label[6];   ///< Structures along the tip's path, outermost first; label 0 ends the list
+  double path_depth_mm[6];  ///< Length of the path within each
+  double path_share[6];     ///< Share of the force, 0 ... 1
 } plp_record;
 PLP_API plp_status plp_record_init(plp_record* record, size_t size);
 

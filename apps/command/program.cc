@@ -188,14 +188,14 @@ struct CompanionCall {
 
 /// The companion that a command line selects: `palpate [OPTIONS] verify ...`, `palpate help verify`.
 std::optional<CompanionCall> companion_of(const Program& program, const std::vector<std::string>& arguments) {
-  const std::size_t place = index_of_verb(arguments);
-  const bool help = place < arguments.size() && arguments[place] == "help";
-  const std::size_t at = place + (help ? 1 : 0);
+  const std::size_t index = index_of_verb(arguments);
+  const bool help = index < arguments.size() && arguments[index] == "help";
+  const std::size_t at = index + (help ? 1 : 0);
   for (const Companion& companion : program.companions) {
     if (at >= arguments.size() || arguments[at] != companion.verb) continue;
     CompanionCall call{companion.verb, arguments};
     call.arguments.erase(call.arguments.begin() + static_cast<std::ptrdiff_t>(at));
-    if (help) call.arguments[place] = "--help";
+    if (help) call.arguments[index] = "--help";
     return call;
   }
   return std::nullopt;
@@ -271,8 +271,8 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& error) {
     // help and version are reported as errors with exit code 0
-    const bool asked = error.get_exit_code() == 0 && !is_help_on_unknown_verb(app);
-    return asked ? app.exit(error) : console.fail(explain(program, app, error));
+    const bool requested = error.get_exit_code() == 0 && !is_help_on_unknown_verb(app);
+    return requested ? app.exit(error) : console.fail(explain(program, app, error));
   }
   set_reading_limits(reading);
   placing.mesh = mesh_placing_of(mesh_space, mesh_unit);

@@ -14,12 +14,12 @@ class ScopedSignals {
   ScopedSignals(std::initializer_list<int> signals, void (*handler)(int)) {
     before_.reserve(signals.size());
     for (const int signal : signals) {
-      struct sigaction wanted {};
-      wanted.sa_handler = handler;
-      wanted.sa_flags = SA_RESTART;
-      ::sigemptyset(&wanted.sa_mask);
+      struct sigaction requested {};
+      requested.sa_handler = handler;
+      requested.sa_flags = SA_RESTART;
+      ::sigemptyset(&requested.sa_mask);
       struct sigaction was {};
-      if (::sigaction(signal, &wanted, &was) == 0) before_.emplace_back(signal, was);
+      if (::sigaction(signal, &requested, &was) == 0) before_.emplace_back(signal, was);
     }
   }
   ~ScopedSignals() {

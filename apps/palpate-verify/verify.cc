@@ -45,9 +45,9 @@ int verify(const VerifyOptions& options, Console& console) {
   }
   std::optional<OutputClaim> claimed;
   if (!options.json.empty()) {
-    auto taken = claim_output(options.json);
-    if (!taken) return console.fail(taken.error());
-    claimed = *std::move(taken);
+    auto used = claim_output(options.json);
+    if (!used) return console.fail(used.error());
+    claimed = *std::move(used);
   }
   // the small volumes of the suite are not worth caching: nobody opens these scenes again
   set_cache({});

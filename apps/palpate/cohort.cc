@@ -96,16 +96,16 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
            (ended.signal == SIGKILL ? ": killed, or out of memory" : "");
   }
   // first line of its last error message
-  std::string said = ended.said;
+  std::string stated = ended.stated;
   for (const std::string_view before : {"palpate: error: ", "palpate: bug: "})
-    if (const auto at = said.rfind(before); at != said.npos) {
-      said = said.substr(at + before.size());
+    if (const auto at = stated.rfind(before); at != stated.npos) {
+      stated = stated.substr(at + before.size());
       break;
     }
-  said = printable(said.substr(0, said.find('\n')));
+  stated = printable(stated.substr(0, stated.find('\n')));
   if (ended.exit_code == kExitOk) return "its process left no result";
   const std::string code = "its process ended with exit code " + std::to_string(ended.exit_code);
-  return said.empty() ? code : code + ": " + without_names(said, one, options.folder);
+  return stated.empty() ? code : code + ": " + without_names(stated, one, options.folder);
 }
 
 /// Runs one case in a child process, so that a result is written even if that process crashes.
@@ -272,17 +272,17 @@ int run_cohort(const CohortOptions& options, Console& console) {
 
   auto command = command_of(options);
   if (!command) return console.fail(command.error());
-  std::set<int> told;
+  std::set<int> reported;
   // faults of processes that could not leave a result, by case: the disk is full, or another run has locked
   // the case
   std::map<int, std::string> reasons;
-  const auto tell = [&](int number) {
+  const auto report_case = [&](int number) {
     const auto n = static_cast<std::size_t>(number - 1);
     const auto result = find_case(options.folder, number, (*keys)[n]);
-    if (!result || !told.insert(number).second) return;
+    if (!result || !reported.insert(number).second) return;
     const std::string who = "case " + cohort.cases[n].name;
     console.note(who + (result->fault.empty() ? ": done" : " failed: " + printable_name(result->fault)));
-    progress.report("cases", static_cast<double>(told.size()) / static_cast<double>(numbers.size()));
+    progress.report("cases", static_cast<double>(reported.size()) / static_cast<double>(numbers.size()));
   };
   Result<void> ran;
   if (options.engine == "slurm") {
@@ -291,16 +291,16 @@ int run_cohort(const CohortOptions& options, Console& console) {
         *command, left, slurm,
         [&] {
           for (const int number : numbers)
-            if (!told.contains(number)) tell(number);
-          return numbers.size() - told.size();
+            if (!reported.contains(number)) report_case(number);
+          return numbers.size() - reported.size();
         },
         progress);
   } else if (!numbers.empty()) {
     ran = run_locally(
         *command, numbers, options.jobs,
         [&](int number, const EndedProcess& how) {
-          tell(number);
-          if (told.contains(number)) return;
+          report_case(number);
+          if (reported.contains(number)) return;
           reasons[number] = fault_of(how, cohort.cases[static_cast<std::size_t>(number - 1)], options);
         },
         progress);

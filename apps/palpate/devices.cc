@@ -32,10 +32,10 @@ constexpr OwnDevice kOwn[] = {
 int print_json(const DeviceRegistry& known) {
   auto rows = Json::array();
   for (const OwnDevice& own : kOwn) rows.push_back(own_json(own.name, own.what));
-  for (const DeviceVendor& maker : known.all()) {
-    const DeviceReport report = maker.look();
-    Json row = {{"name", maker.name},
-                {"what", maker.what},
+  for (const DeviceVendor& vendor : known.all()) {
+    const DeviceReport report = vendor.look();
+    Json row = {{"name", vendor.name},
+                {"what", vendor.what},
                 {"simulated", false},
                 {"ready", *state_of(report) == '\0'},
                 {"connected", Json::array()}};
@@ -52,9 +52,9 @@ int print_text(const DeviceRegistry& known) {
     std::printf("%s %s\n", fitted(name, 16).c_str(), what.c_str());
   };
   for (const OwnDevice& own : kOwn) row(own.name, own.what);
-  for (const DeviceVendor& maker : known.all()) {
-    row(maker.name, maker.what);
-    const DeviceReport report = maker.look();
+  for (const DeviceVendor& vendor : known.all()) {
+    row(vendor.name, vendor.what);
+    const DeviceReport report = vendor.look();
     if (const char* state = state_of(report); *state != '\0') row("", state);
     for (const ConnectedDevice& device : report.connected) row("", device.id + ": " + device.state);
   }

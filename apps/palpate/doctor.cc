@@ -28,7 +28,7 @@ Json report_json(const DoctorReport& report) {
                      {"what", line.what},
                      {"finding", name_of(line.finding)},
                      {"found", line.found},
-                     {"cure", line.cure}});
+                     {"remedy", line.remedy}});
   const TimerFigures& timer = report.timer;
   return {{"ready", !report.missing()},
           {"lines", lines},
@@ -42,12 +42,12 @@ Json report_json(const DoctorReport& report) {
 }
 
 // prints a remedy with its lines aligned
-void print_cure(const std::string& cure) {
+void print_cure(const std::string& remedy) {
   std::size_t from = 0;
   const char* head = "what to do: ";
-  while (from <= cure.size()) {
-    const std::size_t to = std::min(cure.find('\n', from), cure.size());
-    std::printf("           %s%s\n", head, cure.substr(from, to - from).c_str());
+  while (from <= remedy.size()) {
+    const std::size_t to = std::min(remedy.find('\n', from), remedy.size());
+    std::printf("           %s%s\n", head, remedy.substr(from, to - from).c_str());
     head = "            ";
     from = to + 1;
   }
@@ -62,7 +62,7 @@ void print_report(const DoctorReport& report) {
                        : line.finding == Finding::kAdvice ? "advice"
                                                           : "fine";
     std::printf("  %-7s  %s: %s\n", word, line.what.c_str(), line.found.c_str());
-    if (line.finding != Finding::kFine) print_cure(line.cure);
+    if (line.finding != Finding::kFine) print_cure(line.remedy);
   }
   std::size_t missing = 0, advice = 0;
   for (const DoctorLine& line : report.lines) {

@@ -17,7 +17,7 @@
 #include "known_devices.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/device/settings.h"
 #include "palpate/server/viewer_server.h"
 #include "palpate/tracker/tracker_driver.h"
@@ -48,7 +48,7 @@ struct ExploreArguments {
   std::string task, learner;
   std::optional<std::filesystem::path> plan;
   std::filesystem::path records;
-  bool keeps_runs = false;  // whether runs are added to `records`
+  bool stores_runs = false;  // whether runs are added to `records`
 };
 
 // claims the output files: the recording and the log of the supervisor
@@ -170,20 +170,20 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, ViewerFau
 }
 
 // notes the rendered stiffness of each tissue if the workspace makes it differ from that of the scene
-void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
+void note_rendered_stiffness(const LoadedScene& loaded, Console& console) {
   const double factor = RenderedStiffness(loaded.scene.workspace).at_device(1);
   if (factor == 1) return;
   char text[120];
   std::snprintf(text, sizeof text, "felt stiffness, scale x force gain = %g times the tissue's:", factor);
   console.note(text);
   for (const Tissue& tissue : loaded.model->tissues) {
-    if (!tissue.felt) continue;
+    if (!tissue.touchable) continue;
     std::snprintf(text, sizeof text, " %.3g N/mm", factor * tissue.stiffness_N_per_mm);
     console.note("  " + fitted(tissue.name, 24) + text);
   }
 }
 
-void note_scheduling(const ExploreStatus& status, bool asked, Console& console) {
+void note_scheduling(const ExploreStatus& status, bool requested, Console& console) {
   const Scheduling& scheduling = status.scheduling;
   console.note("scheduler: " + scheduling.scheduler);
   for (const TickingThread& follower : status.followers)
@@ -191,7 +191,7 @@ void note_scheduling(const ExploreStatus& status, bool asked, Console& console) 
   console.note("memory: " + scheduling.memory);
   console.note("watchdog: " + scheduling.watchdog);
   console.note("supervisor: " + (status.supervisor.empty() ? "none (--no-supervisor)" : status.supervisor));
-  if (asked && !(scheduling.realtime && scheduling.memory_locked))
+  if (requested && !(scheduling.realtime && scheduling.memory_locked))
     console.note("  ticks may come late; docs/guide/explore.md describes how to grant the privileges");
 }
 
@@ -272,8 +272,8 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   std::size_t left = 0;
   for (const std::string& usual :
        {std::string(time) + rate + late_part + force, std::string(time) + rate + force, std::string(force)}) {
-    const std::size_t taken = columns_of(usual) + columns_of(unusual);
-    left = columns > taken ? columns - taken : 0;
+    const std::size_t used = columns_of(usual) + columns_of(unusual);
+    left = columns > used ? columns - used : 0;
     line = usual;
     if (left >= for_structure) break;
   }
@@ -282,31 +282,31 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 
 // prints notes at the first call, then the live line; reports once that a recording ended, and each method
 // that could not be prepared
-// @param said     collects the warnings printed at the start, one per line
+// @param stated     collects the warnings printed at the start, one per line
 // @param tracked  set to the latest error estimate of a tracked tip
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
-                                                     const std::string& address, std::string& said,
+                                                     const std::string& address, std::string& stated,
                                                      std::optional<ViewedNavigation>& tracked,
                                                      Console& console) {
-  return [&console, &address, &said, &tracked, asked = !options.no_realtime, first = true, told = false,
-          told_method = std::string(), told_trouble = std::string(), deaths = 0,
+  return [&console, &address, &stated, &tracked, requested = !options.no_realtime, first = true,
+          reported = false, reported_method = std::string(), reported_trouble = std::string(), deaths = 0,
           unwatched = false](const ExploreStatus& s) mutable {
-    if (first) note_scheduling(s, asked, console);
+    if (first) note_scheduling(s, requested, console);
     tracked = s.navigation;
     if (first)
       for (const std::string& known : {s.coarser_tissue, s.careful_bounds}) {
         if (!known.empty()) console.warn()(known);
-        said += known + "\n";
+        stated += known + "\n";
       }
     const std::string trouble = s.device_trouble ? s.device_trouble->message() : "";
-    if (trouble != told_trouble)
+    if (trouble != reported_trouble)
       console.warn()(trouble.empty() ? "the device is back" : trouble + "\n  no force until then");
-    told_trouble = trouble;
+    reported_trouble = trouble;
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
-    if (s.recording_failure && !told) {
+    if (s.recording_failure && !reported) {
       console.warn()(s.recording_failure->message() + "\n  the session continues without it");
-      told = true;
+      reported = true;
     }
     if (s.supervisor_failure && !unwatched)
       console.warn()("the supervisor died, and the force stays off because no other can be started:\n  " +
@@ -323,12 +323,12 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
           (finished.run.score.in_band ? ": every counted metric in its band"
                                       : ": not every counted metric in its band") +
           (finished.history.kept ? "; in the records as run " + std::to_string(*finished.history.kept) : ""));
-      if (finished.history.not_kept)
-        console.warn()("the run is not in the records: " + finished.history.not_kept->message());
+      if (finished.history.not_stored)
+        console.warn()("the run is not in the records: " + finished.history.not_stored->message());
     }
     const std::string method = s.method_failure ? s.method_failure->message() : "";
-    if (!method.empty() && method != told_method) console.warn()(method);
-    told_method = method;
+    if (!method.empty() && method != reported_method) console.warn()(method);
+    reported_method = method;
     if (s.refusal) console.warn()(s.refusal->message());
     console.live(s.question ? "y / n? " + s.question->text : live_line(s, console.columns()));
   };
@@ -410,9 +410,9 @@ void print_tip_error(const ViewedNavigation& navigation) {
 }
 
 // limits the number of warnings, because a repeating script causes the same trouble in each repetition
-void warn_of_trouble(std::vector<std::string> trouble, const std::string& said, Console& console) {
+void warn_of_trouble(std::vector<std::string> trouble, const std::string& stated, Console& console) {
   constexpr std::size_t kMost = 10;
-  std::erase_if(trouble, [&](const std::string& one) { return said.find(one) != std::string::npos; });
+  std::erase_if(trouble, [&](const std::string& one) { return stated.find(one) != std::string::npos; });
   for (std::size_t i = 0; i < std::min(kMost, trouble.size()); ++i) console.warn()(trouble[i]);
   if (trouble.size() > kMost)
     console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
@@ -446,12 +446,12 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
     }
   }
   training.learner = options.learner;
-  if (!options.keeps_runs) return training;
+  if (!options.stores_runs) return training;
   training.over = [file = options.records](const TaskFile& task, const TaskRun& run) {
-    auto kept = add_run_with_history(file, run.learner, task, {{}, *run.header, run.score, run.run_hash});
-    if (kept) return *std::move(kept);
+    auto stored = add_run_with_history(file, run.learner, task, {{}, *run.header, run.score, run.run_hash});
+    if (stored) return *std::move(stored);
     RunHistory none;
-    none.not_kept = kept.error();
+    none.not_stored = stored.error();
     return none;
   };
   training.curves = [file = options.records](const std::string& learner) {
@@ -472,11 +472,11 @@ Result<void> check_learners(ExploreArguments& options, Console& console) {
     learners.insert(learners.end(), holders->learners.begin(), holders->learners.end());
     has_teacher = holders->teacher;
   }
-  options.keeps_runs = !learners.empty() || has_teacher;
-  if (!options.records.empty() && !options.keeps_runs)
+  options.stores_runs = !learners.empty() || has_teacher;
+  if (!options.records.empty() && !options.stores_runs)
     return Error{ErrorKind::kUsage, "there is no learner to store runs for", "--records",
                  "name a --learner, or a --token-file with learners or a teacher"};
-  return options.keeps_runs ? check_records(options.records, learners, console) : Result<void>();
+  return options.stores_runs ? check_records(options.records, learners, console) : Result<void>();
 }
 
 // prints the title and figures of each run
@@ -501,19 +501,19 @@ int explore_target(ExploreArguments options, Console& console) {
   options.known = *std::move(known);
   const auto claimed = check(options);
   if (!claimed) return console.fail(claimed.error());
-  if (const auto kept = check_learners(options, console); !kept) return console.fail(kept.error());
+  if (const auto stored = check_learners(options, console); !stored) return console.fail(stored.error());
   const Progress progress = console.progress();
   const auto loaded = load_target(options.source, console);
   if (!loaded) return console.fail(loaded.error());
   // a scene without touchable tissue can still be viewed in the page
-  const auto felt = require_touchable_tissue(*loaded);
-  if (!felt && (options.script || options.no_viewer)) return console.fail(felt.error());
-  if (!felt) console.note("nothing in the scene can be felt yet: it is only shown in the page");
-  if (!felt) options.devices = {kPointer};
+  const auto touchable = require_touchable_tissue(*loaded);
+  if (!touchable && (options.script || options.no_viewer)) return console.fail(touchable.error());
+  if (!touchable) console.note("nothing in the scene can be felt yet: it is only shown in the page");
+  if (!touchable) options.devices = {kPointer};
   const bool pointer = options.devices.front() == kPointer;
   const auto script = script_of(options.script);
   if (!script) return console.fail(script.error());
-  note_felt_stiffness(*loaded, console);
+  note_rendered_stiffness(*loaded, console);
   std::shared_ptr<SharedPlan> plan;
   if (options.plan) {
     auto opened = SharedPlan::open(*options.plan, *loaded->model, true);
@@ -528,7 +528,7 @@ int explore_target(ExploreArguments options, Console& console) {
   // if the terminal closes, the session continues without keys: the device must not be released for that
   const ScopedSignals without_terminal({SIGHUP}, SIG_IGN);
   std::optional<Keys> keys(std::in_place, console.streams().in);
-  std::string address, said;
+  std::string address, stated;
   std::optional<ViewedNavigation> tracked;
   ViewerFaultQueue faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
@@ -543,7 +543,7 @@ int explore_target(ExploreArguments options, Console& console) {
   session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
-                              status_for(options, address, said, tracked, console));
+                              status_for(options, address, stated, tracked, console));
   keys.reset();
   console.live("");
   if (!result) return console.fail(result.error());
@@ -551,7 +551,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (plan && !plan->viewed()->saved)
     console.warn()(options.plan->string() +
                    ": changes to the plan made in the page were not saved and are lost");
-  warn_of_trouble(result->trouble, said, console);
+  warn_of_trouble(result->trouble, stated, console);
   print(*result, pointer);
   if (tracked) print_tip_error(*tracked);
   print_runs(result->runs, *training);

@@ -32,7 +32,7 @@ AnatomicalPlane plane_of(const std::string& name) {
 // point where an approach would touch the first reachable structure
 Result<Point<Patient>> section_centre(const Model& model) {
   for (const Segment& segment : model.segments) {
-    if (!model.is_felt(segment.id)) continue;
+    if (!model.is_touchable(segment.id)) continue;
     if (const auto found = find_surface_point(model, segment.id, ApproachStep{}.clearance_mm))
       return found->point;
   }
@@ -54,7 +54,7 @@ int draw_forces(const ForcesOptions& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "the output is an SVG picture", options.output.string(),
                          "give it a name that ends in .svg"});
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.source, console, options.preparation);
+  const auto loaded = load_touchable_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   // the force of the proxy depends on the path of the tip, so it has no force field
   const ForceMethod of_scene = loaded->scene.force.method;

@@ -107,9 +107,9 @@ Result<HeldHands> stored_held_hands() {
 
 DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& hands, double rate_hz) {
   DeviceRegistry all;
-  for (const DeviceVendor& maker : known.all()) {
-    DeviceVendor held = maker;
-    held.make = [make = maker.make, hands, rate_hz] {
+  for (const DeviceVendor& vendor : known.all()) {
+    DeviceVendor held = vendor;
+    held.make = [make = vendor.make, hands, rate_hz] {
       return palpate::with_held_hands(make(), hands, rate_hz);
     };
     all.add(std::move(held));
@@ -119,12 +119,12 @@ DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& han
 
 int hold_by_hand(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
                  Console& console) {
-  const DeviceVendor* maker = known.find(name);
+  const DeviceVendor* vendor = known.find(name);
   const bool is_simulated = name == kSimulatedHand;
-  if (!is_simulated && !maker) return console.fail(check_devices({name}, known).error());
+  if (!is_simulated && !vendor) return console.fail(check_devices({name}, known).error());
   // an unreadable file would be overwritten
-  if (const auto kept = stored_held_hands(); !kept) return console.fail(kept.error());
-  std::unique_ptr<DeviceDriver> driver = is_simulated ? simulated() : maker->make();
+  if (const auto stored = stored_held_hands(); !stored) return console.fail(stored.error());
+  std::unique_ptr<DeviceDriver> driver = is_simulated ? simulated() : vendor->make();
   if (auto opened = driver->open(false); !opened) return console.fail(opened.error());
   if (driver->devices()[0].degrees_of_freedom_out == 0)
     return console.fail(

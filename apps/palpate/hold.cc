@@ -127,7 +127,7 @@ int hold_target(const HoldOptions& options, Console& console) {
   const auto claimed = check_hold(options);
   if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.source, console, options.preparation);
+  const auto loaded = load_touchable_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   const auto methods = methods_of(options, *loaded);
   const auto model = ready_for(loaded->model, methods, progress);

@@ -23,12 +23,12 @@ namespace {
 /// Values of an option of the form NAME=VALUE; each name once unless `repeats`.
 class Named {
  public:
-  static Result<Named> parse(const char* option, const std::vector<std::string>& said,
+  static Result<Named> parse(const char* option, const std::vector<std::string>& stated,
                              const std::vector<std::string>& names, bool repeats = false) {
     Named named;
     std::string all;
     for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
-    for (const std::string& each : said) {
+    for (const std::string& each : stated) {
       const std::size_t equals = each.find('=');
       const std::string name = each.substr(0, equals);
       if (equals == std::string::npos || equals + 1 == each.size())
@@ -51,12 +51,12 @@ class Named {
   }
   /// Value as a number; empty if it is not given. Errors: kUsage if it is not a number from 0 to `most`.
   Result<std::optional<double>> number(const char* option, const std::string& name, double most) const {
-    const std::string said = text(name);
-    if (said.empty()) return std::optional<double>();
+    const std::string stated = text(name);
+    if (stated.empty()) return std::optional<double>();
     char* end = nullptr;
-    const double value = std::strtod(said.c_str(), &end);
+    const double value = std::strtod(stated.c_str(), &end);
     if (*end != '\0' || !(value >= 0 && value <= most))
-      return Error{ErrorKind::kUsage, "'" + said + "' is not a number from 0 to " + std::to_string(most),
+      return Error{ErrorKind::kUsage, "'" + stated + "' is not a number from 0 to " + std::to_string(most),
                    option, "give the mass of the tool at the end of the arm in kilograms"};
     return std::optional<double>(value);
   }
@@ -178,10 +178,10 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options,
   if (navigation) tracked.navigation = *navigation;
 
   DeviceRegistry registry;
-  registry.add(haply_maker());
-  registry.add(force_dimension_maker(force_dimension));
-  registry.add(openhaptics_maker(openhaptics));
-  registry.add(spacemouse_maker());
+  registry.add(haply_vendor());
+  registry.add(force_dimension_vendor(force_dimension));
+  registry.add(openhaptics_vendor(openhaptics));
+  registry.add(spacemouse_vendor());
   registry.add(tracker_maker(tracked));
   for (const std::string& name : names)
     if (name.starts_with(kPluginPrefix) && registry.find(name) == nullptr)

@@ -47,7 +47,7 @@ std::optional<bool> is_hard_by_name(const std::string& name) {
   const PresetMatch match = match_preset(name);
   if (match.is_hollow) return false;
   if (match.preset == nullptr) return std::nullopt;
-  return match.preset->values.felt && !match.preset->values.elastic;
+  return match.preset->values.touchable && !match.preset->values.elastic;
 }
 
 // --- outputs --------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ void print_report(std::ostream& out, const LintReport& report) {
   constexpr std::size_t kLinesOfAKind = 6, kMaxStructures = 60;
   out << "grade " << report.grade << ": " << count_of(report.count(LintSeverity::kFault), "fault") << ", "
       << count_of(report.count(LintSeverity::kWarning), "warning") << ", "
-      << report.count(LintSeverity::kCannotTell) << " that cannot be decided, in "
+      << report.count(LintSeverity::kUndetermined) << " that cannot be decided, in "
       << count_of(report.structures.size(), "structure") << '\n';
   std::size_t clean = 0, shown = 0;
   for (const StructureGrade& structure : report.structures) {
@@ -115,7 +115,7 @@ void print_report(std::ostream& out, const LintReport& report) {
     const LintFinding& first = report.findings[n];
     const LintKindInfo& kind = lint_kind(first.kind);
     out << '\n' << in_words(first.severity) << ": " << kind.title << '\n';
-    if (first.severity != LintSeverity::kCannotTell)
+    if (first.severity != LintSeverity::kUndetermined)
       print_wrapped(out, std::string(kind.effect) + "; remedy: " + std::string(kind.remedy), "  ", "  ");
     std::size_t lines = 0, end = n;
     for (; end < report.findings.size() && report.findings[end].kind == first.kind &&
@@ -141,7 +141,7 @@ Json lint_json(const LintReport& report, const LintVerbOptions& options, const L
             {"tool_radius_mm", options.tool_radius_mm},
             {"faults", report.count(LintSeverity::kFault)},
             {"warnings", report.count(LintSeverity::kWarning)},
-            {"cannot_tell", report.count(LintSeverity::kCannotTell)}};
+            {"cannot_tell", report.count(LintSeverity::kUndetermined)}};
   Json structures = Json::array(), findings = Json::array(), kinds = Json::array();
   for (const StructureGrade& s : report.structures)
     structures.push_back({{"id", s.id},
@@ -330,7 +330,7 @@ void print_mends(std::ostream& out, const LintReport& report, const MendedLabels
   }
   std::array<std::size_t, 32> left{};
   for (const LintFinding& finding : report.findings)
-    if (finding.severity != LintSeverity::kCannotTell && !lint_kind(finding.kind).is_mended)
+    if (finding.severity != LintSeverity::kUndetermined && !lint_kind(finding.kind).is_mended)
       ++left.at(static_cast<std::size_t>(finding.kind));
   for (const LintKindInfo& kind : lint_kinds())
     if (const std::size_t count = left.at(static_cast<std::size_t>(kind.kind)); count > 0)
@@ -338,7 +338,7 @@ void print_mends(std::ostream& out, const LintReport& report, const MendedLabels
           << '\n';
 }
 
-bool keeps_names(const fs::path& file) {
+bool retains_names(const fs::path& file) {
   std::string name = file.filename().string();
   std::ranges::transform(name, name.begin(),
                          [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
@@ -393,7 +393,7 @@ int run_lint(const LintVerbOptions& options, Console& console) {
       return console.fail(written.error());
     mends = mended->mends;
     if (words) print_mends(std::cout, *report, *mended);
-    if (!keeps_names(*options.fix))
+    if (!retains_names(*options.fix))
       console.warn()("only the format .seg.nrrd keeps the names and colours of the structures");
     console.note("labels: " + options.fix->string());
   }

@@ -30,7 +30,7 @@ constexpr double kEnoughTurn_deg = 15;
 // minimum distance between traced points, and their number
 constexpr double kTraceStep_mm = 1;
 constexpr std::size_t kTracePlaces = 100;
-constexpr double kTooNearTold_s = 3;
+constexpr double kTooNearReported_s = 3;
 
 /// Stream of a tracker with a queue of its poses.
 class LivePoses {
@@ -43,8 +43,8 @@ class LivePoses {
   std::deque<MarkersPose> next() {
     const auto trouble = stream_.trouble();
     const std::string wrong = trouble ? trouble->message() : "";
-    if (wrong != told_) console_.warn()(wrong.empty() ? "the tool is visible again" : wrong);
-    told_ = wrong;
+    if (wrong != reported_) console_.warn()(wrong.empty() ? "the tool is visible again" : wrong);
+    reported_ = wrong;
     const std::lock_guard lock(mutex_);
     return std::exchange(waiting_, {});
   }
@@ -57,7 +57,7 @@ class LivePoses {
   }
 
   Console& console_;
-  std::string told_;
+  std::string reported_;
   std::mutex mutex_;
   std::deque<MarkersPose> waiting_;
   TrackerStream stream_;  // last: its thread calls take()
@@ -119,21 +119,21 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
   Keys keys(console.streams().in);
   TouchDetector touches;
   CollectedTouches out;
-  const std::size_t asked = names.size() + (structure.empty() ? 0 : 1);
+  const std::size_t requested = names.size() + (structure.empty() ? 0 : 1);
   const auto ask = [&] {
     const std::size_t n = touches.taken().size();
     if (n < names.size())
       console.note("touch " + printable_name(names[n]) + " (" + std::to_string(n + 1) + " of " +
                    std::to_string(names.size()) + ") and hold the tip still for a second" +
                    (keys.active() ? "; u undoes the last one" : ""));
-    else if (n < asked)
+    else if (n < requested)
       console.note("hold the tip still on " + printable_name(structure) +
                    " for a second, then trace all of the surface that can be reached, without lifting it");
   };
   ask();
   double near_since_s = -1;
   while (touches.taken().size() < names.size() ||
-         out.traced.size() < (asked > names.size() ? kTracePlaces : 0)) {
+         out.traced.size() < (requested > names.size() ? kTracePlaces : 0)) {
     if (progress.stopped()) return Progress::interrupted();
     if (keys.next() == 'u' && out.traced.empty() && !touches.taken().empty()) {
       touches.undo();
@@ -142,16 +142,16 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
     for (const MarkersPose& pose : live.next()) {
       const Point<Tracker> at = pose.tracker_from_tool * tip.at;
       const double time_s = 1e-9 * static_cast<double>(pose.at_ns);
-      if (touches.taken().size() == asked) {
+      if (touches.taken().size() == requested) {
         // tracing over the structure
         if (out.traced.size() < kTracePlaces && !out.traced.empty() &&
             (at - out.traced.back()).norm() >= kTraceStep_mm)
           out.traced.push_back(at);
         continue;
       }
-      const TouchDetector::State state = touches.see(at, time_s);
+      const TouchDetector::State state = touches.observe(at, time_s);
       if (state != TouchDetector::State::kTooNear) near_since_s = time_s;
-      if (time_s - near_since_s > kTooNearTold_s) {
+      if (time_s - near_since_s > kTooNearReported_s) {
         console.warn()("the tip is less than 5 mm from a point touched before: touch another place");
         near_since_s = INFINITY;
       }
@@ -170,7 +170,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
     char text[128];
     std::snprintf(text, sizeof text, "%zu of %zu points, %zu of %zu places",
                   std::min(touches.taken().size(), names.size()), names.size(), out.traced.size(),
-                  asked > names.size() ? kTracePlaces : 0);
+                  requested > names.size() ? kTracePlaces : 0);
     console.live(text);
     std::this_thread::sleep_for(kPollInterval);
   }

@@ -112,9 +112,9 @@ Result<std::vector<PointPair>> pair_up(const std::vector<NamedPoint>& scan,
                            return by_name.contains(point.name);
                          });
   std::vector<PointPair> pairs;
-  const auto add = [&](const NamedPoint& in_scan, const NamedPoint& seen) {
-    pairs.push_back(
-        {in_scan.name, Point<Patient>(in_scan.at_mm), Point<Tracker>(seen.at_mm), seen.fle_mm.value_or(1)});
+  const auto add = [&](const NamedPoint& in_scan, const NamedPoint& observed) {
+    pairs.push_back({in_scan.name, Point<Patient>(in_scan.at_mm), Point<Tracker>(observed.at_mm),
+                     observed.fle_mm.value_or(1)});
   };
   if (are_named) {
     for (const NamedPoint& point : scan)
@@ -212,7 +212,7 @@ Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
   return std::move(prepared->front().surface);
 }
 
-void print_points(const RegistrationOutcome& outcome, bool targets_given) {
+void print_points(const RegistrationOutcome& outcome, bool stated_targets) {
   const PointRegistration& points = outcome.by_points;
   std::printf("%s %s\n", fitted("point", 16).c_str(), "residual, mm");
   for (std::size_t n = 0; n < outcome.names.size(); ++n)
@@ -225,10 +225,10 @@ void print_points(const RegistrationOutcome& outcome, bool targets_given) {
         points.fle_scale, points.min_fle_scale, points.max_fle_scale);
   if (!outcome.fle_scale) return;
   std::printf("\nexpected target error with these points (TRE):\n");
-  for (const Point<Patient>& place : outcome.targets) {
-    const ErrorSpread wrong = error_at(rigid_error(points, *outcome.fle_scale), place);
+  for (const Point<Patient>& position : outcome.targets) {
+    const ErrorSpread wrong = error_at(rigid_error(points, *outcome.fle_scale), position);
     std::printf("  at %.1f, %.1f, %.1f%s   %.2f mm (root mean square); below %.2f in 95 of 100 cases\n",
-                place.x(), place.y(), place.z(), targets_given ? "" : " (centroid of the points)",
+                position.x(), position.y(), position.z(), stated_targets ? "" : " (centroid of the points)",
                 wrong.rms_mm, wrong.max_mm);
   }
 }

@@ -19,12 +19,12 @@ Result<LoadedScene> load_target(const SceneSource& source, Console& console,
   return loaded;
 }
 
-Result<LoadedScene> load_felt_target(const SceneSource& source, Console& console,
-                                     std::optional<PreparationMethod> preparation,
-                                     const MemoryCallback& report_memory) {
+Result<LoadedScene> load_touchable_target(const SceneSource& source, Console& console,
+                                          std::optional<PreparationMethod> preparation,
+                                          const MemoryCallback& report_memory) {
   auto loaded = load_target(source, console, preparation, report_memory);
   if (!loaded) return loaded;
-  if (auto felt = require_touchable_tissue(*loaded); !felt) return felt.error();
+  if (auto touchable = require_touchable_tissue(*loaded); !touchable) return touchable.error();
   return loaded;
 }
 

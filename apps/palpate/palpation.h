@@ -24,9 +24,9 @@ Result<LoadedScene> load_target(const SceneSource& source, Console& console,
                                 std::optional<PreparationMethod> preparation = {},
                                 const MemoryCallback& report_memory = {});
 /// As load_target(), with an error if the scene has no touchable tissue.
-Result<LoadedScene> load_felt_target(const SceneSource& source, Console& console,
-                                     std::optional<PreparationMethod> preparation = {},
-                                     const MemoryCallback& report_memory = {});
+Result<LoadedScene> load_touchable_target(const SceneSource& source, Console& console,
+                                          std::optional<PreparationMethod> preparation = {},
+                                          const MemoryCallback& report_memory = {});
 
 /// Script of a file; empty if there is no file, in which case a run plans the default script.
 Result<std::optional<Script>> script_of(const std::optional<std::filesystem::path>& file);

@@ -76,7 +76,7 @@ void print_trajectory(const PlanTrajectory& trajectory) {
 }
 
 // prints the structures along the planned path, in order, with the length within each
-void print_structures_on_way(const PlannedScene& scene, std::size_t n) {
+void print_structures_on_path(const PlannedScene& scene, std::size_t n) {
   constexpr double kStep_mm = 0.1;
   const PlanTrajectory& trajectory = scene.plan.file.trajectories[n];
   const Bricks<LabelId>& labels = *scene.model->labels;
@@ -102,7 +102,7 @@ void print_structures_on_way(const PlannedScene& scene, std::size_t n) {
   std::printf("  passes through  %s\n", text.c_str());
 }
 
-void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
+void print_distances_along_path(const PlannedScene& scene, std::size_t n) {
   constexpr double kStep_mm = 0.1;
   const PlanTrajectory& trajectory = scene.plan.file.trajectories[n];
   const std::vector<bool>& enters = scene.plan.enters[n];
@@ -111,15 +111,15 @@ void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
   for (const StructureDistance& distance : scene.distances) {
     if (distance.label() < enters.size() && enters[distance.label()])
       entry_mm = std::min(entry_mm, distance.distance_mm(trajectory.entry));
-    const auto asked = scene.plan.distances_mm.find(distance.label());
-    if (asked == scene.plan.distances_mm.end()) continue;
+    const auto requested = scene.plan.distances_mm.find(distance.label());
+    if (requested == scene.plan.distances_mm.end()) continue;
     double min_mm = std::numeric_limits<double>::infinity();
     for (int step = 0; step <= steps; ++step)
       min_mm =
           std::min(min_mm, distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
                                                                        (static_cast<double>(step) / steps)));
     std::printf("  distance to %s %.2f mm at least; %g mm required for the outside of the tool\n",
-                planned_name(scene.model->name_of(distance.label())).c_str(), min_mm, asked->second);
+                planned_name(scene.model->name_of(distance.label())).c_str(), min_mm, requested->second);
   }
   if (std::isfinite(entry_mm))
     std::printf("  entry           %.2f mm %s the surface that it enters\n", std::abs(entry_mm),
@@ -151,8 +151,8 @@ int show_plan(const PlanOptions& options, Console& console) {
   for (std::size_t n = 0; n < plan->trajectories.size(); ++n) {
     print_trajectory(plan->trajectories[n]);
     if (!scene) continue;
-    print_structures_on_way(*scene, n);
-    print_distances_of_way(*scene, n);
+    print_structures_on_path(*scene, n);
+    print_distances_along_path(*scene, n);
   }
   for (std::size_t n = 0; n < plan->regions.size(); ++n) {
     const PlanRegion& region = plan->regions[n];
@@ -229,32 +229,32 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                 fitted("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
       std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(),
-                  made.regions[n].planned_mm3, made.regions[n].taken_mm3, made.regions[n].left_mm3());
+                  made.regions[n].planned_mm3, made.regions[n].removed_mm3, made.regions[n].left_mm3());
   }
   if (!made.volumes.empty()) {
     std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 27).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), fitted("left", 12).c_str(), "outside the plan");
     for (const StructureVolume& volume : made.volumes)
       std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", planned_name(scene.model->name_of(volume.label)).c_str(),
-                  volume.in_plan.planned_mm3, volume.in_plan.taken_mm3, volume.in_plan.left_mm3(),
+                  volume.in_plan.planned_mm3, volume.in_plan.removed_mm3, volume.in_plan.left_mm3(),
                   volume.outside_mm3);
   }
   std::printf("%s%s%s\n", fitted("nearest to", 27).c_str(), fitted("mm", 12).c_str(), "asked");
   for (const StructureClearance& approach : made.approaches) {
-    char asked[32] = "";
-    if (approach.asked_mm) std::snprintf(asked, sizeof asked, "%g", *approach.asked_mm);
+    char requested[32] = "";
+    if (approach.requested_mm) std::snprintf(requested, sizeof requested, "%g", *approach.requested_mm);
     std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
-                approach.nearest_mm, fitted(asked, 8).c_str(),
-                fitted(!approach.asked_mm ? ""
-                       : approach.kept()  ? "kept"
-                                          : "NOT KEPT",
+                approach.nearest_mm, fitted(requested, 8).c_str(),
+                fitted(!approach.requested_mm ? ""
+                       : approach.kept()      ? "kept"
+                                              : "NOT KEPT",
                        10)
                     .c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
   }
   for (const ClearanceViolation& breach : made.breaches)
     std::printf("  %.2f mm from %s (%g required): ticks %llu to %llu, nearest %s\n", breach.nearest_mm,
-                printable_name(scene.model->name_of(breach.label)).c_str(), breach.asked_mm,
+                printable_name(scene.model->name_of(breach.label)).c_str(), breach.requested_mm,
                 static_cast<unsigned long long>(breach.begin.tick),
                 static_cast<unsigned long long>(breach.last_tick), at_tick(breach.nearest).c_str());
   if (made.more_breaches > 0)

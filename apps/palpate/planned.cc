@@ -23,8 +23,9 @@ Json json_of(const ToleratedValue& figure) {
           {"kept", figure.kept()}};
 }
 Json json_of(const VolumeResult& volume) {
-  return {
-      {"planned_mm3", volume.planned_mm3}, {"taken_mm3", volume.taken_mm3}, {"left_mm3", volume.left_mm3()}};
+  return {{"planned_mm3", volume.planned_mm3},
+          {"removed_mm3", volume.removed_mm3},
+          {"left_mm3", volume.left_mm3()}};
 }
 
 Json json_of(const PlanTrajectory& planned, const TrajectoryResult& done) {
@@ -119,7 +120,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
                                   {"label", approach.label},
                                   {"nearest_mm", number_or_null(approach.nearest_mm)},
                                   {"nearest", is_known ? json_of(approach.nearest) : Json(nullptr)},
-                                  {"asked_mm", number_or_null(approach.asked_mm)},
+                                  {"requested_mm", number_or_null(approach.requested_mm)},
                                   {"kept", approach.kept()},
                                   {"below_s", approach.below_s},
                                   {"over_time_mm", over_time}});
@@ -128,7 +129,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
   for (const ClearanceViolation& breach : made.breaches)
     json["breaches"].push_back({{"name", model.name_of(breach.label)},
                                 {"label", breach.label},
-                                {"asked_mm", breach.asked_mm},
+                                {"requested_mm", breach.requested_mm},
                                 {"nearest_mm", breach.nearest_mm},
                                 {"begin", json_of(breach.begin)},
                                 {"nearest", json_of(breach.nearest)},

@@ -68,9 +68,9 @@ Result<bool> gives_a_scene(const PrepareOptions& options, const Progress& progre
 
 /// Warns of places where a tool would slip through the surface of touchable structures. Errors:
 /// kInterrupted.
-Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& felt,
+Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& touchable,
                            const std::function<std::string(LabelId)>& name_of, Console& console) {
-  const auto leaks = find_leaks(labels, felt, 0, console.progress());
+  const auto leaks = find_leaks(labels, touchable, 0, console.progress());
   if (!leaks) return leaks.error();
   if (!leaks->empty()) console.warn()(leaky_text(*leaks, name_of));
   return {};
@@ -198,14 +198,14 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
     else
       without_field = memory;
   };
-  const auto loaded = load_felt_target(options.source, console, {}, report_memory);
+  const auto loaded = load_touchable_target(options.source, console, {}, report_memory);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;
-  std::vector<LabelId> felt;
+  std::vector<LabelId> touchable;
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label)
-    if (model.is_felt(static_cast<LabelId>(label))) felt.push_back(static_cast<LabelId>(label));
+    if (model.is_touchable(static_cast<LabelId>(label))) touchable.push_back(static_cast<LabelId>(label));
   const auto name_of = [&](LabelId id) { return model.name_of(id); };
-  if (auto warned = warn_of_leaks(*model.labels, felt, name_of, console); !warned)
+  if (auto warned = warn_of_leaks(*model.labels, touchable, name_of, console); !warned)
     return console.fail(warned.error());
   if (model.field == nullptr) {
     const FieldMemory of_field = memory_of_ramp_field(model);

@@ -32,8 +32,8 @@ struct RecordsOptions {
   bool json = false, yes = false;
 };
 
-Result<std::filesystem::path> records_file(const std::filesystem::path& asked) {
-  const auto file = asked.empty() ? default_records_file() : asked;
+Result<std::filesystem::path> records_file(const std::filesystem::path& requested) {
+  const auto file = requested.empty() ? default_records_file() : requested;
   if (file.empty())
     return Error{ErrorKind::kUsage, "there is no folder for records: neither HOME nor XDG_DATA_HOME is set",
                  "", "give a file with --records"};
@@ -286,20 +286,20 @@ RunRecord record_of(const std::string& learner, const TaskFile& task, const Scor
                    run.score.in_band,
                    {}};
   for (const MetricValue& value : run.score.metrics) {
-    const TaskMetric& asked = task.metrics[value.part];
-    record.metrics.push_back({metric_name(asked), std::string(info_of(value.metric).unit),
+    const TaskMetric& metric = task.metrics[value.part];
+    record.metrics.push_back({metric_name(metric), std::string(info_of(value.metric).unit),
                               std::isfinite(value.value) ? std::optional(value.value) : std::nullopt,
-                              asked.at_least, asked.at_most, value.counts, value.counts && value.in_band});
+                              metric.at_least, metric.at_most, value.counts, value.counts && value.in_band});
   }
   return record;
 }
 
-static Result<std::unique_ptr<Records>> opened_to_add(const std::filesystem::path& asked) {
-  const auto file = records_file(asked);
+static Result<std::unique_ptr<Records>> opened_to_add(const std::filesystem::path& requested) {
+  const auto file = records_file(requested);
   if (!file) return file.error();
-  if (asked.empty() && file->has_parent_path()) {
-    std::error_code told_by_open;
-    std::filesystem::create_directories(file->parent_path(), told_by_open);
+  if (requested.empty() && file->has_parent_path()) {
+    std::error_code reported_by_open;
+    std::filesystem::create_directories(file->parent_path(), reported_by_open);
   }
   return Records::open(*file);
 }
@@ -310,25 +310,25 @@ static void warn_of_person(const std::string& learner, Console& console) {
                    "\" looks like a person's name: records are for pseudonyms");
 }
 
-Result<std::int64_t> record_run(const std::filesystem::path& asked, const std::string& learner,
+Result<std::int64_t> record_run(const std::filesystem::path& requested, const std::string& learner,
                                 const TaskFile& task, const ScoredRun& scored, Console& console) {
-  auto records = opened_to_add(asked);
+  auto records = opened_to_add(requested);
   if (!records) return records.error();
   warn_of_person(learner, console);
   return (*records)->add(record_of(learner, task, scored));
 }
 
-Result<void> check_records(const std::filesystem::path& asked, const std::vector<std::string>& learners,
+Result<void> check_records(const std::filesystem::path& requested, const std::vector<std::string>& learners,
                            Console& console) {
   for (const std::string& learner : learners)
     if (auto named = check_learner(learner); !named) return named;
-  if (auto records = opened_to_add(asked); !records) return records.error();
+  if (auto records = opened_to_add(requested); !records) return records.error();
   for (const std::string& learner : learners) warn_of_person(learner, console);
   return {};
 }
 
-Result<std::string> learners_page_html(const std::filesystem::path& asked, const std::string& learner) {
-  const auto file = records_file(asked);
+Result<std::string> learners_page_html(const std::filesystem::path& requested, const std::string& learner) {
+  const auto file = records_file(requested);
   if (!file) return file.error();
   auto records = Records::open_to_read(*file);
   if (!records) return records.error();
@@ -340,11 +340,11 @@ Result<std::string> learners_page_html(const std::filesystem::path& asked, const
   return page.html();
 }
 
-Result<RunHistory> add_run_with_history(const std::filesystem::path& asked, const std::string& learner,
+Result<RunHistory> add_run_with_history(const std::filesystem::path& requested, const std::string& learner,
                                         const TaskFile& task, const ScoredRun& scored) {
   // maximum number of earlier runs compared; older ones belong to another learning curve
   constexpr std::size_t kMaxRuns = 500;
-  auto opened = opened_to_add(asked);
+  auto opened = opened_to_add(requested);
   if (!opened) return opened.error();
   Records& records = **opened;
   const RunRecord record = record_of(learner, task, scored);

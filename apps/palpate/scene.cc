@@ -8,7 +8,7 @@
 #include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
@@ -174,7 +174,7 @@ void note_without_preset(const Scene& scene, Console& console) {
   std::string names;
   for (const TissueSettings& tissue : scene.tissues) {
     all += tissue.labels.size();
-    if (tissue.felt) continue;
+    if (tissue.touchable) continue;
     // structures are listed instead of tissues, because a tissue may combine many of them
     for (const LabelReference& label : tissue.labels) {
       if (++unknown > kNamed) continue;
@@ -187,7 +187,7 @@ void note_without_preset(const Scene& scene, Console& console) {
   if (unknown > kNamed) names += " and " + std::to_string(unknown - kNamed) + " more";
   if (unknown == all)
     console.note("No name matches a preset, so nothing can be felt yet (" + names +
-                 "): set felt = true, with a preset or a stiffness, on the tissues to feel, or name the "
+                 "): set touchable = true, with a preset or a stiffness, on the tissues to feel, or name the "
                  "labels with --names.");
   else
     console.note(std::to_string(unknown) + " of " + std::to_string(all) +
@@ -198,7 +198,7 @@ void note_without_preset(const Scene& scene, Console& console) {
 void warn_if_nothing_yields(const Scene& scene, Console& console) {
   if (scene.yielding.law == TissueLaw::kLayers) return;
   if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
-                   [](const TissueSettings& tissue) { return tissue.felt && tissue.elastic; }))
+                   [](const TissueSettings& tissue) { return tissue.touchable && tissue.elastic; }))
     console.warn()(
         "no tissue in this scene yields: give one that is felt a youngs_modulus, or a preset that has one");
 }
@@ -208,7 +208,7 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
 void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
   if (!is_elastic(scene.yielding.law)) return;
   for (const TissueSettings& tissue : scene.tissues) {
-    if (!tissue.felt || !tissue.elastic) continue;
+    if (!tissue.touchable || !tissue.elastic) continue;
     const TissuePreset* preset = find_preset(tissue.preset);
     if (preset == nullptr || !preset->values.elastic ||
         tissue.stiffness_N_per_mm == preset->values.stiffness_N_per_mm ||
@@ -385,12 +385,12 @@ std::string display_name(const Segment& segment) {
 
 /// Greatest force of a direct method in a tissue of sufficient thickness.
 double max_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeometry& grid) {
-  if (!tissue.felt) return 0;
+  if (!tissue.touchable) return 0;
   if (scene.preparation.method == PreparationMethod::kUnionGaussian)
     return most_force_N(tissue, scene.preparation.sigma_mm, grid);
   double stiffest = 0;
   for (const TissueSettings& other : scene.tissues)
-    if (other.felt) stiffest = std::max(stiffest, other.stiffness_N_per_mm);
+    if (other.touchable) stiffest = std::max(stiffest, other.stiffness_N_per_mm);
   const auto width_mm = ramp_width_mm(scene.preparation.ramp_width_mm, grid);
   return std::min(tissue.stiffness_N_per_mm * kDeepestRamp_mm, width_mm ? stiffest * *width_mm : 0);
 }
@@ -412,13 +412,13 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
                                    : tissue.embedding ? "embedding"
                                                       : std::to_string(ids[i].size());
     const double max_N = max_N_of(scene, tissue, grid);
-    std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.felt ? "yes" : "no",
+    std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.touchable ? "yes" : "no",
                 tissue.stiffness_N_per_mm);
     if (elastic && tissue.elastic)
       std::printf("%-5.3g  %-4.3g  ", tissue.elastic->youngs_modulus_kPa, tissue.elastic->poissons_ratio);
     else if (elastic)
       std::printf("rigid        ");
-    if (factor != 1) std::printf("%-9.3g  ", tissue.felt ? factor * tissue.stiffness_N_per_mm : 0.0);
+    if (factor != 1) std::printf("%-9.3g  ", tissue.touchable ? factor * tissue.stiffness_N_per_mm : 0.0);
     std::printf("%-9.3g  %-8.3g  %-10s  %s\n", max_N, tissue.friction, structures.c_str(),
                 join(tissue.rests_on).c_str());
   }
@@ -463,7 +463,7 @@ void print_relaxations(const Scene& scene) {
   if (!is_elastic(scene.yielding.law)) return;
   const char* title = "relaxes";
   for (const TissueSettings& tissue : scene.tissues) {
-    if (!tissue.felt || !tissue.elastic || !tissue.relaxation.relaxes()) continue;
+    if (!tissue.touchable || !tissue.elastic || !tissue.relaxation.relaxes()) continue;
     std::string terms;
     for (const RelaxationTerm& term : tissue.relaxation.term) {
       if (!(term.part > 0)) continue;
@@ -512,9 +512,10 @@ void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console
   const double sigma_mm = scene.preparation.sigma_mm;
   const double widest_mm = largest_spacing_mm(data.labels_grid(), data.scan_grid());
   constexpr double kRounding = 1e-3;
-  const bool labels_felt = std::any_of(scene.tissues.begin(), scene.tissues.end(),
-                                       [](const auto& tissue) { return tissue.felt && !tissue.threshold; });
-  if (sigma_mm >= widest_mm * (1 - kRounding) || (sigma_mm == 0 && !labels_felt)) return;
+  const bool touchable_labels =
+      std::any_of(scene.tissues.begin(), scene.tissues.end(),
+                  [](const auto& tissue) { return tissue.touchable && !tissue.threshold; });
+  if (sigma_mm >= widest_mm * (1 - kRounding) || (sigma_mm == 0 && !touchable_labels)) return;
   char text[160];
   std::snprintf(text, sizeof text,
                 "sigma = %.3g mm is less than the voxel size of up to %.3g mm: the steps between voxels will "
@@ -526,11 +527,11 @@ void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console
 /// Prints the structures that belong to no tissue, and optional labels that the map does not have.
 void print_left_over(const Scene& scene, const LabelMap& labels,
                      const std::vector<std::vector<LabelId>>& ids) {
-  std::set<LabelId> taken;
-  for (const auto& tissue : ids) taken.insert(tissue.begin(), tissue.end());
+  std::set<LabelId> used_labels;
+  for (const auto& tissue : ids) used_labels.insert(tissue.begin(), tissue.end());
   std::vector<std::string> free;
   for (const Segment& segment : labels.segments) {
-    if (!taken.contains(segment.id)) free.push_back(display_name(segment));
+    if (!used_labels.contains(segment.id)) free.push_back(display_name(segment));
   }
   if (!free.empty()) std::printf("\nnot felt, because they belong to no tissue: %s\n", join(free).c_str());
 
@@ -562,8 +563,8 @@ int run_check(const std::string& file, Console& console) {
     auto found = resolve_labels(*scene, data->labels->labels);
     if (!found) return console.fail(found.error());
     ids = std::move(*found);
-    if (const auto kept_away = resolve_no_go(*scene, data->labels->labels); !kept_away)
-      return console.fail(kept_away.error());
+    if (const auto protected_labels = resolve_no_go(*scene, data->labels->labels); !protected_labels)
+      return console.fail(protected_labels.error());
   }
   if (const auto grids = compare_grids(*data, resolved(scene->labels).value_or(""),
                                        scene->scan_is_cropped || placing().scan_is_cropped, console);
@@ -599,8 +600,8 @@ int run_check(const std::string& file, Console& console) {
   print_tissues(*scene, ids, grid);
   if (data->labels) print_left_over(*scene, data->labels->labels, ids);
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
-                   [](const auto& tissue) { return tissue.felt; }))
-    console.warn()("nothing in this scene can be felt: set felt = true on a tissue");
+                   [](const auto& tissue) { return tissue.touchable; }))
+    console.warn()("nothing in this scene can be felt: set touchable = true on a tissue");
   else
     warn_if_nothing_yields(*scene, console);
   warn_of_stiffness_that_yields(*scene, console);

@@ -60,31 +60,31 @@ RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set)
   return recorded;
 }
 
-Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& asked,
+Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& requested,
                                       const std::filesystem::path& recording, Console& console) {
-  const RecordedTask& said = header.task;
-  if (!asked.empty()) {
-    auto task = offered_task(asked);
-    if (task && !said.name.empty() && task->file.text_hash != said.hash)
-      console.warn()(recording.string() + " states that it is a run of \"" + printable_name(said.name) +
-                     "\" in a version of the text other than " + printable_name(asked) +
+  const RecordedTask& recorded = header.task;
+  if (!requested.empty()) {
+    auto task = offered_task(requested);
+    if (task && !recorded.name.empty() && task->file.text_hash != recorded.hash)
+      console.warn()(recording.string() + " states that it is a run of \"" + printable_name(recorded.name) +
+                     "\" in a version of the text other than " + printable_name(requested) +
                      ", which is used here to score it");
     return task;
   }
-  if (said.name.empty())
+  if (recorded.name.empty())
     return Error{ErrorKind::kUsage, "the recording does not state which task it is a run of",
                  recording.string(), "name the task: --task"};
-  if (!is_built_in_task(said.name, said.hash))
+  if (!is_built_in_task(recorded.name, recorded.hash))
     return Error{ErrorKind::kUsage,
-                 "the recording is a run of \"" + printable_name(said.name) +
+                 "the recording is a run of \"" + printable_name(recorded.name) +
                      "\", and this palpate does not include that version of the task",
                  recording.string(), "name its file: --task"};
-  return offered_task(said.name);
+  return offered_task(recorded.name);
 }
 
-bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks) {
+bool is_run_of_task(const RecordingHeader& header, const std::string& requested, const TickRange& ticks) {
   const bool has_ticks = ticks.first != TickRange{}.first || ticks.last != TickRange{}.last;
-  if (!asked.empty() || has_ticks) return true;
+  if (!requested.empty() || has_ticks) return true;
   return header.simulated && is_built_in_task(header.task.name, header.task.hash);
 }
 
@@ -155,12 +155,12 @@ Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console&
 void print_score(const TaskFile& task, const TaskScore& score, const std::string& name) {
   std::printf("%s: %s\n", name.c_str(), task.title.c_str());
   for (const MetricValue& value : score.metrics) {
-    const TaskMetric& asked = task.metrics[value.part];
+    const TaskMetric& metric = task.metrics[value.part];
     const char* verdict = !value.counts ? "" : value.in_band ? "in band" : "OUT OF BAND";
-    std::printf("  %s  %s  %s  %s%s\n", fitted(readable_metric_name(metric_name(asked)), 36).c_str(),
+    std::printf("  %s  %s  %s  %s%s\n", fitted(readable_metric_name(metric_name(metric)), 36).c_str(),
                 fitted(metric_text(value.metric, value.value), 12).c_str(),
-                fitted(bounds_text(asked), 16).c_str(), verdict,
-                value.counts && asked.basis.empty() ? " (not validated)" : "");
+                fitted(bounds_text(metric), 16).c_str(), verdict,
+                value.counts && metric.basis.empty() ? " (not validated)" : "");
   }
   for (const TaskEvent& event : score.events)
     std::printf("  %9.3f s  %s\n", event.time_s, event_text(task, event).c_str());
@@ -190,17 +190,17 @@ Json json_of(const TaskFile& task, const ScoredRun& run) {
   json["score_hash"] = hexadecimal(score.hash);
   json["metrics"] = Json::array();
   for (const MetricValue& value : score.metrics) {
-    const TaskMetric& asked = task.metrics[value.part];
+    const TaskMetric& metric = task.metrics[value.part];
     const MetricInfo& info = info_of(value.metric);
-    json["metrics"].push_back({{"name", metric_name(asked)},
-                               {"title", readable_metric_name(metric_name(asked))},
+    json["metrics"].push_back({{"name", metric_name(metric)},
+                               {"title", readable_metric_name(metric_name(metric))},
                                {"value", number_or_null(value.value)},
                                {"unit", info.unit},
                                {"counts", value.counts},
-                               {"at_least", number_or_null(asked.at_least)},
-                               {"at_most", number_or_null(asked.at_most)},
+                               {"at_least", number_or_null(metric.at_least)},
+                               {"at_most", number_or_null(metric.at_most)},
                                {"in_band", value.counts ? Json(value.in_band) : nullptr},
-                               {"basis", asked.basis.empty() ? "not validated" : asked.basis},
+                               {"basis", metric.basis.empty() ? "not validated" : metric.basis},
                                {"validity", info.validity}});
   }
   json["steps"] = Json::array();

@@ -51,15 +51,15 @@ RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set)
 /// Task by which a recording is scored: the requested one, with a warning if the recording names another;
 /// otherwise the one that the recording names. Errors: those of load_task; kUsage if the recording names no
 /// task, or one that is not built in.
-/// @param asked  value of --task; empty: not given
-Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& asked,
+/// @param requested  value of --task; empty: not given
+Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& requested,
                                       const std::filesystem::path& recording, Console& console);
 
 /// Whether a recording is shown as a run of a task: if a task or a range of ticks is given, or if it names a
 /// built-in task and consists of that run alone, as with a simulated hand. A person starts a run in the
 /// middle of a session, so that recording is not shown as a run by default.
-/// @param asked  value of --task; empty: not given
-bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks);
+/// @param requested  value of --task; empty: not given
+bool is_run_of_task(const RecordingHeader& header, const std::string& requested, const TickRange& ticks);
 
 /// Resolves a task in the model with which a recording began. The surfaces are computed if the task has
 /// patches on them.

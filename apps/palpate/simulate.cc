@@ -80,7 +80,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
     task = *std::move(offered);
   }
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.source, console);
+  const auto loaded = load_touchable_target(options.source, console);
   if (!loaded) return console.fail(loaded.error());
   const auto script = script_of(options.script);
   if (!script) return console.fail(script.error());

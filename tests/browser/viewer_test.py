@@ -977,7 +977,7 @@ class WithPointer(Viewer):
         rank = {s["label"]: sum(t["tissue"] == s["tissue"] and t["label"] < s["label"] for t in self.scene["structures"])
                 for s in self.scene["structures"]}
         for structure in sorted(self.scene["structures"], key=lambda s: rank[s["label"]]):
-            if structures == STRUCTURES or structure["tissue"] < 0 or not self.scene["tissues"][structure["tissue"]]["felt"]:
+            if structures == STRUCTURES or structure["tissue"] < 0 or not self.scene["tissues"][structure["tissue"]]["touchable"]:
                 continue
             ways = self.approaches(structure["label"], POSITIONS, generator)
             if len(ways) < POSITIONS:
@@ -2239,7 +2239,7 @@ class WithFinger(Viewer):
         self.page.wait("palpateViewer.state.pointer")
         generator = random.Random(test_seed())
         left, top, width, height = self.box("#picture-volume .stack")
-        felt = {s["label"] for s in scene["structures"] if scene["tissues"][s["tissue"]]["felt"]}
+        felt = {s["label"] for s in scene["structures"] if scene["tissues"][s["tissue"]]["touchable"]}
         self.assertEqual(len(felt), len(scene["structures"]))
         self.page.click("#follow")
         self.page.wait("document.getElementById('follow').getAttribute('aria-pressed') === 'false'")

@@ -11,7 +11,7 @@
 
 #include "base/test_files.h"
 #include "base/test_seed.h"
-#include "felt_body.h"
+#include "contact_body.h"
 
 /// Tools up to the widest, on slices as thick as hospitals send them: none is held where nothing holds it.
 namespace palpate::coarse_slices {
@@ -73,10 +73,10 @@ Slide slide_on_a_plane(double slice_mm, double tilt_deg, double radius_mm, std::
   const Eigen::Vector3d begin = middle - (kHalf_mm + kSettle_mm) * along;
   for (double above_mm = radius_mm + 1; above_mm > radius_mm - kDepth_mm; above_mm -= kLed_mm)
     to(begin + above_mm * up);
-  for (double way_mm = 0; way_mm < 2 * kHalf_mm + kSettle_mm; way_mm += kLed_mm) {
-    const Eigen::Vector3d tip = begin + (radius_mm - kDepth_mm) * up + way_mm * along;
+  for (double distance_mm = 0; distance_mm < 2 * kHalf_mm + kSettle_mm; distance_mm += kLed_mm) {
+    const Eigen::Vector3d tip = begin + (radius_mm - kDepth_mm) * up + distance_mm * along;
     const ProxyResult result = to(tip);
-    if (way_mm < kSettle_mm) continue;
+    if (distance_mm < kSettle_mm) continue;
     forces_N.push_back(result.force_N.norm());
     slide.behind_mm = std::max(slide.behind_mm, std::abs((state.position.eigen() - tip).dot(along)));
   }

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "base/test_files.h"
-#include "felt_body.h"
+#include "contact_body.h"
 #include "palpate/phantoms/phantoms.h"
 #include "soft_and_bone.h"
 
@@ -38,11 +38,11 @@ constexpr double kMaxJump_N = 0.03;
 constexpr double kRounding_N = 1e-9;
 constexpr double kSunk_mm = 0.1;  // a path deeper than this is not free
 // one tick of the slip law
-constexpr double kSlip_N = kProxyFeel.max_slip_N_per_s * kDt_s;
+constexpr double kSlip_N = kProxySettings.max_slip_N_per_s * kDt_s;
 
-int presses_asked() {
-  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
-  return asked != nullptr ? std::atoi(asked) : 200;
+int presses_requested() {
+  const char* value = std::getenv("PALPATE_TEST_PRESSES");
+  return value != nullptr ? std::atoi(value) : 200;
 }
 
 struct FreeAirFigures {
@@ -57,7 +57,7 @@ struct FreeAirFigures {
   double largest_jump_N = 0, max_released_N = 0, max_drawn_N = 0, longest_drawn_s = 0;
 };
 
-enum class WayOut { kBack, kAside };
+enum class ExitPath { kBack, kAside };
 
 /// One press, and the way out of it.
 class FreeAirPress {
@@ -66,7 +66,7 @@ class FreeAirPress {
       : body_(body), tool_{{}, radius_mm}, figures_(figures) {}
 
   void go(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
-          WayOut way_out) {
+          ExitPath path_out) {
     const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) return;
     ++figures_.presses;
@@ -75,11 +75,11 @@ class FreeAirPress {
     double pressed_mm = 0;
     for (; result_.force_N.norm() < kPress_N && pressed_mm < kFar_mm + kDeepest_mm; pressed_mm += kStep_mm)
       lead(outward * -kStep_mm);
-    if (way_out == WayOut::kBack) {
+    if (path_out == ExitPath::kBack) {
       ++figures_.back;
       while ((tip_ - *start).norm() > 1.5 * kStep_mm) lead((*start - tip_).normalized() * kStep_mm);
       is_back_ = true;
-      for (double way_mm = 0; way_mm < kFar_mm && !is_far_from_all(); way_mm += kStep_mm)
+      for (double distance_mm = 0; distance_mm < kFar_mm && !is_far_from_all(); distance_mm += kStep_mm)
         lead(outward * kStep_mm);
     } else {
       ++figures_.aside;
@@ -103,17 +103,18 @@ class FreeAirPress {
   void lead(const Vector<Patient>& step) {
     tip_ += step;
     advance();
-    went_round_ = went_round_ || (is_free() && !is_straight_way());
+    went_round_ = went_round_ || (is_free() && !is_straight_path());
   }
 
   bool is_free() const {
-    return state_.contacts == 0 && (state_.position - tip_).norm() <= kProxyFeel.arrived_mm;
+    return state_.contacts == 0 && (state_.position - tip_).norm() <= kProxySettings.arrived_mm;
   }
   // whether the straight path from the start to the tip is free
-  bool is_straight_way() const {
-    const Vector<Patient> way = tip_ - start_;
-    for (double at_mm = 0; at_mm < way.norm(); at_mm += 0.1)
-      if (body_.clearance_mm(start_ + way.normalized() * at_mm, tool_.radius_mm) < -kSunk_mm) return false;
+  bool is_straight_path() const {
+    const Vector<Patient> displacement = tip_ - start_;
+    for (double at_mm = 0; at_mm < displacement.norm(); at_mm += 0.1)
+      if (body_.clearance_mm(start_ + displacement.normalized() * at_mm, tool_.radius_mm) < -kSunk_mm)
+        return false;
     return true;
   }
 
@@ -124,7 +125,7 @@ class FreeAirPress {
     const double now_N = result_.force_N.norm();
     grown_ = grown_ || now_N > before_N + kRounding_N;
     held_s_ += kDt_s;
-    if (held_s_ * kProxyFeel.max_slip_N_per_s <= left_N_ + kSlip_N || now_N <= kLeft_N) return;
+    if (held_s_ * kProxySettings.max_slip_N_per_s <= left_N_ + kSlip_N || now_N <= kLeft_N) return;
     drawn_ = true;
     figures_.max_drawn_N = std::max(figures_.max_drawn_N, now_N);
     figures_.longest_drawn_s = std::max(figures_.longest_drawn_s, held_s_);
@@ -201,7 +202,7 @@ FreeAirFigures press_all_over(const Body& body, int presses, double radius_mm) {
     const Eigen::Vector3d across = Eigen::AngleAxisd(turn(random), outward) * outward.unitOrthogonal();
     FreeAirPress(body, radius_mm, figures)
         .go(target, Vector<Patient>(outward), Vector<Patient>(across),
-            n % 4 < 2 ? WayOut::kBack : WayOut::kAside);
+            n % 4 < 2 ? ExitPath::kBack : ExitPath::kAside);
   }
   return figures;
 }
@@ -210,7 +211,7 @@ void expect_left_alone(const char* what, const Model& model) {
   SCOPED_TRACE(std::string(what) + ", seed " + std::to_string(kFreeAirSeed));
   const Body body = one_body(model);
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
-    const FreeAirFigures f = press_all_over(body, presses_asked() / 4, radius_mm);
+    const FreeAirFigures f = press_all_over(body, presses_requested() / 4, radius_mm);
     std::printf(
         "%-13s tool %.1f mm: %5d presses, %5d back, %5d aside in free air; %d ticks of force within while "
         "free, %d jumps "
@@ -221,7 +222,7 @@ void expect_left_alone(const char* what, const Model& model) {
         f.slow_releases, f.max_released_N, f.drawn, f.max_drawn_N, f.longest_drawn_s, f.grown, f.hooked,
         f.held_outside);
     std::fflush(stdout);
-    EXPECT_GT(f.presses, presses_asked() / 16) << "of a quarter for each tool";
+    EXPECT_GT(f.presses, presses_requested() / 16) << "of a quarter for each tool";
     EXPECT_EQ(f.within_while_free, 0);
     EXPECT_LT(f.largest_jump_N, kMaxJump_N);
     EXPECT_EQ(f.slow_releases, 0);
@@ -258,7 +259,7 @@ void expect_left_alone_in(const char* what, const std::string& name, double min_
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearTheHandSegmentedKnee) {
-  expect_left_alone_in("knee_spl", "knee_spl/seg.nrrd", presses_asked() >= 1000 ? 0 : 0.2);
+  expect_left_alone_in("knee_spl", "knee_spl/seg.nrrd", presses_requested() >= 1000 ? 0 : 0.2);
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearTheObliqueKnee) {

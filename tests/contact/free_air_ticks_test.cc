@@ -8,7 +8,7 @@
 #include <random>
 #include <string>
 
-#include "felt_body.h"
+#include "contact_body.h"
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/yield_solver.h"
@@ -30,8 +30,8 @@ constexpr double kPerceptible_N = 0.02;
 constexpr double kRounding_N = 1e-9;
 
 int presses_on_each() {
-  const char* asked = std::getenv("PALPATE_TEST_TICK_PRESSES");
-  return asked != nullptr ? std::atoi(asked) : 4;
+  const char* value = std::getenv("PALPATE_TEST_TICK_PRESSES");
+  return value != nullptr ? std::atoi(value) : 4;
 }
 
 struct TickFigures {
@@ -90,12 +90,14 @@ void press(const Body& body, double radius_mm, const Point<Patient>& start, cons
     max_N = std::max(max_N, session.force_N());
   };
   const auto is_free = [&] { return is_clear_of_voxels(body, session.tip(), radius_mm + kFree_mm); };
-  for (double way_mm = 0; session.force_N() < kPress_N && way_mm < kFar_mm + kDeepest_mm; way_mm += kStep_mm)
+  for (double distance_mm = 0; session.force_N() < kPress_N && distance_mm < kFar_mm + kDeepest_mm;
+       distance_mm += kStep_mm)
     move(outward * -kStep_mm);
   ++figures.presses;
   figures.pressed += max_N > 1;
   const Vector<Patient> out = aside.value_or(outward);
-  for (double way_mm = 0; way_mm < kAside_mm && !is_free(); way_mm += kStep_mm) move(out * kStep_mm);
+  for (double distance_mm = 0; distance_mm < kAside_mm && !is_free(); distance_mm += kStep_mm)
+    move(out * kStep_mm);
   if (!is_free()) return;
   ++figures.in_free_air;
   const double left_N = session.force_N();
@@ -105,8 +107,8 @@ void press(const Body& body, double radius_mm, const Point<Patient>& start, cons
     const double before_N = session.force_N();
     move({});
     grown = grown || session.force_N() > before_N + kRounding_N;
-    pulled = pulled ||
-             (n > 1 + kRate_hz * left_N / kProxyFeel.max_slip_N_per_s && session.force_N() > kPerceptible_N);
+    pulled = pulled || (n > 1 + kRate_hz * left_N / kProxySettings.max_slip_N_per_s &&
+                        session.force_N() > kPerceptible_N);
   }
   figures.grown += grown;
   figures.pulled += pulled;

@@ -28,8 +28,8 @@ constexpr double kRate_hz = 1000, kDelay_s = 1e-3;
 constexpr double kIntoWalls_mm = 2, kBeside_mm = 1.5;
 
 double grid_mm() {
-  const char* asked = std::getenv("PALPATE_TEST_GRID_MM");
-  return asked != nullptr ? std::atof(asked) : 1;
+  const char* value = std::getenv("PALPATE_TEST_GRID_MM");
+  return value != nullptr ? std::atof(value) : 1;
 }
 
 /// A gap, given by a voxel in its middle, and the bones on either side.
@@ -171,14 +171,14 @@ std::vector<Point<Patient>> places_in(const Model& model, const Gap& gap, const 
   const double step_mm = grid_mm();
   const int deep = static_cast<int>((0.5 * gap.wide_mm + kIntoWalls_mm) / step_mm),
             wide = static_cast<int>(kBeside_mm / step_mm);
-  std::vector<Point<Patient>> places;
+  std::vector<Point<Patient>> positions;
   for (int a = -deep; a <= deep; ++a) {
     for (int b = -wide; b <= wide; ++b) {
       for (int c = -wide; c <= wide; ++c)
-        places.push_back(middle + across * (a * step_mm) + beside * (b * step_mm) + third * (c * step_mm));
+        positions.push_back(middle + across * (a * step_mm) + beside * (b * step_mm) + third * (c * step_mm));
     }
   }
-  return places;
+  return positions;
 }
 
 TEST_F(KneeGaps, UnionFieldIsNonZeroBetweenBones) {
@@ -214,9 +214,9 @@ Scan scan(const Bones& bones, std::size_t gap, Hold hold, double press_N) {
   Scan result;
   const Point<Patient>& middle = bones.middle[gap];
   hold.from = middle;
-  for (const Point<Patient>& place : places_in(*bones.model, kGaps[gap], middle)) {
-    const Vector<Patient> outward = (place - middle).normalized();
-    hold.at = place + outward * (press_N / (1e-3 * hold.hand.stiffness_N_per_m));
+  for (const Point<Patient>& position : places_in(*bones.model, kGaps[gap], middle)) {
+    const Vector<Patient> outward = (position - middle).normalized();
+    hold.at = position + outward * (press_N / (1e-3 * hold.hand.stiffness_N_per_m));
     const auto held = hold_tip(*bones.model, hold);
     PALPATE_CHECK(held.ok());
     EXPECT_FALSE(held->inside);

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "felt_body.h"
+#include "contact_body.h"
 #include "palpate/model/stiffness_layers.h"
 
 /// Structures of many stiffnesses on top of each other, from labels.
@@ -75,10 +75,10 @@ TEST(ManyLayers, EightGradedTissuesIntegrateStiffnessAlongTheEntryPath) {
 
 TEST(ManyLayers, MergedTissuesHaveTheReportedError) {
   const std::vector<double> twenty = graded(20, 0.03, 1.15);
-  double said = 0;
-  for (const StiffnessRange& layer : stiffness_layers(twenty)) said = std::max(said, layer.error());
-  EXPECT_GT(said, 0.05);
-  EXPECT_LT(error_of_the_sum(twenty), said + kMaxError);
+  double stated = 0;
+  for (const StiffnessRange& layer : stiffness_layers(twenty)) stated = std::max(stated, layer.error());
+  EXPECT_GT(stated, 0.05);
+  EXPECT_LT(error_of_the_sum(twenty), stated + kMaxError);
 }
 
 // as an atlas has them: what is felt alike needs one surface
@@ -99,7 +99,7 @@ TEST(ManyLayers, AcceptsThreeHundredLabelsOfFourTissues) {
   const Body body =
       one_body(model_of(map, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
   const auto shapes = std::count_if(body.surfaces.begin(), body.surfaces.end(),
-                                    [](const ContactSurface& felt) { return felt.surface != nullptr; });
+                                    [](const ContactSurface& surface) { return surface.surface != nullptr; });
   EXPECT_LT(shapes, kLabels);
   const ToolSphere ball{{}, 1.5};
   ProxyState state;

@@ -40,13 +40,13 @@ constexpr int kPressesAShaft = 10;
 constexpr double kEveryOfShaft_mm = 0.05, kAlongShaft_mm = 0.1, kShaftDip_mm = 0.03;
 
 int press_count() {
-  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
+  const char* value = std::getenv("PALPATE_TEST_PRESSES");
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   constexpr int kDefault = 80;
 #else
   constexpr int kDefault = 3'000;
 #endif
-  return asked != nullptr ? std::atoi(asked) : kDefault;
+  return value != nullptr ? std::atoi(value) : kDefault;
 }
 
 // random rotations of each structure, whose labels are resampled for each
@@ -115,25 +115,25 @@ class Chance {
 
 /// The voxel centres of one label.
 std::vector<Point<Patient>> places_of(const Volume<LabelId>& labels, LabelId label) {
-  std::vector<Point<Patient>> places;
+  std::vector<Point<Patient>> positions;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto& dims = labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k) {
     for (int j = 0; j < dims[1]; ++j) {
       for (int i = 0; i < dims[0]; ++i)
-        if (labels.at(i, j, k) == label) places.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
+        if (labels.at(i, j, k) == label) positions.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
     }
   }
-  return places;
+  return positions;
 }
 
 /// One structure by its nearest voxels, on a grid whose axes are those of `direction`.
 Volume<LabelId> turned(const Volume<LabelId>& labels, LabelId label,
-                       const std::vector<Point<Patient>>& places, const Eigen::Matrix3d& direction) {
+                       const std::vector<Point<Patient>>& positions, const Eigen::Matrix3d& direction) {
   constexpr double kMargin_mm = 3;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (const Point<Patient>& place : places) {
-    const Eigen::Array3d along = (direction.transpose() * place.eigen()).array();
+  for (const Point<Patient>& position : positions) {
+    const Eigen::Array3d along = (direction.transpose() * position.eigen()).array();
     low = low.min(along - kMargin_mm);
     high = high.max(along + kMargin_mm);
   }
@@ -175,8 +175,8 @@ struct Counted {
 /// way.
 class Press {
  public:
-  Press(const ContactSurface& felt, const Oracle& oracle, const ToolSphere& tool)
-      : felt_(felt), oracle_(oracle), tool_(tool) {}
+  Press(const ContactSurface& surface, const Oracle& oracle, const ToolSphere& tool)
+      : touchable_(surface), oracle_(oracle), tool_(tool) {}
 
   /// From before the structure, along a random direction through `target`, askew, up to a random force; every
   /// other one then slides. True when it was felt.
@@ -184,14 +184,14 @@ class Press {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
     follow();
-    max_mm_ = chance.between(0.5, kMax_N) / felt_.stiffness_N_per_mm;
+    max_mm_ = chance.between(0.5, kMax_N) / touchable_.stiffness_N_per_mm;
     const double speed_mm = chance.between(0.1, kFastest_mm);
     const Vector<Patient> aside = inward.cross(chance.direction()).normalized();
     const Vector<Patient> push = (inward + aside * chance.between(0, 0.6)).normalized() * speed_mm;
-    double way_mm = 0;
-    while (way_mm < max_mm_ + 6 && multiplier_mm() < max_mm_ - 1e-6) {
+    double path_mm = 0;
+    while (path_mm < max_mm_ + 6 && multiplier_mm() < max_mm_ - 1e-6) {
       lead(push);
-      way_mm += speed_mm;
+      path_mm += speed_mm;
     }
     if (chance.between(0, 1) < 0.5) {
       const Vector<Patient> along = inward.cross(chance.direction()).normalized() * speed_mm;
@@ -209,7 +209,7 @@ class Press {
     const double far_mm = 150;
     double to_go_mm = far_mm, clearance_mm = 0;
     while ((clearance_mm = below_or_above(target - inward * to_go_mm)) > 0.01)
-      to_go_mm -= std::max(0.01, clearance_mm / felt_.surface->steepest());
+      to_go_mm -= std::max(0.01, clearance_mm / touchable_.surface->steepest());
     return target - inward * to_go_mm;
   }
 
@@ -226,8 +226,8 @@ class Press {
   double multiplier_mm() const { return (state_.position - tip_).norm(); }
 
   // A hand that presses no harder than it wants to, and moves no faster than it can.
-  void lead(const Vector<Patient>& way) {
-    Vector<Patient> pressed = tip_ + way - state_.position;
+  void lead(const Vector<Patient>& displacement) {
+    Vector<Patient> pressed = tip_ + displacement - state_.position;
     if (pressed.norm() > max_mm_) pressed = pressed * (max_mm_ / pressed.norm());
     Vector<Patient> step = state_.position + pressed - tip_;
     if (step.norm() > kFastest_mm) step = step * (kFastest_mm / step.norm());
@@ -236,14 +236,14 @@ class Press {
   }
 
   void follow() {
-    ProxyPath way;
-    const ProxyResult result = advance_proxy({&felt_, 1}, {&tool_, 1}, tip_, state_, {}, &way);
+    ProxyPath path;
+    const ProxyResult result = advance_proxy({&touchable_, 1}, {&tool_, 1}, tip_, state_, {}, &path);
     ++ticks_;
     ASSERT_TRUE(state_.coupled);
-    ASSERT_LT(way.count, way.corner.size()) << "no corner is lost";
-    ASSERT_EQ(way.corner[way.count - 1], state_.position);
+    ASSERT_LT(path.count, path.corner.size()) << "no corner is lost";
+    ASSERT_EQ(path.corner[path.count - 1], state_.position);
     touched_ = touched_ || result.force_N.norm() > 0.05;
-    for (std::size_t n = 1; n < way.count; ++n) look_along(way.corner[n - 1], way.corner[n]);
+    for (std::size_t n = 1; n < path.count; ++n) look_along(path.corner[n - 1], path.corner[n]);
   }
 
   void look_along(const Point<Patient>& a, const Point<Patient>& b) {
@@ -253,7 +253,7 @@ class Press {
       deepest_mm_ = std::max(deepest_mm_, -below_or_above(a + (b - a) * (static_cast<double>(n) / pieces)));
   }
 
-  const ContactSurface& felt_;
+  const ContactSurface& touchable_;
   const Oracle& oracle_;
   const ToolSphere tool_;
   ProxyState state_;
@@ -278,21 +278,21 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
     const auto prepared = prepare_surfaces(*label_bricks(grid), {structure.value}, {});
     EXPECT_TRUE(prepared.ok());
     if (!prepared.ok() || preset == nullptr) return counted;
-    ContactSurface felt;
-    felt.surface = std::make_shared<const Surface>(prepared->front().surface);
-    felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
-    felt.static_friction = felt.friction = preset->values.friction;
-    const Oracle oracle(felt.surface->position());
+    ContactSurface surface;
+    surface.surface = std::make_shared<const Surface>(prepared->front().surface);
+    surface.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
+    surface.static_friction = surface.friction = preset->values.friction;
+    const Oracle oracle(surface.surface->position());
     // centres of voxels lie inside
     const auto targets = places_of(grid, structure.value);
     for (int n = 0; n < presses_a_turn(); ++n) {
-      Press press(felt, oracle, {{}, n % 4 == 0 ? 0 : chance.between(0, kWidest_mm)});
+      Press press(surface, oracle, {{}, n % 4 == 0 ? 0 : chance.between(0, kWidest_mm)});
       const bool touched = press.go(targets[chance.below(targets.size())], chance);
       counted.spheres.add({1, touched, press.ticks(), press.deepest_mm()});
     }
     for (int n = 0; n < presses_a_turn(); n += kPressesAShaft) {
       const Vector<Patient> along_mm = shaft_chance.direction() * shaft_chance.between(3, 60);
-      Press press(felt, oracle, {{}, shaft_chance.between(0.3, kWidest_mm), along_mm});
+      Press press(surface, oracle, {{}, shaft_chance.between(0.3, kWidest_mm), along_mm});
       const bool touched = press.go(targets[shaft_chance.below(targets.size())], shaft_chance);
       counted.shafts.add({1, touched, press.ticks(), press.deepest_mm()});
     }
@@ -322,12 +322,12 @@ void expect_no_pop_through(const std::string& name) {
                 counted.presses, 100.0 * counted.touched / counted.presses, counted.ticks,
                 counted.deepest_mm);
     std::fflush(stdout);
-    EXPECT_LE(counted.deepest_mm, kProxyFeel.max_penetration_mm);
+    EXPECT_LE(counted.deepest_mm, kProxySettings.max_penetration_mm);
     // with the few presses under a sanitizer a single one is several percent, so only their sum is checked
     // there
     EXPECT_TRUE(counted.touched >= 0.9 * counted.presses || counted.presses < 1000);
     all.add(counted);
-    EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.max_penetration_mm + kShaftDip_mm);
+    EXPECT_LE(tools.shafts.deepest_mm, kProxySettings.max_penetration_mm + kShaftDip_mm);
     shafts.add(tools.shafts);
   }
   EXPECT_EQ(structures, kStructures);

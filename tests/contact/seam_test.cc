@@ -15,7 +15,7 @@
 
 #include "base/test_chart.h"
 #include "base/test_files.h"
-#include "felt_body.h"
+#include "contact_body.h"
 #include "palpate/contact/proxy.h"
 #include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"
@@ -33,14 +33,14 @@ constexpr unsigned kSeamSeed = 15;
 constexpr double kPress_N = 1, kSlideMost_N = 3;
 constexpr double kStep_mm = 0.02;  // 20 mm/s at 1 kHz
 constexpr double kFar_mm = 12, kDeepest_mm = 6, kSlide_mm = 5, kWithdrawn_mm = 6, kOutside_mm = 0.05;
-constexpr double kFelt_mm = 0.5, kFelt_N = 0.01;
+constexpr double kContact_mm = 0.5, kContact_N = 0.01;
 constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001, kDrag_N = 0.05;
 // free for 50 ms: what a proxy still slips by is over, and what pulls is wrong
 constexpr double kSlipOver_mm = 1;
 
 int seam_presses() {
-  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
-  return asked != nullptr ? std::atoi(asked) : 400;
+  const char* value = std::getenv("PALPATE_TEST_PRESSES");
+  return value != nullptr ? std::atoi(value) : 400;
 }
 
 // the same with a closed surface for each label, as it was before there were outer ones
@@ -48,10 +48,10 @@ Body apart(const Model& model) {
   Body body{std::make_shared<const Model>(model), {}};
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label) {
     Model alone = model;
-    for (Tissue& tissue : alone.tissues) tissue.felt = false;
+    for (Tissue& tissue : alone.tissues) tissue.touchable = false;
     const int tissue = model.tissue_of_label[label];
     if (tissue < 0) continue;
-    alone.tissues[static_cast<std::size_t>(tissue)].felt = true;
+    alone.tissues[static_cast<std::size_t>(tissue)].touchable = true;
     const Body one = one_body(alone);
     body.surfaces.insert(body.surfaces.end(), one.surfaces.begin(), one.surfaces.end());
   }
@@ -79,10 +79,10 @@ class HalfAVoxel {
     for (int k = static_cast<int>(std::ceil(p.z() - reach.z())); k <= p.z() + reach.z(); ++k)
       for (int j = static_cast<int>(std::ceil(p.y() - reach.y())); j <= p.y() + reach.y(); ++j)
         for (int i = static_cast<int>(std::ceil(p.x() - reach.x())); i <= p.x() + reach.x(); ++i) {
-          const bool felt = body_.is_felt(labels_.anywhere(i, j, k));
-          if (point && !felt) return false;
-          const Eigen::Vector3d way_mm = (Eigen::Vector3d(i, j, k) - p.eigen()).cwiseProduct(spacing_mm);
-          if (!point && felt && way_mm.norm() < over_mm) return true;
+          const bool touchable = body_.is_touchable(labels_.anywhere(i, j, k));
+          if (point && !touchable) return false;
+          const Eigen::Vector3d distance_mm = (Eigen::Vector3d(i, j, k) - p.eigen()).cwiseProduct(spacing_mm);
+          if (!point && touchable && distance_mm.norm() < over_mm) return true;
         }
     return point;
   }
@@ -139,7 +139,8 @@ class SeamPress {
     withdrawing_ = true;
     double free_mm = 0;
     std::array<bool, kMaxLayers> left{};
-    for (double way_mm = 0; way_mm < kFar_mm + kDeepest_mm && free_mm < kWithdrawn_mm; way_mm += kStep_mm) {
+    for (double distance_mm = 0; distance_mm < kFar_mm + kDeepest_mm && free_mm < kWithdrawn_mm;
+         distance_mm += kStep_mm) {
       const bool was_free = free_mm > 0;
       tip_ += out * kStep_mm;
       const bool free = is_free();
@@ -178,10 +179,11 @@ class SeamPress {
   // whether a tool that is led there straight from where this one began gets there
   bool is_where_it_came_from() const {
     ProxyState other;
-    const Vector<Patient> way = tip_ - start_;
-    const int steps = static_cast<int>(way.norm() / (5 * kStep_mm)) + 1;
+    const Vector<Patient> displacement = tip_ - start_;
+    const int steps = static_cast<int>(displacement.norm() / (5 * kStep_mm)) + 1;
     for (int n = 0; n <= steps; ++n)
-      advance_proxy(body_.surfaces, {&tool_, 1}, start_ + way * (static_cast<double>(n) / steps), other);
+      advance_proxy(body_.surfaces, {&tool_, 1}, start_ + displacement * (static_cast<double>(n) / steps),
+                    other);
     return (other.position - tip_).norm() < kOutside_mm;
   }
 
@@ -191,9 +193,10 @@ class SeamPress {
       if (!(result_.of_layer[static_cast<std::size_t>(layer)].force_N.dot(outward_) < 0)) continue;
       const Point<Patient>& from = state_.layer(layer).position;
       if (body_.clearance_mm(from, tool_.radius_mm, layer) < -kOutside_mm) return false;
-      const Vector<Patient> way = tip_ - from;
-      for (double part = 0; part < 1; part += kStep_mm / way.norm())
-        if (body_.clearance_mm(from + way * part, tool_.radius_mm, layer) < -kOutside_mm) return true;
+      const Vector<Patient> displacement = tip_ - from;
+      for (double part = 0; part < 1; part += kStep_mm / displacement.norm())
+        if (body_.clearance_mm(from + displacement * part, tool_.radius_mm, layer) < -kOutside_mm)
+          return true;
     }
     return false;
   }
@@ -208,7 +211,7 @@ class SeamPress {
   double force_N() const { return result_.force_N.norm(); }
   double inward_N() const { return -result_.force_N.dot(outward_); }
   // layers may pull against each other
-  double felt_N() const {
+  double rendered_N() const {
     double all_N = 0;
     for (const ProxyForce& layer : result_.of_layer) all_N += layer.force_N.norm();
     return all_N;
@@ -223,7 +226,8 @@ class SeamPress {
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     jumped_ = jumped_ || jump_N > kJump_N;
     inside_ = inside_ || half_.inside(state_.position, tool_.radius_mm);
-    unfelt_ = unfelt_ || (felt_N() < kFelt_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kFelt_mm);
+    unfelt_ =
+        unfelt_ || (rendered_N() < kContact_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kContact_mm);
     for (int layer = 0; layer < kMaxLayers && !withdrawing_; ++layer)
       came_out_ = came_out_ || (state_.layer(layer).contacts > 0 &&
                                 body_.clearance_mm(tip_, tool_.radius_mm, layer) > kOutside_mm);
@@ -339,20 +343,21 @@ Crossing cross(const Body& body, double radius_mm) {
     const Eigen::Vector3d along(std::cos(heading), std::sin(heading), 0);
     ProxyState state;
     ProxyResult before;
-    for (double way_mm = -from_mm - 3; way_mm < from_mm; way_mm += kStep_mm) {
+    for (double distance_mm = -from_mm - 3; distance_mm < from_mm; distance_mm += kStep_mm) {
       // it comes down in front of the seam
-      const double deep_mm = std::min(1.0, way_mm + from_mm + 2);
-      const Point<Patient> tip(middle.x() + along.x() * way_mm, middle.y() + along.y() * way_mm,
+      const double deep_mm = std::min(1.0, distance_mm + from_mm + 2);
+      const Point<Patient> tip(middle.x() + along.x() * distance_mm, middle.y() + along.y() * distance_mm,
                                top_mm + radius_mm - deep_mm);
       const ProxyResult result = advance_proxy(body.surfaces, {&tool, 1}, tip, state);
-      if (way_mm > -from_mm) {
+      if (distance_mm > -from_mm) {
         lowest_mm = std::min(lowest_mm, state.position.z());
         highest_mm = std::max(highest_mm, state.position.z());
         found.drag_N = std::max(found.drag_N, std::hypot(result.force_N.x(), result.force_N.y()));
         found.jump_N = std::max(found.jump_N, (result.force_N - before.force_N).norm() - kStep_mm);
         if (heading == 0) {
-          found.up_N.push_back({way_mm, result.force_N.z()});
-          found.tangential_force_N.push_back({way_mm, std::hypot(result.force_N.x(), result.force_N.y())});
+          found.up_N.push_back({distance_mm, result.force_N.z()});
+          found.tangential_force_N.push_back(
+              {distance_mm, std::hypot(result.force_N.x(), result.force_N.y())});
         }
       }
       before = result;

@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "felt_body.h"
+#include "contact_body.h"
 
 /// Generated bodies of thin bone in soft tissue.
 namespace palpate::test {

@@ -121,7 +121,7 @@ class TwoMakers {
  public:
   static constexpr double kUsers_N = 0.4;  // the makers' own are 3.3 N and more
 
-  explicit TwoMakers(const Makers& makers) : made_{makers[0](), makers[1]()} {
+  explicit TwoMakers(const Makers& vendors) : made_{vendors[0](), vendors[1]()} {
     for (const auto& each : made_) {
       each->lead(kFree_mm);
       const auto opened = each->driver().open(false);
@@ -175,7 +175,7 @@ class TwoMakers {
     });
   }
   /// Diagnostic text for failure messages.
-  std::string said() const {
+  std::string stated() const {
     if (!loop_) return "no loop";
     const auto trouble = both_->trouble();
     std::ostringstream text;
@@ -211,7 +211,7 @@ class TwoMakers {
 
 struct NamedMakers {
   const char* name;
-  Makers makers;
+  Makers vendors;
 };
 class TwoMakersFaults : public ::testing::TestWithParam<NamedMakers> {};
 INSTANTIATE_TEST_SUITE_P(First, TwoMakersFaults,
@@ -226,10 +226,10 @@ TEST_P(TwoMakersFaults, AnySequenceOfThemIsOutlived) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  TwoMakers rig(GetParam().makers);
+  TwoMakers rig(GetParam().vendors);
   for (int n = 0; n < testing::fault_sequences(3); ++n) {
     SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.press()) << rig.said();
+    ASSERT_TRUE(rig.press()) << rig.stated();
     // one of the two, or both
     const auto which = 1 + random() % 3;
     for (std::size_t d = 0; d < 2; ++d)
@@ -237,14 +237,14 @@ TEST_P(TwoMakersFaults, AnySequenceOfThemIsOutlived) {
     const auto is_faulty = [&](std::size_t d) { return (which >> d & 1) != 0; };
     for (std::size_t d = 0; d < 2; ++d) {
       ASSERT_TRUE(!is_faulty(d) || soon([&] { return rig.device(d).force_N() == 0; }))
-          << d << ": " << rig.said();
+          << d << ": " << rig.stated();
     }
     for (std::size_t d = 0; d < 2; ++d) {
-      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.said();
+      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.stated();
     }
     for (std::size_t d = 0; d < 2; ++d) rig.device(d).end_faults(random);
   }
-  ASSERT_TRUE(rig.press()) << rig.said();
+  ASSERT_TRUE(rig.press()) << rig.stated();
   rig.end();
 }
 

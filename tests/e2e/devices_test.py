@@ -52,7 +52,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch", "spacemouse", "tracker"})
         for line in report["lines"]:
             self.assertTrue(line["found"], line)
-            self.assertEqual(bool(line["cure"]), line["finding"] != "fine", line)
+            self.assertEqual(bool(line["remedy"]), line["finding"] != "fine", line)
         missing = [line for line in report["lines"] if line["finding"] == "missing"]
         self.assertIn("haply", {line["topic"] for line in missing})
         self.assertGreater(report["timer"]["rate_hz"], 0)
@@ -61,7 +61,7 @@ class Doctor(cli.PalpateTest):
         done = cli.run("doctor", "--json", "--seconds", "0.2", "--device", "force-dimension")
         lines = [line for line in json.loads(done.stdout)["lines"] if line["topic"] == "force-dimension"]
         self.assertIn("libdrd.so.3", lines[0]["found"])
-        self.assertIn("forcedimension.com", lines[0]["cure"])
+        self.assertIn("forcedimension.com", lines[0]["remedy"])
         done = cli.run("doctor", "--json", "--seconds", "0.2", "--library", "force-dimension=/no/such.so")
         self.assertIn("there is no such file", done.stdout)
         done = cli.run("doctor", "--json", "--seconds", "0.2", "--device", "touch")

@@ -616,7 +616,7 @@ class Explore(cli.PalpateTest):
         privacy_test.nrrd_with_canary(labels, (n, n, n), ball)
         privacy_test.nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
         self.succeed("scene", "new", "--scan", scan, "--labels", labels, "-o", scene)
-        scene.write_text(scene.read_text().replace("felt = false", "felt = true"))
+        scene.write_text(scene.read_text().replace("touchable = false", "touchable = true"))
         task.write_text('title = "Hold"\nbriefing = "Press."\nend = "recording"\n[[region]]\nname = "all"\nstructures = ["ball"]\n'
                         '[[step]]\nname = "hold"\nregion = "all"\nforce = [0.2, 20]\nseconds = 1\n[[metric]]\nname = "time"\n')
         roles = {role: self.succeed("token", "--role", role, *more).stdout for role, more in
@@ -822,7 +822,7 @@ class Explore(cli.PalpateTest):
                                        b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
         scene = named / "scene.toml"
         self.succeed("scene", "new", "--scan", named / "scan.nii.gz", "--labels", named / "labels.seg.nrrd", "-o", scene)
-        text = re.sub(r"(?m)^title = .*$", "", scene.read_text().replace("felt = false", "felt = true"))
+        text = re.sub(r"(?m)^title = .*$", "", scene.read_text().replace("touchable = false", "touchable = true"))
         scene.write_text(f'title = "{privacy_test.CANARY}"\n{text}')
         _, viewer, told = self.viewed("explore", scene, "--port", "0")
         described = viewer.get("api/scene")

@@ -300,7 +300,7 @@ class FirstSteps(cli.PalpateTest):
                 done = self.run_verb(verb, target)
                 self.assertEqual(done.returncode, cli.BAD_INPUT, done.stdout)
                 self.assertIn("nothing in the scene can be felt yet", done.stderr)
-                self.assertIn("felt = true", done.stderr)
+                self.assertIn("touchable = true", done.stderr)
         # the page shows it; without one there is nothing to do
         done = self.succeed("explore", scene, "--seconds", "0.5", "--port", "0", "--no-realtime")
         self.assertIn("nothing in the scene can be felt yet", done.stderr)

@@ -150,7 +150,7 @@ class Privacy(cli.PalpateTest):
         del environment["PALPATE_CACHE"]
         # the scene file lies beside the data and names it: it is the user's, not an output that travels
         self.succeed("scene", "new", scan, labels, "-o", scene, env=environment)
-        scene.write_text(scene.read_text().replace("felt = false", "felt = true"))
+        scene.write_text(scene.read_text().replace("touchable = false", "touchable = true"))
         script = named / f"{CANARY}.toml"
         script.write_text(f'# for {CANARY}\n[[step]]\napproach = "ball"\n[[step]]\npress = 0.5\n'
                           '[[step]]\nhold = 0.6\n[[step]]\nleave = true\n')

@@ -74,10 +74,10 @@ class Rehearsal(cli.PalpateTest):
 
         # in, outside and left add up, and are what the burr took
         femur = next(volume for volume in figures["volumes"] if volume["name"] == "femur")
-        self.assertAlmostEqual(femur["taken_mm3"] + femur["outside_mm3"], removed, delta=0.051)
-        self.assertGreater(femur["taken_mm3"], 0.1)
+        self.assertAlmostEqual(femur["removed_mm3"] + femur["outside_mm3"], removed, delta=0.051)
+        self.assertGreater(femur["removed_mm3"], 0.1)
         self.assertGreater(femur["outside_mm3"], 0.1)
-        self.assertAlmostEqual(femur["planned_mm3"] - femur["taken_mm3"], femur["left_mm3"], delta=1e-6)
+        self.assertAlmostEqual(femur["planned_mm3"] - femur["removed_mm3"], femur["left_mm3"], delta=1e-6)
         # it milled the femur, and came near nothing else that is to be spared
         nearest = {structure["name"]: structure for structure in figures["structures"]}
         self.assertLess(nearest["femur"]["nearest_mm"], 0)
@@ -97,7 +97,7 @@ class Rehearsal(cli.PalpateTest):
         for row, figure in (("Entry error mm", "entry_error_mm"), ("Target error mm", "target_error_mm"),
                             ("Angle degrees", "angle_deg"), ("Depth error mm", "depth_error_mm")):
             self.assertAlmostEqual(float(rows[row][0][0]), trajectory[figure]["value"], delta=0.0051)
-        for value, key in zip(rows["femur"][0], ("planned_mm3", "taken_mm3", "left_mm3", "outside_mm3")):
+        for value, key in zip(rows["femur"][0], ("planned_mm3", "removed_mm3", "left_mm3", "outside_mm3")):
             self.assertAlmostEqual(float(value), femur[key], delta=0.051)
         for structure, figure in nearest.items():
             values = [row for row in rows[structure] if len(row) == 5]

@@ -123,7 +123,7 @@ class SceneTest(cli.PalpateTest):
             felt = re.sub(r"(?m)^sigma = \S+", f"sigma = {sigma}", scene.read_text())
             felt = felt.replace("[preparation]\nmethod = \"union-gaussian\"", "[preparation]")
             felt = felt.replace("[preparation]", "[preparation]\nmethod = \"union-gaussian\"")
-            scene.write_text(felt.replace("felt = false", "felt = true"))
+            scene.write_text(felt.replace("touchable = false", "touchable = true"))
             self.assertEqual("less than the voxel size" in self.succeed("scene", "check", scene).stderr, warned, sigma)
 
     def test_check_prints_the_most_force(self):

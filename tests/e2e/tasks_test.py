@@ -183,7 +183,7 @@ class Tasks(cli.PalpateTest):
         # of the same run the plan says the same
         self.succeed("plan", "compare", self.folder / "made.h5", "--plan", "femur-pocket", "--json", self.folder / "done.json")
         volumes = {volume["name"]: volume for volume in json.loads((self.folder / "done.json").read_text())["volumes"]}
-        self.assertAlmostEqual(volumes["femur"]["taken_mm3"], metrics["removed_in_plan"], delta=1e-9)
+        self.assertAlmostEqual(volumes["femur"]["removed_mm3"], metrics["removed_in_plan"], delta=1e-9)
         self.assertAlmostEqual(sum(volume["outside_mm3"] for volume in volumes.values()), metrics["removed_outside"], delta=1e-9)
         deep = self.score(self.simulate("deep", "heavy", task="bone-to-plan", data_set=knee, status=None), task="bone-to-plan", status=cli.LIMIT)["runs"][0]
         past = {metric["name"]: metric["value"] for metric in deep["metrics"]}

@@ -65,9 +65,9 @@ class Traces {
         Eigen::AngleAxisd(std::numbers::pi / 18, normal().normalized()).toRotationMatrix();
     out.start = Transform<Patient, Patient>(turned, middle - turned * middle + 10 * normal().normalized()) *
                 out.truth;
-    for (Point<Patient> place : places_) {
-      if (mirrored) place = {2 * middle.x() - place.x(), place.y(), place.z()};
-      out.touched.push_back(out.truth.inverse() * (place + Vector<Patient>(noise_mm * normal())));
+    for (Point<Patient> position : places_) {
+      if (mirrored) position = {2 * middle.x() - position.x(), position.y(), position.z()};
+      out.touched.push_back(out.truth.inverse() * (position + Vector<Patient>(noise_mm * normal())));
     }
     return out;
   }
@@ -84,7 +84,7 @@ class Traces {
   std::vector<Point<Patient>> places_;
 };
 
-enum class Mirrored { kRefused, kNotTold };
+enum class Mirrored { kRefused, kNotReported };
 void expect_found_again(const LabelMap& labels, const std::string& name, Mirrored mirrored) {
   SCOPED_TRACE(name + ", seed " + std::to_string(kSeed));
   Traces traces(labels, name);
@@ -112,7 +112,8 @@ TEST(Knees, BonesOfTheGeneratedOneAreFoundAgain) {
   const auto phantom = make_knee_phantom(1.2);
   ASSERT_TRUE(phantom.ok());
   // within a millimetre they are their own mirror images
-  for (const char* bone : {"tibia", "femur"}) expect_found_again(phantom->labels, bone, Mirrored::kNotTold);
+  for (const char* bone : {"tibia", "femur"})
+    expect_found_again(phantom->labels, bone, Mirrored::kNotReported);
 }
 
 TEST(Knees, BonesOfAHandSegmentedOneAreFoundAgain) {

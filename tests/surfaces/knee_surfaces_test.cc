@@ -63,26 +63,27 @@ struct Kept {
                        ///< along the normal
 };
 
-Kept count_kept(const PreparedSurface& s, const Volume<LabelId>& labels) {
-  Kept kept;
+Kept count_retained(const PreparedSurface& s, const Volume<LabelId>& labels) {
+  Kept stored;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto& dims = labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k) {
     for (int j = 0; j < dims[1]; ++j) {
       for (int i = 0; i < dims[0]; ++i) {
         if (labels.at(i, j, k) != s.label) continue;
-        ++kept.voxels;
+        ++stored.voxels;
         const Point<Patient> centre = X_PatientVoxel * Point<Voxel>(i, j, k);
         const double out = s.surface.distance_mm(centre);
         // the centre is a voxel of the position; what is left is rounding of its place
         if (out <= 1e-6) continue;
-        ++kept.outside;
+        ++stored.outside;
         const Eigen::Vector3d n = labels.geometry().direction.transpose() * s.surface.outward(centre).eigen();
-        kept.deepest = std::max(kept.deepest, out / (0.5 * n.cwiseAbs().dot(labels.geometry().spacing_mm)));
+        stored.deepest =
+            std::max(stored.deepest, out / (0.5 * n.cwiseAbs().dot(labels.geometry().spacing_mm)));
       }
     }
   }
-  return kept;
+  return stored;
 }
 
 /// Angles between the normal and the position's gradient, where the surface crosses the grid, in degrees.
@@ -128,9 +129,9 @@ void expect_thin_tissue_survives(const std::string& name) {
   for (const PreparedSurface& s : *prepared) {
     const std::string tissue = read->labels.find(s.label)->name;
     SCOPED_TRACE(tissue);
-    const Kept kept = count_kept(s, labels);
-    EXPECT_LE(static_cast<double>(kept.outside), 0.05 * static_cast<double>(kept.voxels));
-    EXPECT_LE(kept.deepest, 1);
+    const Kept stored = count_retained(s, labels);
+    EXPECT_LE(static_cast<double>(stored.outside), 0.05 * static_cast<double>(stored.voxels));
+    EXPECT_LE(stored.deepest, 1);
     const Volume<std::int16_t> position = s.surface.position().bricks().dense();
     const int components =
         count_components(position.geometry(), [&](int i, int j, int k) { return position.at(i, j, k) <= 0; });
@@ -150,7 +151,7 @@ void expect_thin_tissue_survives(const std::string& name) {
     std::printf(
         "%-26s %7zu voxels, %zu outside, %d components of %d, %zu strays; normal to gradient %4.1f median "
         "%4.1f p90 %4.1f p99 deg, %.4f %% beyond 90; steepest %.2f\n",
-        tissue.c_str(), kept.voxels, kept.outside, components, labelled, s.strays.size(), percentile(0.5),
+        tissue.c_str(), stored.voxels, stored.outside, components, labelled, s.strays.size(), percentile(0.5),
         percentile(0.9), percentile(0.99), 100 * astray, s.surface.steepest());
   }
 }

@@ -196,7 +196,7 @@ export class Page {
         onUnanswered: () => void loading.whyEnded(null),
         onAsked: () => toast(words.askedAtDevice),
         onCut: (first, sweeps) => this.voxels.tellCut(first, sweeps),
-        onYield: (told) => this.voxels.tellYield(told),
+        onYield: (received) => this.voxels.addYield(received),
         onTask: (run) => (session.run.value = run),
         onDebriefing: (debriefing) => (session.debriefing.value = debriefing),
         onPlan: (plan) => session.plans.tell(plan),

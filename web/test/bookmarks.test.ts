@@ -4,14 +4,14 @@ import { isBookmark, type Bookmark } from "../src/panels/bookmarks.js";
 
 const whole: Bookmark = {
   name: "neck",
-  seen: {
+  view: {
     layout: "five",
     window: { level: 40, width: 400 },
     camera: { right: [1, 0, 0], up: [0, 0, 1], focus: [1, 2, 3], across_mm: 0 },
     cross: null,
     normal: [1, 0, 0],
     along: "tool",
-    like: "axial",
+    anatomical: "axial",
     sections: [{ kind: "oblique", across_mm: 90, pan: [0, 1], offset_mm: 0 }],
     rotation: [1, 0, 0, 0],
   },
@@ -19,21 +19,21 @@ const whole: Bookmark = {
 
 test("stored bookmarks are listed if complete, and others are ignored", () => {
   assert.ok(isBookmark(JSON.parse(JSON.stringify(whole))));
-  assert.ok(isBookmark({ ...whole, seen: { ...whole.seen, cross: [1, 2, 3], rotation: null } }));
+  assert.ok(isBookmark({ ...whole, view: { ...whole.view, cross: [1, 2, 3], rotation: null } }));
   const wrong: Record<string, unknown>[] = [
     { layout: "seven" },
     { window: null },
     { window: { level: 1, width: 0 } },
-    { camera: { ...whole.seen.camera, up: [0, 1] } },
+    { camera: { ...whole.view.camera, up: [0, 1] } },
     { cross: [1, 2] },
     { normal: ["a", 0, 0] },
     { along: "me" },
-    { like: "" },
+    { anatomical: "" },
     { sections: null },
-    { sections: [{ ...whole.seen.sections[0], across_mm: -1 }] },
+    { sections: [{ ...whole.view.sections[0], across_mm: -1 }] },
     { rotation: [1] },
   ];
-  for (const seen of wrong)
-    assert.ok(!isBookmark({ ...whole, seen: { ...whole.seen, ...seen } }), JSON.stringify(seen));
-  for (const none of [null, 3, {}, { name: "x" }, { name: 3, seen: whole.seen }]) assert.ok(!isBookmark(none));
+  for (const view of wrong)
+    assert.ok(!isBookmark({ ...whole, view: { ...whole.view, ...view } }), JSON.stringify(view));
+  for (const none of [null, 3, {}, { name: "x" }, { name: 3, view: whole.view }]) assert.ok(!isBookmark(none));
 });

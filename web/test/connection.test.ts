@@ -43,7 +43,7 @@ function connection() {
   const tasks: number[] = [],
     nears: number[] = [],
     tracks: number[] = [];
-  const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
+  const received = { otherProtocol: 0, unanswered: 0, problems: 0 };
   const made = new Connection(
     {
       onLink: (link) => links.push(link),
@@ -58,14 +58,14 @@ function connection() {
       onTracked: (tracked) => tracks.push(tracked.fre_mm),
       onTask: (run) => tasks.push(run.run),
       onDebriefing: (one) => tasks.push(-one.run),
-      onProblem: () => void told.problems++,
-      onOtherProtocol: () => void told.otherProtocol++,
-      onUnanswered: () => void told.unanswered++,
+      onProblem: () => void received.problems++,
+      onOtherProtocol: () => void received.otherProtocol++,
+      onUnanswered: () => void received.unanswered++,
     },
     null,
   );
   made.open();
-  return { made, sockets, timers, sent, links, told, yields, tasks, nears, tracks, isAnswered };
+  return { made, sockets, timers, sent, links, received, yields, tasks, nears, tracks, isAnswered };
 }
 const WELCOME = {
   data: JSON.stringify({ type: "welcome", role: "control", learner: null, may: ["look", "stop", "hand"], protocol: 3 }),
@@ -79,26 +79,26 @@ function pose(version: number): { data: ArrayBuffer } {
 
 test("temporary errors are retried at increasing intervals", () => {
   for (const code of [1001, 1006, 1013, 4408, 4429]) {
-    const { sockets, timers, told } = connection();
+    const { sockets, timers, received } = connection();
     for (let n = 0; n < 8; n++) {
       sockets.at(-1)!.onclose({ code });
       assert.equal(timers.length, n + 1, `after ${code}`);
       timers.at(-1)!.f();
     }
     assert.ok(timers[0]!.ms < 400 && timers[7]!.ms > 3000 && timers[7]!.ms <= 6000);
-    assert.equal(told.unanswered, 7, "that it may last is asked from the second time on");
-    assert.equal(told.otherProtocol, 0);
+    assert.equal(received.unanswered, 7, "that it may last is asked from the second time on");
+    assert.equal(received.otherProtocol, 0);
   }
 });
 
 test("a lesson that the teacher has ended is neither lost nor connected again", () => {
-  const { made, sockets, timers, links, told } = connection();
+  const { made, sockets, timers, links, received } = connection();
   const state = (over: boolean) => ({ data: JSON.stringify({ type: "state", lesson: { over } }) });
   sockets[0]!.onmessage(WELCOME);
   sockets[0]!.onmessage(state(false));
   sockets[0]!.onmessage(state(true));
   sockets[0]!.onclose({ code: 1001 });
-  assert.deepEqual([links.at(-1), timers.length, told.unanswered], ["over", 0, 0]);
+  assert.deepEqual([links.at(-1), timers.length, received.unanswered], ["over", 0, 0]);
   // another session at the same address
   made.open();
   sockets[1]!.onmessage(WELCOME);
@@ -195,13 +195,13 @@ test("a connection attempt times out", (t) => {
 
 test("another protocol version is not retried automatically", () => {
   for (const isSpoken of [false, true]) {
-    const { made, sockets, timers, told } = connection();
+    const { made, sockets, timers, received } = connection();
     if (isSpoken) {
       sockets[0]!.onmessage(WELCOME);
       sockets[0]!.onmessage(pose(4));
     } else sockets[0]!.onclose({ code: 4406 });
     assert.equal(made.link.value, "ended");
-    assert.deepEqual([timers.length, sockets.length, told.otherProtocol], [0, 1, 1]);
+    assert.deepEqual([timers.length, sockets.length, received.otherProtocol], [0, 1, 1]);
     made.open();
     sockets[1]!.onmessage(WELCOME);
     assert.equal(made.link.value, "connected");
@@ -209,13 +209,13 @@ test("another protocol version is not retried automatically", () => {
 });
 
 test("connections with invalid poses are retried at increasing intervals", () => {
-  const { sockets, timers, told } = connection();
+  const { sockets, timers, received } = connection();
   for (let n = 0; n < 8; n++) {
     sockets.at(-1)!.onmessage(WELCOME);
     sockets.at(-1)!.onmessage({ data: new ArrayBuffer(7) });
     timers.at(-1)!.f();
   }
-  assert.equal(told.problems, 8);
+  assert.equal(received.problems, 8);
   assert.ok(timers[7]!.ms > 3000);
 });
 
@@ -234,7 +234,7 @@ test("HTTP errors are permanent or temporary", () => {
 });
 
 test("deformation messages are decoded, and an invalid one ends the connection like an invalid pose", () => {
-  const { sockets, yields, told, links } = connection();
+  const { sockets, yields, received, links } = connection();
   sockets[0]!.onmessage(WELCOME);
   const view = new DataView(new ArrayBuffer(96));
   "PLPY".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
@@ -247,7 +247,7 @@ test("deformation messages are decoded, and an invalid one ends the connection l
   );
   view.setUint32(8, 97, true);
   sockets[0]!.onmessage({ data: view.buffer });
-  assert.equal(told.problems, 1);
+  assert.equal(received.problems, 1);
   assert.equal(links.at(-1), "lost");
   assert.equal(yields.length, 1);
 });
@@ -267,7 +267,7 @@ test("task runs are requested and delivered in order", () => {
 });
 
 test("distances are requested and delivered apart from poses", () => {
-  const { sockets, sent, nears, told } = connection();
+  const { sockets, sent, nears, received } = connection();
   sockets[0]!.onopen();
   assert.equal((sent[0] as { near?: boolean }).near, true);
   sockets[0]!.onmessage(WELCOME);
@@ -281,7 +281,7 @@ test("distances are requested and delivered apart from poses", () => {
   assert.deepEqual(nears, [1]);
   view.setUint16(16, 2, true);
   sockets[0]!.onmessage({ data: view.buffer });
-  assert.deepEqual([nears.length, told.problems], [1, 1], "of more devices than it has room for");
+  assert.deepEqual([nears.length, received.problems], [1, 1], "of more devices than it has room for");
 });
 
 test("the registration error of a tracked tip is requested and delivered", () => {

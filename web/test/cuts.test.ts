@@ -78,10 +78,10 @@ test("voxels of felt structures are removed where a sweep contains their centres
   const cuts = new Cuts(),
     its = volumes(),
     before = its.structure.slice();
-  cuts.tell(0, SWEEPS.slice(0, 1));
+  cuts.receive(0, SWEEPS.slice(0, 1));
   assert.ok(cuts.takeFrom(its, IS_FELT));
   assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
-  cuts.tell(1, SWEEPS.slice(1));
+  cuts.receive(1, SWEEPS.slice(1));
   const box = cuts.takeFrom(its, IS_FELT)!;
   assert.deepEqual(its.structure, expected(SWEEPS));
   assert.ok(its.structure.filter((place) => place === 0).length > 100);
@@ -106,20 +106,20 @@ test("another session's cuts start from the intact volume", () => {
   const cuts = new Cuts(),
     its = volumes(),
     whole = its.structure.slice();
-  cuts.tell(0, SWEEPS);
+  cuts.receive(0, SWEEPS);
   cuts.takeFrom(its, IS_FELT);
   cuts.beginAnew();
   assert.ok(cuts.takeFrom(its, IS_FELT));
   assert.deepEqual(its.structure, whole);
   assert.equal(its.removed.size, 0);
-  cuts.tell(0, SWEEPS.slice(3));
+  cuts.receive(0, SWEEPS.slice(3));
   cuts.takeFrom(its, IS_FELT);
   assert.deepEqual(its.structure, expected(SWEEPS.slice(3)));
 });
 
 test("volumes that load later receive all earlier cuts", () => {
   const cuts = new Cuts();
-  cuts.tell(0, SWEEPS);
+  cuts.receive(0, SWEEPS);
   cuts.takeFrom(volumes(), IS_FELT);
   const others = volumes();
   cuts.takeFrom(others, IS_FELT);
@@ -163,7 +163,7 @@ test("voxels removed by undone sweeps are restored, and no others change", () =>
       for (let message = Math.floor(3 * random()); message >= 0; message--) {
         const first = random() < 0.4 ? sweeps.length : Math.floor((sweeps.length + 1) * Math.sqrt(random()));
         const more = Array.from({ length: Math.floor(4 * random()) }, sweep);
-        cuts.tell(first, more);
+        cuts.receive(first, more);
         sweeps = [...sweeps.slice(0, first), ...more];
       }
       if (random() < 0.05) {
@@ -189,12 +189,12 @@ test("voxels removed by undone sweeps are restored, and no others change", () =>
 test("sweeps that follow unknown ones are ignored", () => {
   const cuts = new Cuts(),
     its = volumes();
-  cuts.tell(0, SWEEPS.slice(0, 1));
+  cuts.receive(0, SWEEPS.slice(0, 1));
   cuts.takeFrom(its, IS_FELT);
-  cuts.tell(2, SWEEPS.slice(2));
+  cuts.receive(2, SWEEPS.slice(2));
   assert.equal(cuts.takeFrom(its, IS_FELT), null);
   assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
-  cuts.tell(1, SWEEPS.slice(1));
+  cuts.receive(1, SWEEPS.slice(1));
   cuts.takeFrom(its, IS_FELT);
   assert.deepEqual(its.structure, expected(SWEEPS));
 });

@@ -8,12 +8,12 @@ import { Requests } from "../src/state/requests.js";
 
 /** Simulated loop that grants every request except those in `refuses`. */
 function loop() {
-  const told: string[] = [];
+  const received: string[] = [];
   Object.assign(globalThis, {
     document: {
       getElementById: () => ({
         set textContent(text: string) {
-          told.push(text);
+          received.push(text);
         },
       }),
     },
@@ -28,7 +28,7 @@ function loop() {
     tissues: [{ stiffness_N_per_mm: 1 }, { stiffness_N_per_mm: 2 }],
   } as unknown as State;
   const asked: Request[] = [];
-  const made = { state, asked, told, refuses: "", history: new History() };
+  const made = { state, asked, received, refuses: "", history: new History() };
   const connection = {
     ask: (request: Request): Promise<Refusal | null> => {
       asked.push(request);
@@ -116,16 +116,16 @@ test("a stop, a pause and a rearm are not undo steps", async () => {
 
 test("a refused undo is reported and remains available; values changed by others are kept", async () => {
   const made = loop();
-  const { requests, history, state, told } = made;
+  const { requests, history, state, received } = made;
   made.refuses = "max_force_N";
   await requests.once({ type: "set", max_force_N: 1 });
   assert.equal(history.canUndo.value, false);
   made.refuses = "";
   await requests.once({ type: "set", max_force_N: 1 });
   made.refuses = "max_force_N";
-  told.length = 0;
+  received.length = 0;
   await history.undo();
-  assert.deepEqual(told, ["No."]);
+  assert.deepEqual(received, ["No."]);
   assert.equal(state.max_force_N, 1);
   assert.equal(history.canUndo.value, true);
   assert.equal(history.canRedo.value, false);
@@ -133,7 +133,7 @@ test("a refused undo is reported and remains available; values changed by others
   state.max_force_N = 0.7;
   await history.undo();
   assert.equal(state.max_force_N, 0.7);
-  assert.match(told.at(-1)!, /somebody else/);
+  assert.match(received.at(-1)!, /somebody else/);
   state.max_force_N = 1;
   await history.undo();
   assert.equal(state.max_force_N, 1.4);

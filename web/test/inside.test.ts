@@ -16,7 +16,7 @@ import {
 import { boxSection, runs } from "../src/drawing/in_volume.js";
 import { Volumes } from "../src/protocol/scene.js";
 import { OPTICS_DEG, Scope, standOff } from "../src/volume/scope.js";
-import { firstFelt, Ground } from "../src/touch/surface.js";
+import { firstTouchable, Ground } from "../src/touch/surface.js";
 import { pathTo } from "../src/touch/stroke.js";
 import { Found, viewOf } from "../src/volume/view.js";
 
@@ -147,7 +147,7 @@ test("the depth of a picture determines the occlusion of a point", () => {
 });
 
 /** Volume of 40^3 voxels of 1 mm on a mirrored grid: a ball of radius 8 mm at the centre and a plate behind it. */
-function room(): { volumes: Volumes; isFelt: (p: Vec3) => boolean } {
+function room(): { volumes: Volumes; isTouchable: (p: Vec3) => boolean } {
   const dims: Vec3 = [40, 40, 40];
   const structure = new Uint8Array(64000);
   for (let n = 0; n < 64000; n++) {
@@ -170,21 +170,21 @@ function room(): { volumes: Volumes; isFelt: (p: Vec3) => boolean } {
     1,
     0,
   );
-  return { volumes, isFelt: (p) => volumes.structureAt(p) !== null };
+  return { volumes, isTouchable: (p) => volumes.structureAt(p) !== null };
 }
 
 test("a press picks the first surface under it", () => {
-  const { volumes, isFelt } = room();
-  near(firstFelt(volumes, isFelt, [0, -100, 0], [0, 1, 0])!, [0, -7.5, 0], 0.02);
-  near(firstFelt(volumes, isFelt, [12, 100, 0], [0, 1, 0])!, [12, 15.5, 0], 0.02);
-  near(firstFelt(volumes, isFelt, [0, 0, 0], [0, 1, 0], 9)!, [0, 15.5, 0], 0.02);
-  assert.equal(firstFelt(volumes, isFelt, [30, -100, 0], [0, 1, 0]), null);
+  const { volumes, isTouchable } = room();
+  near(firstTouchable(volumes, isTouchable, [0, -100, 0], [0, 1, 0])!, [0, -7.5, 0], 0.02);
+  near(firstTouchable(volumes, isTouchable, [12, 100, 0], [0, 1, 0])!, [12, 15.5, 0], 0.02);
+  near(firstTouchable(volumes, isTouchable, [0, 0, 0], [0, 1, 0], 9)!, [0, 15.5, 0], 0.02);
+  assert.equal(firstTouchable(volumes, isTouchable, [30, -100, 0], [0, 1, 0]), null);
   const isWall = (p: Vec3) => volumes.structureAt(p) === 1;
-  near(firstFelt(volumes, isWall, [0, -100, 0], [0, 1, 0])!, [0, 15.5, 0], 0.02);
+  near(firstTouchable(volumes, isWall, [0, -100, 0], [0, 1, 0])!, [0, 15.5, 0], 0.02);
 });
 
 test("the path of the tip to a surface avoids felt structures", () => {
-  const { volumes, isFelt } = room();
+  const { volumes, isTouchable } = room();
   const into: Vec3 = [0, 1, 0];
   // tips behind the ball, next to it, in front of it, and within it
   for (const tip of [
@@ -200,29 +200,29 @@ test("the path of the tip to a surface avoids felt structures", () => {
       [-12, 2],
       [6, 0],
     ] as const) {
-      const surface = firstFelt(volumes, isFelt, [x, -100, z], into)!;
-      const path = [...pathTo(isFelt, tip, surface, into, 0.5), add(surface, scale(into, 0.5))];
+      const surface = firstTouchable(volumes, isTouchable, [x, -100, z], into)!;
+      const path = [...pathTo(isTouchable, tip, surface, into, 0.5), add(surface, scale(into, 0.5))];
       let from = tip,
         hasLeft = false,
         through_mm = 0;
       for (const to of path.slice(0, -1)) {
         for (let n = 0; n <= 200; n++) {
-          const felt = isFelt(add(from, scale(sub(to, from), n / 200)));
+          const felt = isTouchable(add(from, scale(sub(to, from), n / 200)));
           hasLeft ||= !felt;
-          through_mm = felt && (hasLeft || !isFelt(tip)) ? through_mm + length(sub(to, from)) / 200 : 0;
+          through_mm = felt && (hasLeft || !isTouchable(tip)) ? through_mm + length(sub(to, from)) / 200 : 0;
           // tolerance: the corner of a voxel
           assert.ok(through_mm < 0.6, `${tip} to ${surface}: through something on the way to ${to}`);
         }
         from = to;
       }
-      assert.ok(isFelt(path.at(-1)!), "and it is felt at the end");
+      assert.ok(isTouchable(path.at(-1)!), "and it is felt at the end");
       assert.ok(length(sub(path.at(-1)!, surface)) < 1);
     }
   }
 });
 
 test("the height is the distance to the nearest felt structure", () => {
-  const { volumes, isFelt } = room();
+  const { volumes, isTouchable } = room();
   const ground = new Ground(volumes, 20, 9000);
   for (const p of [
     [0, -15, 0],
@@ -236,19 +236,19 @@ test("the height is the distance to the nearest felt structure", () => {
       const voxel = apply(volumes.patientFromVoxel, [n % 40, Math.floor(n / 40) % 40, Math.floor(n / 1600)]);
       least = Math.min(least, length(sub(voxel, p)));
     }
-    const found = ground.below(p, isFelt)!;
+    const found = ground.below(p, isTouchable)!;
     assert.ok(Math.abs(found.height_mm - (least - 0.5)) < 0.4, `${found.height_mm} is not ${least - 0.5}`);
     assert.ok(Math.abs(length(sub(found.foot, p)) - found.height_mm) < 1e-9);
   }
-  assert.equal(ground.below([0, 0, 0], isFelt), null, "none where it is within");
-  assert.equal(new Ground(volumes, 3).below([0, -15, 0], isFelt), null, "none where it is far");
+  assert.equal(ground.below([0, 0, 0], isTouchable), null, "none where it is within");
+  assert.equal(new Ground(volumes, 3).below([0, -15, 0], isTouchable), null, "none where it is far");
 });
 
 test("the structure below a tool is searched again after movements and changes of voxels", () => {
-  const { volumes, isFelt } = room();
+  const { volumes, isTouchable } = room();
   const ground = new Ground(volumes, 20, 9000);
   let looked = 0;
-  const counted = (p: Vec3) => ((looked += 1), isFelt(p));
+  const counted = (p: Vec3) => ((looked += 1), isTouchable(p));
   const looks = (act: () => unknown) => {
     const before = looked;
     act();
@@ -258,10 +258,10 @@ test("the structure below a tool is searched again after movements and changes o
     [0, -15, 0],
     [0.3, 12, 0.4],
   ];
-  assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isFelt))));
-  assert.ok(!looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isFelt))));
+  assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isTouchable))));
+  assert.ok(!looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isTouchable))));
   assert.ok(
-    looks(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isFelt))),
+    looks(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isTouchable))),
     "it has moved",
   );
   assert.ok(

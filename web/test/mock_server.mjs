@@ -234,7 +234,7 @@ const feel = (stiffness_N_per_mm) => ({
 const tissues = [
   {
     name: "bone",
-    felt: true,
+    touchable: true,
     protection: options.tool === "burr" ? "alarm" : "none",
     colour: [240, 222, 190],
     opacity: 1,
@@ -243,14 +243,14 @@ const tissues = [
   },
   {
     name: "cartilage",
-    felt: true,
+    touchable: true,
     protection: "none",
     colour: [96, 178, 214],
     opacity: 1,
     ...feel(0.8),
     rests_on: [0],
   },
-  { name: "meniscus", felt: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
+  { name: "meniscus", touchable: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
 ];
 const tool = {
   name: options.tool,

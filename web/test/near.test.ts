@@ -160,7 +160,7 @@ test("beeps get faster and higher with proximity, and the tone is continuous whi
 
 /** Simulated audio context, which records what is scheduled; `loud`: gain at a time. */
 function audio() {
-  const told = {
+  const received = {
     state: "suspended",
     now: 0,
     started: 0,
@@ -170,22 +170,22 @@ function audio() {
   };
   class Context {
     get state() {
-      return told.state;
+      return received.state;
     }
     get currentTime() {
-      return told.now;
+      return received.now;
     }
     destination = {};
     resume() {
-      told.state = "running";
+      received.state = "running";
     }
     createOscillator() {
       return {
         type: "",
-        frequency: { setTargetAtTime: (to: number) => (told.frequency = to) },
+        frequency: { setTargetAtTime: (to: number) => (received.frequency = to) },
         connect: (to: unknown) => to,
-        start: () => told.started++,
-        stop: () => told.stopped++,
+        start: () => received.started++,
+        stop: () => received.stopped++,
       };
     }
     createGain() {
@@ -193,75 +193,75 @@ function audio() {
         connect() {},
         gain: {
           value: 1,
-          cancelScheduledValues: (from: number) => (told.events = told.events.filter(({ at }) => at < from)),
-          setTargetAtTime: (to: number, at: number) => told.events.push({ to, at }),
+          cancelScheduledValues: (from: number) => (received.events = received.events.filter(({ at }) => at < from)),
+          setTargetAtTime: (to: number, at: number) => received.events.push({ to, at }),
         },
       };
     }
   }
   Object.assign(globalThis, { AudioContext: Context });
-  const loud = (at: number) => told.events.filter((event) => event.at <= at).at(-1)?.to ?? 0;
-  return { told, loud };
+  const loud = (at: number) => received.events.filter((event) => event.at <= at).at(-1)?.to ?? 0;
+  return { received, loud };
 }
 
 test("no sound is played before it is switched on and the user has interacted with the page", () => {
-  const { told } = audio();
+  const { received } = audio();
   const sound = new ApproachSound();
   sound.tell(-1);
   sound.wake();
-  assert.deepEqual([sound.tone, told.started, told.state], [null, 0, "suspended"]);
+  assert.deepEqual([sound.tone, received.started, received.state], [null, 0, "suspended"]);
   sound.switch(true);
   sound.tell(-1);
   assert.ok(sound.isHeldBack);
-  assert.deepEqual([sound.tone, told.started], [null, 0]);
+  assert.deepEqual([sound.tone, received.started], [null, 0]);
   sound.wake();
   sound.tell(-1);
-  assert.deepEqual([sound.tone!.beeps_per_s, told.started, sound.isHeldBack], [0, 1, false]);
+  assert.deepEqual([sound.tone!.beeps_per_s, received.started, sound.isHeldBack], [0, 1, false]);
 });
 
 test("a continuous tone ends unless it is renewed, and immediately when silenced", () => {
-  const { told, loud } = audio();
+  const { received, loud } = audio();
   const sound = new ApproachSound();
   sound.switch(true);
   sound.wake();
-  for (told.now = 0; told.now < 1; told.now += 1 / 60) {
+  for (received.now = 0; received.now < 1; received.now += 1 / 60) {
     sound.tell(-1);
-    assert.ok(loud(told.now) > 0 && loud(told.now + 0.2) > 0);
+    assert.ok(loud(received.now) > 0 && loud(received.now + 0.2) > 0);
   }
-  assert.equal(told.started, 1, "one voice goes on");
-  assert.equal(loud(told.now + 0.5), 0);
+  assert.equal(received.started, 1, "one voice goes on");
+  assert.equal(loud(received.now + 0.5), 0);
   sound.silence();
-  assert.deepEqual([loud(told.now), sound.tone, told.stopped], [0, null, 1]);
+  assert.deepEqual([loud(received.now), sound.tone, received.stopped], [0, null, 1]);
   sound.tell(-1);
-  assert.deepEqual([loud(told.now + 0.1) > 0, told.started], [true, 2]);
+  assert.deepEqual([loud(received.now + 0.1) > 0, received.started], [true, 2]);
   sound.switch(false);
   sound.tell(-1);
-  assert.deepEqual([loud(told.now + 0.1), sound.tone, told.stopped], [0, null, 2]);
+  assert.deepEqual([loud(received.now + 0.1), sound.tone, received.stopped], [0, null, 2]);
 });
 
 test("the number of beeps per second equals the tone's rate", () => {
-  const { told, loud } = audio();
+  const { received, loud } = audio();
   const sound = new ApproachSound();
   sound.switch(true);
   sound.wake();
   let beeps = 0,
     was = 0;
-  for (told.now = 0; told.now < 4; told.now += 1 / 60) {
+  for (received.now = 0; received.now < 4; received.now += 1 / 60) {
     sound.tell(5);
-    const is = loud(told.now);
+    const is = loud(received.now);
     if (is > 0 && was === 0) beeps++;
     was = is;
   }
   const wanted = 4 * toneAt(5)!.beeps_per_s;
   assert.ok(Math.abs(beeps - wanted) <= 0.1 * wanted + 1, `${beeps} of ${wanted}`);
   // an approach shortens the pause before the next beep
-  told.now = 10;
+  received.now = 10;
   sound.tell(9.9);
-  told.now += 1 / 60;
+  received.now += 1 / 60;
   sound.tell(0);
-  told.now += 0.2;
+  received.now += 0.2;
   sound.tell(0);
-  assert.ok(loud(told.now) > 0);
+  assert.ok(loud(received.now) > 0);
 });
 
 test("a quiz hides names, and the distance to its target until the target pushes", () => {
@@ -271,7 +271,7 @@ test("a quiz hides names, and the distance to its target until the target pushes
       { label: 7, name: "left_nodule", colour: [0, 0, 0], tissue: 0 },
       { label: 8, name: "skin", colour: [0, 0, 0], tissue: 0 },
     ],
-    tissues: [{ felt: true, friction: 0.1 }],
+    tissues: [{ touchable: true, friction: 0.1 }],
     tools: [PROBE],
     world_from_patient: [
       [1, 0, 0, 0],

@@ -6,9 +6,9 @@ const page = await openPage([]);
 const { server } = page;
 
 /** Expects a permanent error to be reported with given texts, and no requests until the user retries. */
-async function toldAndLeftAlone(...told: string[]): Promise<void> {
+async function toldAndLeftAlone(...received: string[]): Promise<void> {
   await page.wait("the page gives up", () => page.viewer.link === "ended" && !page.byId("mend").hidden);
-  for (const words of told) assert.ok(page.text("cover").includes(words), `${words} in: ${page.text("cover")}`);
+  for (const words of received) assert.ok(page.text("cover").includes(words), `${words} in: ${page.text("cover")}`);
   const fetched = globalThis.fetch,
     Socket = globalThis.WebSocket;
   const attempts: string[] = [];

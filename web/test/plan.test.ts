@@ -83,8 +83,8 @@ test("violated distances of the plan are listed, the worst first", () => {
       { label: 1, mm: 0 },
     ]),
     [
-      { label: 7, mm: 1, asked_mm: 3 },
-      { label: 8, mm: 1.5, asked_mm: 2 },
+      { label: 7, mm: 1, requested_mm: 3 },
+      { label: 8, mm: 1.5, requested_mm: 2 },
     ],
   );
 });

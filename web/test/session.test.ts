@@ -28,7 +28,7 @@ function session(): Session {
   );
   made.scene.value = {
     structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }],
-    tissues: [{ felt: true }],
+    tissues: [{ touchable: true }],
     no_go: [],
   } as unknown as Scene;
   return made;
@@ -38,7 +38,7 @@ const device = (x: number, label: number, flags: number, force: Vec3): DevicePos
 
 test("a scene in which no tissue is felt says so in place of a contact", () => {
   const made = session();
-  made.scene.value = { ...made.scene.value!, tissues: [{ felt: false }] } as unknown as Scene;
+  made.scene.value = { ...made.scene.value!, tissues: [{ touchable: false }] } as unknown as Scene;
   for (const x of [0, 3])
     assert.deepEqual(made.contactOf(device(x, 0, 0, [0, 0, 0])), { label: 0, words: words.nothingToFeel });
 });

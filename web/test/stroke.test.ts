@@ -21,12 +21,12 @@ function subject() {
     [0, 1, 2, 3].map((c) => (row === c ? (row < 3 ? VOXEL_MM : 1) : 0)),
   );
   const volumes = new Volumes("", 1, [SIZE, SIZE, SIZE], patientFromVoxel, null, voxels, 1, 0);
-  const isFelt = (p: Vec3) => volumes.structureAt(p) !== null;
-  return { volumes, isFelt };
+  const isTouchable = (p: Vec3) => volumes.structureAt(p) !== null;
+  return { volumes, isTouchable };
 }
 const stroke = (tip: Vec3 = [20, 20, 39]) => {
-  const { volumes, isFelt } = subject();
-  return { isFelt, stroke: new Stroke(volumes, isFelt, tip, 0, (_, end) => end) };
+  const { volumes, isTouchable } = subject();
+  return { isTouchable, stroke: new Stroke(volumes, isTouchable, tip, 0, (_, end) => end) };
 };
 /** Surface under a cursor that looks down the z axis. */
 const under =
@@ -37,9 +37,9 @@ const under =
   };
 
 test("a stroke over a ball follows its surface, and presses along its normal", () => {
-  const { stroke: made, isFelt } = stroke();
+  const { stroke: made, isTouchable } = stroke();
   const begun = made.begin(under(made, MIDDLE, MIDDLE));
-  assert.ok(begun.slice(0, -1).every(({ at, into }) => into === null && !isFelt(at)));
+  assert.ok(begun.slice(0, -1).every(({ at, into }) => into === null && !isTouchable(at)));
   assert.deepEqual(begun.at(-1)!.into !== null, true);
   const steps = made.follow(under(made, MIDDLE, add(MIDDLE, [7, 3, 0])), 100);
   assert.ok(steps.length > 8);
@@ -63,7 +63,7 @@ test("over an edge the tip is lifted, moves where it is free, and is put down on
       [8, 0, 0],
     ],
   ] as [Vec3, Vec3][]) {
-    const { stroke: made, isFelt } = stroke();
+    const { stroke: made, isTouchable } = stroke();
     const begun = made.begin(under(made, add(MIDDLE, from), add(MIDDLE, from)));
     const steps = made.follow(under(made, add(MIDDLE, from), add(MIDDLE, to)), 60);
     const lifted = steps.filter(({ into }) => into === null);
@@ -73,7 +73,7 @@ test("over an edge the tip is lifted, moves where it is free, and is put down on
     for (const step of steps) {
       const path = sub(step.at, last.at);
       if (length(path) > 1.5) {
-        const felt = Array.from({ length: 50 }, (_, n) => isFelt(add(last.at, scale(path, (n + 1) / 51)))).filter(
+        const felt = Array.from({ length: 50 }, (_, n) => isTouchable(add(last.at, scale(path, (n + 1) / 51)))).filter(
           Boolean,
         );
         assert.ok((felt.length / 50) * length(path) < 0.6 + VOXEL_MM, "nothing is passed through");

@@ -29,7 +29,7 @@ import { Session } from "../src/state/session.js";
 import { Stroke, type SurfacePoint } from "../src/touch/stroke.js";
 import { Touching } from "../src/touch/touching.js";
 import { Camera } from "../src/volume/camera.js";
-import { firstFelt } from "../src/touch/surface.js";
+import { firstTouchable } from "../src/touch/surface.js";
 
 type Position = [number, number];
 type Kind = "volume" | "section" | "scope";
@@ -113,7 +113,7 @@ class Subject {
     this.connection = new Connection(
       {
         onLink: nothing,
-        onState: (told) => (this.session.state.value = told),
+        onState: (received) => (this.session.state.value = received),
         onPose: (pose) => {
           this.session.setPose(pose);
           const { force, flags } = pose.devices[0]!;
@@ -163,7 +163,7 @@ class Subject {
   /** Strokes once. */
   async drag(kind: Kind, rate_hz: number): Promise<Figures> {
     const { session, pointer } = this;
-    const isFelt = (p: Vec3) => touching.isFelt(p);
+    const isTouchable = (p: Vec3) => touching.isTouchable(p);
     const view = this.viewFor(kind);
     const touching: Touching = new Touching(
       session,
@@ -172,7 +172,7 @@ class Subject {
       (at, end) => view.hover(at, end),
       () => "",
     );
-    const { cursors, places } = this.path(view, isFelt, rate_hz);
+    const { cursors, places } = this.path(view, isTouchable, rate_hz);
     const figures = new Figures();
     if (cursors.length < 3) return figures;
     session.press_N.value = between(0.5, 1.2);
@@ -238,11 +238,11 @@ class Subject {
   /** Cursor positions of a drag, and the surface point that each of them shows. */
   private path(
     view: View,
-    isFelt: (p: Vec3) => boolean,
+    isTouchable: (p: Vec3) => boolean,
     rate_hz: number,
   ): { cursors: Position[][]; places: (SurfacePoint | null)[] } {
     // finds surfaces, and remembers the latest one, like the stroke that is tested
-    const finder = new Stroke(this.session.volumes.value!, isFelt, [0, 0, 0], 0, () => [0, 0, 0]);
+    const finder = new Stroke(this.session.volumes.value!, isTouchable, [0, 0, 0], 0, () => [0, 0, 0]);
     const find = (at: Position) => (finder.point = view.pick(at, finder));
     const cursors: Position[][] = [];
     const places: (SurfacePoint | null)[] = [];
@@ -278,7 +278,7 @@ class Subject {
     const volumes = session.volumes.value!;
     const felt = (p: Vec3) => {
       const place = volumes.structureAt(p);
-      return place !== null && session.scene.value!.tissues[session.scene.value!.structures[place]!.tissue]!.felt;
+      return place !== null && session.scene.value!.tissues[session.scene.value!.structures[place]!.tissue]!.touchable;
     };
     for (;;) {
       let view: View;
@@ -307,7 +307,7 @@ class Subject {
           volumes.centre,
           add(scale(first, between(-0.3, 0.3) * volumes.size), scale(second, between(-0.3, 0.3) * volumes.size)),
         );
-        const at = firstFelt(volumes, felt, from, into);
+        const at = firstTouchable(volumes, felt, from, into);
         if (!at) continue;
         if (kind === "section") {
           const plane = anatomicalPlane((["axial", "sagittal", "coronal"] as const)[Math.floor(between(0, 3))]!, at);

@@ -11,7 +11,7 @@ const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
   normal: [0, 0, 1],
   orientation: [1, 0, 0, 0],
   force: [0, 0, 1],
-  askedForce: 1,
+  requestedForce: 1,
   forceLimit: 3,
   heat: 0,
   depth: 0.5,
@@ -20,34 +20,34 @@ const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
   flags: Flag.contact,
   buttons: 0,
   label: 1,
-  felt: [{ label: 1, depth: 0.5, share: 1 }],
+  path: [{ label: 1, depth: 0.5, share: 1 }],
   contacts: [],
   ...other,
 });
 
 test("the explanation names the spring, and is empty in free space", () => {
   assert.equal(whyText(pressed(), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
-  assert.equal(whyText(pressed({ flags: 0, askedForce: 0 }), [0, 0, 0]), "");
+  assert.equal(whyText(pressed({ flags: 0, requestedForce: 0 }), [0, 0, 0]), "");
 });
 
 test("for several layers the list replaces the explanation of the spring", () => {
-  const felt = [
+  const path = [
     { label: 1, depth: 10, share: 0.05 },
     { label: 2, depth: 5, share: 0.95 },
   ];
-  assert.equal(whyText(pressed({ felt }), [0, 0, 1]), "");
+  assert.equal(whyText(pressed({ path }), [0, 0, 1]), "");
 });
 
 test("a perceptible tangential force is displayed", () => {
   assert.equal(
-    whyText(pressed({ askedForce: Math.hypot(1, 0.2) }), [0.2, 0, 1]),
+    whyText(pressed({ requestedForce: Math.hypot(1, 0.2) }), [0.2, 0, 1]),
     "0.500 mm deep at 2.00 N/mm · 0.200 N along the surface",
   );
   assert.equal(whyText(pressed(), [0.03, 0, 1]), "0.500 mm deep at 2.00 N/mm");
 });
 
 test("a reduction of the force is displayed with its most likely reason", () => {
-  const less = (flags: number) => whyText(pressed({ askedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
+  const less = (flags: number) => whyText(pressed({ requestedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
   assert.equal(less(Flag.clamped), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: force limit");
   assert.equal(
     less(Flag.clamped | Flag.thermal),
@@ -60,5 +60,5 @@ test("a reduction of the force is displayed with its most likely reason", () => 
   );
   assert.equal(less(0), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: rate of change limited");
   // a difference of 1 % is rounding
-  assert.equal(whyText(pressed({ askedForce: 1.01 }), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
+  assert.equal(whyText(pressed({ requestedForce: 1.01 }), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
 });

@@ -61,7 +61,7 @@ test("a pose is decoded as specified by the protocol", () => {
     normal,
     orientation,
     force,
-    askedForce,
+    requestedForce,
     forceLimit,
     heat,
     depth,
@@ -72,13 +72,13 @@ test("a pose is decoded as specified by the protocol", () => {
     label,
   } = pose.devices[1]!;
   assert.deepEqual(
-    [...tip, ...proxy, ...normal, ...orientation, ...force, askedForce, forceLimit, heat, depth, speed, stiffness],
+    [...tip, ...proxy, ...normal, ...orientation, ...force, requestedForce, forceLimit, heat, depth, speed, stiffness],
     Array.from({ length: 22 }, (_, i) => 100 + i),
   );
   assert.equal(flags, Flag.contact | Flag.stale);
   assert.equal(buttons, 3);
   assert.equal(label, 60001);
-  assert.deepEqual(pose.devices[1]!.felt, [
+  assert.deepEqual(pose.devices[1]!.path, [
     { label: 60001, depth: 1.5, share: 0.25 },
     { label: 60002, depth: 2.5, share: 0.75 },
   ]);

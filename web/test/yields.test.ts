@@ -113,16 +113,16 @@ test("random deformation messages are refused or give a field without gaps", () 
     const view = written(() => [0.5, 0, 0.25]);
     for (let flips = 0; flips < 1 + (n % 4); flips++)
       view.setUint8(random() % (n % 2 === 0 ? 96 : view.byteLength), random() & 0xff);
-    let told;
+    let received;
     try {
-      told = decoded(view);
+      received = decoded(view);
     } catch (error) {
       assert.ok(error instanceof WireError, `seed ${began}: ${error}`);
       continue;
     }
     if (n % 100 !== 1) continue;
     const yields = new Deformation();
-    yields.tell(told);
+    yields.receive(received);
     assert.ok(yields.displaced(() => false)!.mm.every(Number.isFinite), `seed ${began}`);
   }
 });
@@ -134,15 +134,15 @@ const bump = (node: Vec3, middle: Vec3, mm: Vec3): Vec3 =>
 test("pictures look up rest positions, and tissue that is no longer reported is undeformed", () => {
   const yields = new Deformation();
   const mm: Vec3 = [1.2, -0.8, 0.9];
-  yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9] })));
+  yields.receive(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9] })));
   const { nodes, mm: back } = yields.displaced(() => false)!;
   assert.deepEqual(nodes.dims, [18, 16, 15], "as many more on each side as it takes to be at rest");
   const patientFromNode = invert(nodes.nodeFromPatient);
-  const told = decoded(written(() => [0, 0, 0])).nodes!;
+  const received = decoded(written(() => [0, 0, 0])).nodes!;
   // forward displacement by trilinear interpolation of the same nodes
   const forward = (p: Vec3): Vec3 => {
-    const node = apply(told.nodeFromPatient, p);
-    const low = node.map((x, axis) => Math.min(Math.max(Math.floor(x), 0), told.dims[axis]! - 2)) as Vec3;
+    const node = apply(received.nodeFromPatient, p);
+    const low = node.map((x, axis) => Math.min(Math.max(Math.floor(x), 0), received.dims[axis]! - 2)) as Vec3;
     return Array.from({ length: 8 }, (_, c) => [c & 1, (c >> 1) & 1, c >> 2] as Vec3).reduce(
       (sum, corner) => {
         const weight = corner.reduce(
@@ -171,7 +171,7 @@ test("pictures look up rest positions, and tissue that is no longer reported is 
   assert.equal(back[3], 0, "beyond what is told nothing is known of strain");
   assert.ok([...back.subarray(0, 3)].every((x) => Math.abs(x) < 1e-3));
   // a grid at another position has the same size
-  yields.tell(
+  yields.receive(
     decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 1, 2] })),
   );
   assert.deepEqual(yields.displaced(() => false)!.nodes.dims, [18, 16, 15]);
@@ -181,7 +181,7 @@ test("pictures look up rest positions, and tissue that is no longer reported is 
   ] as Vec3);
   const drawn = yields.movedAt(place);
   assert.ok(length(sub(drawn, mm)) < 1e-3, "at the top of the bump");
-  yields.tell(decoded(rest(0)));
+  yields.receive(decoded(rest(0)));
   assert.deepEqual(yields.movedAt(place), drawn);
   assert.equal(
     yields.displaced(() => false),
@@ -192,12 +192,12 @@ test("pictures look up rest positions, and tissue that is no longer reported is 
 
 test("deformations by two devices share a grid and add up", () => {
   const yields = new Deformation();
-  const told = (device: number, first: Vec3, mm: Vec3) =>
-    yields.tell(
+  const received = (device: number, first: Vec3, mm: Vec3) =>
+    yields.receive(
       decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first, device })),
     );
-  told(0, [0, 0, 0], [1, 0, 0]);
-  told(1, turned[0]!.map((x) => 10 * x) as Vec3, [0, 0.5, 0]);
+  received(0, [0, 0, 0], [1, 0, 0]);
+  received(1, turned[0]!.map((x) => 10 * x) as Vec3, [0, 0.5, 0]);
   const at = (node: Vec3): Vec3 => {
     const { nodes, mm } = yields.displaced(() => false)!;
     const p = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * node[n]! * axis[c]!) as Vec3, [
@@ -213,7 +213,7 @@ test("deformations by two devices share a grid and add up", () => {
     JSON.stringify([one, other, between]),
   );
   // devices so far apart that the grid is coarser
-  told(1, [600, 0, 0], [0, 0.5, 0]);
+  received(1, [600, 0, 0], [0, 0.5, 0]);
   const { nodes } = yields.displaced(() => false)!;
   assert.ok(nodes.dims.reduce((a, b) => a * b) <= 40_000);
   yields.forget();
@@ -231,7 +231,7 @@ test("positions next to moving tissue move along in empty space and stay inside 
     [0, 0, 1],
   ];
   // tissue moves at nodes k < 4
-  yields.tell(
+  yields.receive(
     decoded(
       written((_i, _j, k) => (k <= 3 ? [0, 0, -1.5] : [0, 0, 0]), {
         lo: [0, 0, 0],

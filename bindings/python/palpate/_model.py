@@ -33,7 +33,7 @@ class Tissue:
         static_friction: coefficient up to which a tool sticks, at least `friction`; None: the same.
         viscosity: force per velocity within it, N s/mm.
         puncture: normal force above which the tool punctures it, N; infinite: never.
-        felt: False: it has no contact.
+        touchable: False: it has no contact.
     """
 
     labels: Tuple[int, ...] = ()
@@ -42,7 +42,7 @@ class Tissue:
     static_friction: Optional[float] = None
     viscosity: float = 0.001
     puncture: float = math.inf
-    felt: bool = True
+    touchable: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,7 +150,7 @@ class Model:
                           name=(names or {}).get(label, name if len(tissue.labels) == 1 else f"{name} {label}").encode())
             for index, (name, tissue) in enumerate(made.items()) for label in tissue.labels]
         in_tissues, tissue_count = _array(c.Tissue, [
-            c.initialised(c.Tissue, name=name.encode(), felt=t.felt, stiffness_N_per_mm=t.stiffness, friction=t.friction,
+            c.initialised(c.Tissue, name=name.encode(), touchable=t.touchable, stiffness_N_per_mm=t.stiffness, friction=t.friction,
                           static_friction=t.friction if t.static_friction is None else t.static_friction,
                           viscosity_N_s_per_mm=t.viscosity, puncture_N=t.puncture) for name, t in made.items()])
         in_structures, structure_count = _array(c.Structure, structures)
@@ -234,7 +234,7 @@ class Model:
         for raw in self._raw_tissues():
             name = raw.name.decode("utf-8", "replace")
             made[name] = Tissue(tuple(labels.get(name, ())), raw.stiffness_N_per_mm, raw.friction, raw.static_friction,
-                                raw.viscosity_N_s_per_mm, raw.puncture_N, bool(raw.felt))
+                                raw.viscosity_N_s_per_mm, raw.puncture_N, bool(raw.touchable))
         return made
 
     def _raw_tissues(self) -> List[Any]:

@@ -99,7 +99,7 @@ struct StructureResult {
   double thinnest_mm = kNotAvailable;
   /// Number of gaps through which a point may slip (palpate/surfaces/surfaces.h, Leaks)
   std::size_t gaps = 0;
-  bool felt = false;
+  bool touchable = false;
   /// Palpation by the script (HoldFigure); NaN if not palpated.
   double held_s = kNotAvailable, mean_force_N = kNotAvailable, peak_force_N = kNotAvailable;
 };
@@ -174,7 +174,7 @@ Result<void> write_fault(const CohortCase& one, int number, const std::filesyste
 struct EndedProcess {
   int exit_code = 0;  ///< -1 if terminated by a signal
   int signal = 0;
-  std::string said;  ///< Last 4 KiB of stderr
+  std::string stated;  ///< Last 4 KiB of stderr
 };
 /// Runs a process and waits for it. It is killed when this process ends, and receives SIGTERM when progress
 /// is stopped.

@@ -25,8 +25,8 @@ struct BounceInput {
   double dt_s = 0;
 };
 
-/// Maximum force for which the tip rebounds with at most BounceFeel::max_restitution times its impact speed;
-/// N. Infinite where no faster rebound is predicted.
+/// Maximum force for which the tip rebounds with at most ReboundSettings::max_restitution times its impact
+/// speed; N. Infinite where no faster rebound is predicted.
 ///
 /// Energy accounting reacts too late here: a light tip turns within two ticks on a stiff wall, the encoder
 /// shows the reversal one step later, and forces already sent still act after a delay. While the tip is

@@ -29,7 +29,7 @@ struct ReportedDistances {
 struct TrackedStructure {
   LabelId label = 0;
   std::shared_ptr<const SurfaceTree> tree;  ///< Tree of its current surface, after any removal
-  bool told = false;                        ///< Whether its distance is reported in every tick
+  bool reported = false;                    ///< Whether its distance is reported in every tick
 };
 
 /// Axis-aligned bounding box of a whole tool, mm in the patient frame.

@@ -18,7 +18,7 @@ constexpr bool names_every_member() {
 
 /// Proxy updates along surfaces. The choices are explained in docs/decisions/0010 and in
 /// docs/decisions/archive/0019 and 0023.
-struct ProxyFeel {
+struct ProxySettings {
   /// Maximum penetration of a sphere at any point of the proxy's path; greater than substep_penetration_mm.
   double max_penetration_mm = 0.05;
   /// Maximum penetration at the end of a substep, before the projection back onto the surface.
@@ -132,7 +132,7 @@ struct ProxyFeel {
 };
 
 /// Rotation of a tool with parts away from its tip (docs/decisions/archive/0019).
-struct ToolTurnFeel {
+struct ToolRotationSettings {
   /// Arc that a rotation step advances beyond the clearance, as a fraction of a substep; a surface hit at a
   /// right angle pushes the tool by as much.
   double arc_substeps = 0.45;
@@ -159,7 +159,7 @@ struct ToolTurnFeel {
 };
 
 /// Rendering and reporting of contact.
-struct TouchFeel {
+struct ContactSettings {
   /// Direct methods: force below which the halo of a smoothed structure does not count as a touch.
   double min_N = 0.02;
   /// Averaging window of velocities (MERL c. 1997).
@@ -182,7 +182,7 @@ struct TouchFeel {
 };
 
 /// Passivity controller (docs/concepts/passivity.md). Steps are encoder steps of the device.
-struct PassivityFeel {
+struct PassivitySettings {
   /// Minimum displacement for a velocity estimate, because a single step may be encoder flicker; and the time
   /// after which a tip without such a displacement counts as at rest.
   double min_velocity_steps = 1.5, at_rest_s = 0.007;
@@ -227,7 +227,7 @@ struct PassivityFeel {
 
 /// Detection of a self-sustained oscillation of the operator's hand (swing.h). Lengths are mm of the device,
 /// steps those of its encoder.
-struct SwingFeel {
+struct OscillationSettings {
   /// Maximum duration of a half cycle, and its minimum mean speed.
   double max_half_cycle_s = 0.075, min_speed_mm_s = 15;
   /// Minimum amplitude of a half cycle in mm and in steps, above encoder flicker.
@@ -260,7 +260,7 @@ struct SwingFeel {
 };
 
 /// Impact of a falling tip (bounce.h).
-struct BounceFeel {
+struct ReboundSettings {
   /// Maximum ratio of the rebound speed to the impact speed.
   double max_restitution = 0.95;
   /// Minimum impact speed in encoder steps per second; slower ones are deliberate approaches. Three steps in
@@ -284,7 +284,7 @@ struct BounceFeel {
 };
 
 /// Deformable soft tissue (yield.h).
-struct YieldFeel {
+struct YieldSettings {
   /// Minimum radius of the pressing sphere; a point would sink in without resistance.
   double min_radius_mm = 0.5;
   /// Blending time between two published elastic solutions: one solver frame.
@@ -310,17 +310,17 @@ struct YieldFeel {
   }
 };
 
-inline constexpr ProxyFeel kProxyFeel;
-inline constexpr ToolTurnFeel kToolTurnFeel;
-inline constexpr TouchFeel kTouchFeel;
-inline constexpr PassivityFeel kPassivityFeel;
-inline constexpr SwingFeel kSwingFeel;
-inline constexpr BounceFeel kBounceFeel;
-inline constexpr YieldFeel kYieldFeel;
+inline constexpr ProxySettings kProxySettings;
+inline constexpr ToolRotationSettings kToolRotationSettings;
+inline constexpr ContactSettings kContactSettings;
+inline constexpr PassivitySettings kPassivitySettings;
+inline constexpr OscillationSettings kOscillationSettings;
+inline constexpr ReboundSettings kReboundSettings;
+inline constexpr YieldSettings kYieldSettings;
 
-static_assert(names_every_member<ProxyFeel>() && names_every_member<ToolTurnFeel>() &&
-              names_every_member<TouchFeel>() && names_every_member<PassivityFeel>() &&
-              names_every_member<SwingFeel>() && names_every_member<BounceFeel>() &&
-              names_every_member<YieldFeel>());
+static_assert(names_every_member<ProxySettings>() && names_every_member<ToolRotationSettings>() &&
+              names_every_member<ContactSettings>() && names_every_member<PassivitySettings>() &&
+              names_every_member<OscillationSettings>() && names_every_member<ReboundSettings>() &&
+              names_every_member<YieldSettings>());
 
 }  // namespace palpate

@@ -55,7 +55,7 @@ constexpr bool is_moving(TissueLaw law) {
 
 /// Mechanical and visual properties of a tissue that stay the same while it is rendered.
 struct FixedProperties {
-  bool felt = true;  ///< Whether it can be touched; false: displayed only
+  bool touchable = true;  ///< Whether it can be touched; false: displayed only
   /// Proxy: normal force above which the tool punctures it; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
   bool stays_open = false;  ///< Whether a puncture leaves a permanent hole, passed again without force
@@ -277,9 +277,9 @@ struct Model {
     return id < enclosing.size() ? std::span<const LabelId>(enclosing[id]) : std::span<const LabelId>();
   }
   /// Whether the label belongs to a tissue that can be touched.
-  bool is_felt(LabelId id) const {
+  bool is_touchable(LabelId id) const {
     const Tissue* tissue = tissue_of(id);
-    return tissue != nullptr && tissue->felt;
+    return tissue != nullptr && tissue->touchable;
   }
 };
 
@@ -288,10 +288,10 @@ std::string cutter_name(const Model& model);
 
 /// The pose described at Model::X_WorldPatient for a grid.
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
-/// Pose of the patient while the object is rotated by `felt` about the world's origin.
+/// Pose of the patient while the object is rotated by `rotation` about the world's origin.
 inline Transform<World, Patient> turned_object(const Transform<World, Patient>& X_WorldPatient,
-                                               const Eigen::Quaterniond& felt) {
-  return Transform<World, World>(Rotation<World, World>(felt), Vector<World>()) * X_WorldPatient;
+                                               const Eigen::Quaterniond& rotation) {
+  return Transform<World, World>(Rotation<World, World>(rotation), Vector<World>()) * X_WorldPatient;
 }
 
 /// Structure in contact at a point of the field, and the depth below its surface.
@@ -312,7 +312,7 @@ class VelocityWindow {
  public:
   static constexpr int kCapacity = 128;  ///< Entries; 0.01 s at up to 10 kHz with margin
   void push(const Vector<Patient>& displacement_mm, double dt_s,
-            double window_s = kTouchFeel.velocity_window_s);
+            double window_s = kContactSettings.velocity_window_s);
   /// Mean velocity in the window, mm/s; zero before the first push.
   Vector<Patient> velocity_mm_s() const;
   void clear() { *this = {}; }
@@ -322,7 +322,7 @@ class VelocityWindow {
  private:
   // running sums after a push
   struct Sum {
-    Vector<Patient> way_mm;
+    Vector<Patient> displacement_mm;
     double time_s = 0;
   };
   Sum now_, before_window_;

@@ -11,7 +11,7 @@ namespace palpate {
 struct PassivityState {
   double energy_mJ = 0;  ///< Energy put in by the operator and not yet returned; below 0: energy is owed
   // velocity estimate along the force: displacement and time since the last estimate, and that estimate
-  double way_mm = 0, time_s = 0, speed_mm_s = 0;
+  double displacement_mm = 0, time_s = 0, speed_mm_s = 0;
   // direction along the force, with hysteresis: displacement within the dead band, and whether the tip last
   // moved along the force
   double play_mm = 0;
@@ -24,8 +24,9 @@ struct PassivityInput {
   Vector<World> force_N;   ///< Requested force, after force limit and ramp
   double unlimited_N = 0;  ///< Magnitude of that force without the limit
   Vector<World> acted_N;   ///< Force that acted since the last tick
-  Vector<World> way_mm;    ///< Displacement of the tip since then, relative to the object; mm of the device
-  double stored_mJ = 0;    ///< Elastic energy that the contact stores now, an upper limit; infinite: unknown
+  Vector<World>
+      displacement_mm;   ///< Displacement of the tip since then, relative to the object; mm of the device
+  double stored_mJ = 0;  ///< Elastic energy that the contact stores now, an upper limit; infinite: unknown
   double stiffness_N_per_mm = 0;  ///< Contact stiffness at the device
   double step_mm = 0;             ///< Encoder step; 0: unknown, that of a coarse encoder is assumed
   double dt_s = 0;

@@ -66,7 +66,7 @@ struct ContactSurface : ContactProperties {
   std::shared_ptr<const Surface> made = nullptr;
   std::shared_ptr<const Bricks<LabelId>> original_labels = nullptr;
   /// Whether burrs are blocked from removing this structure (palpate/tissue/removal.h).
-  bool kept = false;
+  bool is_protected = false;
   /// Maximum error by which the distance to a carved part of the surface is underestimated
   /// (CarvedSurface::clearance_error_mm).
   double clearance_error_mm = 0;
@@ -79,7 +79,7 @@ struct ContactSurface : ContactProperties {
 struct ProtectedStructure {
   LabelId label = 0;
   std::shared_ptr<const Surface> surface;  ///< The structure's own surface before any removal
-  bool kept = false;                       ///< Whether burrs are blocked from removing it
+  bool is_protected = false;               ///< Whether burrs are blocked from removing it
 };
 /// Ownership of a surface point: on a common surface the shares of its structures at that point, otherwise
 /// the one structure with share 1.
@@ -90,7 +90,7 @@ OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const
 class OwnerCache {
  public:
   /// Cached owners_at().
-  OwnerShares at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place);
+  OwnerShares at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& position);
 
  private:
   struct Entry {
@@ -305,7 +305,7 @@ struct ProxyOptions {
   double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double dt_s = 0.001;  ///< Time since the last call
   /// Limit of the rate at which the force on the tip changes while the proxy slips.
-  double max_slip_N_per_s = kProxyFeel.max_slip_N_per_s;
+  double max_slip_N_per_s = kProxySettings.max_slip_N_per_s;
   /// Local compliance of deformable structures, published by the elastic solver; `device` selects the entry
   /// of this tool. null: no solution yet, each structure is an elastic half-space.
   const ComplianceFrame* compliance = nullptr;
@@ -315,7 +315,7 @@ struct ProxyOptions {
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
   Holes* holes = nullptr;
   /// Maximum fraction of a substep by which the distance to the tip may increase.
-  double max_away = kProxyFeel.max_distance_increase;
+  double max_away = kProxySettings.max_distance_increase;
   /// Limit of the force sent to the device; a release starts with at most this force.
   double max_force_N = std::numeric_limits<double>::infinity();
 };
@@ -370,7 +370,7 @@ struct ProxyResult : ProxyForce {
 /// Advances the proxies by one tick: rotates each proxy from its attitude to the operator's, moves it towards
 /// the tip along the surfaces without passing through them, then evaluates the springs. The whole path is
 /// collision-checked in substeps bounded by the clearance: at no point does a sphere penetrate a surface by
-/// more than ProxyFeel::max_penetration_mm. Bounded work; does not allocate, lock or throw.
+/// more than ProxySettings::max_penetration_mm. Bounded work; does not allocate, lock or throw.
 ///
 /// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
 ///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/archive/0023). The contact point is the

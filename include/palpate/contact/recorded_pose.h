@@ -12,10 +12,10 @@ namespace palpate {
 /// @param v               vector in World
 inline Vector<Patient> in_patient(const Transform<World, Patient>& X_WorldPatient, const TickRecord& tick,
                                   const Vector<World>& v) {
-  const auto& w = tick.rotation_felt_wxyz;
-  const Eigen::Quaterniond felt(w[0], w[1], w[2], w[3]);
-  if (!v.all_finite() || !felt.coeffs().allFinite() || !(felt.squaredNorm() > 0)) return {};
-  return X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * v);
+  const auto& w = tick.rotation_applied_wxyz;
+  const Eigen::Quaterniond rotation(w[0], w[1], w[2], w[3]);
+  if (!v.all_finite() || !rotation.coeffs().allFinite() || !(rotation.squaredNorm() > 0)) return {};
+  return X_WorldPatient.inverse() * (Rotation<World, World>(rotation).inverse() * v);
 }
 
 /// Transforms a vector fixed to a device's tool to the patient frame by the recorded orientation of the
@@ -25,9 +25,9 @@ inline Vector<Patient> tool_in_patient(const Transform<World, Patient>& X_WorldP
                                        const TickRecord& tick, const DeviceTick& device,
                                        const Eigen::Vector3d& of_tool) {
   const auto& w = device.orientation_wxyz;
-  const Eigen::Quaterniond held(w[0], w[1], w[2], w[3]);
-  if (!held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return {};
-  return in_patient(X_WorldPatient, tick, Vector<World>(held.normalized() * of_tool));
+  const Eigen::Quaterniond rotation(w[0], w[1], w[2], w[3]);
+  if (!rotation.coeffs().allFinite() || !(rotation.squaredNorm() > 0)) return {};
+  return in_patient(X_WorldPatient, tick, Vector<World>(rotation.normalized() * of_tool));
 }
 
 }  // namespace palpate

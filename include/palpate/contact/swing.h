@@ -6,9 +6,9 @@ namespace palpate {
 
 /// State of the oscillation detector.
 struct OscillationState {
-  Vector<World> axis;             ///< Direction of the last force
-  double way_mm = 0, time_s = 0;  ///< Displacement along the axis and time since the last reversal
-  /// Extremum of way_mm since the last reversal, and its time.
+  Vector<World> axis;                      ///< Direction of the last force
+  double displacement_mm = 0, time_s = 0;  ///< Displacement along the axis and time since the last reversal
+  /// Extremum of displacement_mm since the last reversal, and its time.
   double farthest_mm = 0, farthest_s = 0;
   Vector<World> aside_mm;    ///< Lateral displacement since the last reversal
   double before_mm = 0;      ///< Amplitude of the previous half cycle
@@ -22,15 +22,16 @@ struct OscillationState {
 /// does not measure.
 ///
 /// A self-sustained oscillation reverses along the force at least three times without decaying. It is faster
-/// than 6.7 Hz, has an amplitude of at least SwingFeel::min_amplitude_mm and a mean speed of 15 mm/s, and its
-/// lateral displacement is at most its amplitude. Tapping with a finger is slower, a tremor of 8 to 12 Hz has
-/// a smaller amplitude, and sliding over ribs has a larger lateral displacement.
+/// than 6.7 Hz, has an amplitude of at least OscillationSettings::min_amplitude_mm and a mean speed of 15
+/// mm/s, and its lateral displacement is at most its amplitude. Tapping with a finger is slower, a tremor of
+/// 8 to 12 Hz has a smaller amplitude, and sliding over ribs has a larger lateral displacement.
 /// @param force_N  requested force; zero in free space
-/// @param way_mm   displacement of the tip since the last tick, relative to the object; mm of the device
+/// @param displacement_mm   displacement of the tip since the last tick, relative to the object; mm of the
+/// device
 /// @param step_mm  encoder step
 /// @param dt_s     length of the tick
 /// @param state    detector state, updated; state.extra_delay_s is the estimate
-void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
+void detect_oscillation(const Vector<World>& force_N, const Vector<World>& displacement_mm, double step_mm,
                         double dt_s, OscillationState& state);
 
 }  // namespace palpate

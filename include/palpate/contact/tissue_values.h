@@ -23,7 +23,7 @@ std::optional<TissueFault> friction_fault(const ContactProperties& properties);
 struct SupportValues {
   std::string_view name;
   double stiffness_N_per_mm = 0;
-  bool felt = true;
+  bool touchable = true;
 };
 /// Checks that the field does not decrease from a tissue into its support; a decrease makes the force of the
 /// direct methods point inward.

@@ -86,13 +86,13 @@ struct PathStructure {
 /// Contact of the whole tool: requested force with the device's gains applied, and its contacts.
 struct ToolContact {
   /// Force and torque about the tool's origin requested at the device, in world axes.
-  Wrench asked;
+  Wrench requested;
   PointContact strongest;  ///< Strongest contact of the outermost layer
   /// Contacts, outermost layer first, within a layer by decreasing force. Unused entries have label 0.
   /// Contacts beyond the capacity are dropped.
   std::array<ContactPoint, kMaxContactsReported> contacts;
   /// Structures along the penetration path, outermost first. Unused entries have label 0.
-  std::array<PathStructure, kMaxStructuresReported> felt;
+  std::array<PathStructure, kMaxStructuresReported> path;
   /// Elastic energy of the contact at the device, an upper bound of what it can return; infinite: unknown.
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device

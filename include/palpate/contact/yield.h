@@ -66,12 +66,12 @@ struct ComplianceFrame {
 struct ComplianceState {
   std::uint32_t frame = 0;  ///< Number of the current frame
   /// Difference of the rendered values to those of the current frame when it arrived. It fades out over
-  /// YieldFeel::blend_s, so that no frame causes a step.
+  /// YieldSettings::blend_s, so that no frame causes a step.
   double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0, left_poissons_ratio = 0;
   /// The same for the modulus, relative to the frame's value; above -1, so that the blended modulus stays
   /// above 0 wherever the tool moves meanwhile.
   double left_modulus = 0;
-  /// Time since the current frame arrived, up to YieldFeel::blend_s.
+  /// Time since the current frame arrived, up to YieldSettings::blend_s.
   double elapsed_s = 0;
   // values of the last tick; modulus 0: no deformable tissue was in contact
   double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0,
@@ -132,7 +132,7 @@ double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double f
 /// and C vary along the surface, the tangential force (yield_aside) makes it conservative
 /// (docs/concepts/tissue.md). Bounded work; bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
-/// @param radius_mm  radius of the sphere; at least YieldFeel::min_radius_mm is used
+/// @param radius_mm  radius of the sphere; at least YieldSettings::min_radius_mm is used
 YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
                        double max_N_per_mm = std::numeric_limits<double>::infinity());
 

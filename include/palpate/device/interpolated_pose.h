@@ -10,7 +10,7 @@ namespace palpate {
 /// Pose that is updated at irregular times, interpolated for the servo's ticks: a viewer's pointer or a
 /// tracked tool. No force is returned.
 ///
-///     tell()       |        |           |  . . . . . . . . .      20 to 250 updates a second
+///     push()       |        |           |  . . . . . . . . .      20 to 250 updates a second
 ///     tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      linear interpolation over the last interval
 ///     age          0                              |__________/    0 while updated; grows after held_s
 ///
@@ -27,7 +27,7 @@ class InterpolatedPose {
 
   /// Sets the pose as of `at_ns`. A non-finite pose is a bug. Never blocks. Any thread, but only one at a
   /// time; the same holds for let_go().
-  void tell(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool, std::int64_t at_ns) noexcept;
+  void push(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool, std::int64_t at_ns) noexcept;
   /// Invalidates the pose: its age is unlimited from the next tick on.
   void let_go() noexcept;
 

@@ -31,8 +31,8 @@ class PointerDriver final : public DeviceDriver {
   explicit PointerDriver(const Point<Device>& tip, TimeSource now = nullptr);
 
   /// Sets the position, and the force to press with from there, as of now. Never blocks. Any thread, but only
-  /// one at a time; the same holds for release(). Errors: kBadInput if the position or the press is not finite;
-  /// the earlier ones then stay.
+  /// one at a time; the same holds for release(). Errors: kBadInput if the position or the press is not
+  /// finite; the earlier ones then stay.
   Result<void> move(const Point<Device>& tip) { return move(tip, {}); }
   Result<void> move(const Point<Device>& tip, const Press& press);
   /// Invalidates the position: its age is unlimited from the next tick on.
@@ -66,7 +66,7 @@ class PointerDriver final : public DeviceDriver {
 
   const TimeSource now_;
   const DeviceInfo info_;
-  InterpolatedPose told_;
+  InterpolatedPose reported_;
   Mailbox<Press> presses_;
   // owned by the servo thread
   Press wanted_;

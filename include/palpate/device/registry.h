@@ -15,8 +15,8 @@ namespace palpate {
 struct DeviceCheck {
   std::string what;  ///< Prerequisite, e.g. "service at 127.0.0.1:10001"
   bool fine = false;
-  std::string found;  ///< State found, or exactly what is missing
-  std::string cure;   ///< Remedy for a technician; empty if the check passed
+  std::string found;   ///< State found, or exactly what is missing
+  std::string remedy;  ///< Remedy for a technician; empty if the check passed
 };
 
 /// A connected device.
@@ -45,13 +45,13 @@ struct DeviceVendor {
 class DeviceRegistry {
  public:
   /// Registers a vendor. A name that is already registered is a bug.
-  void add(DeviceVendor maker);
-  const std::vector<DeviceVendor>& all() const { return makers_; }
+  void add(DeviceVendor vendor);
+  const std::vector<DeviceVendor>& all() const { return vendors_; }
   /// Vendor of that name; nullptr if there is none.
   const DeviceVendor* find(const std::string& name) const;
 
  private:
-  std::vector<DeviceVendor> makers_;
+  std::vector<DeviceVendor> vendors_;
 };
 
 }  // namespace palpate

@@ -149,14 +149,14 @@ struct DeviceTick {
   /// Origin of the force: structures along the tip's path into the tissue, outermost first, the length of the
   /// path within each, and each one's share of the force, 0 ... 1. By a direct method the touched structure
   /// with share 1. Label 0 ends the list; empty without contact.
-  std::array<std::uint16_t, kMaxStructuresReported> felt_label{};
+  std::array<std::uint16_t, kMaxStructuresReported> path_label{};
   /// Structures near the tool, nearest first (nearest_structures). Label 0 ends the list.
   std::array<std::uint16_t, kMaxNearReported> near_label{};
   /// No-go region that the tool is deepest in (NoGoForce): index in the scene from 1; 0: none.
   std::uint16_t no_go = 0;
   std::array<double, 3 * kMaxContactsReported> contact_patient_mm{};
   std::array<double, kMaxContactsReported> contact_N{};
-  std::array<double, kMaxStructuresReported> felt_depth_mm{}, felt_share{};
+  std::array<double, kMaxStructuresReported> path_depth_mm{}, path_share{};
   /// Distance from the tool's outline to each structure of near_label, negative inside.
   std::array<double, kMaxNearReported> near_mm{};
   /// Depth of the tool inside the keep-away zone of no_go, and the force of all no-go regions together at the
@@ -177,11 +177,11 @@ struct TickRecord {
   /// Number of parameter changes, and of stops and rearms, that the loop had taken into account. Not
   /// recorded: recordings contain the requests themselves (EventLog).
   std::uint32_t settings_number = 0, arming_number = 0;
-  std::uint8_t method = 0;                                 ///< ForceMethod
-  std::uint8_t switches = 0;                               ///< TickSwitch bits
-  double max_force_N = 0;                                  ///< The user's limit
-  std::array<double, 4> rotation_target_wxyz{1, 0, 0, 0};  ///< Commanded rotation of the object
-  std::array<double, 4> rotation_felt_wxyz{1, 0, 0, 0};    ///< Interpolated rotation of the object in effect
+  std::uint8_t method = 0;                                  ///< ForceMethod
+  std::uint8_t switches = 0;                                ///< TickSwitch bits
+  double max_force_N = 0;                                   ///< The user's limit
+  std::array<double, 4> rotation_target_wxyz{1, 0, 0, 0};   ///< Commanded rotation of the object
+  std::array<double, 4> rotation_applied_wxyz{1, 0, 0, 0};  ///< Interpolated rotation of the object in effect
   int devices = 1;
   std::uint64_t state_hash = 0;  ///< Hash of the session state after the tick, including what was sent
   std::array<DeviceTick, kMaxDevices> device{};  ///< Last member, so that copies can omit the unused entries

@@ -31,6 +31,6 @@ std::vector<DeviceCheck> usb_checks(const std::vector<UsbDevice>& plugged, const
 
 /// Commands for a technician that let the group `haptics` use the supported devices: they install
 /// data/system/60-palpate-haptics.rules.
-std::string udev_cure();
+std::string udev_remedy();
 
 }  // namespace palpate

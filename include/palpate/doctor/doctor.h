@@ -25,8 +25,8 @@ struct DoctorLine {
   std::string topic;  ///< Subject: "this computer", or the name of a device
   std::string what;   ///< Item, e.g. "real-time priority"
   Finding finding = Finding::kFine;
-  std::string found;  ///< Description of the current state
-  std::string cure;   ///< Remedy; not empty unless the finding is kFine
+  std::string found;   ///< Description of the current state
+  std::string remedy;  ///< Remedy; not empty unless the finding is kFine
 };
 
 /// Timing of a periodic timer on this machine.

@@ -51,7 +51,7 @@ class ForceDimensionDriver final : public DeviceDriver {
   /// Interval at which the device's status is read.
   static constexpr double kStatusEvery_s = 0.004;
   /// Duration of failing calls after which the device counts as lost.
-  static constexpr double kGivenUp_s = 0.05;
+  static constexpr double kAbandoned_s = 0.05;
   /// Forces that the device has disabled by itself (excessive speed, or its watchdog) are enabled again after
   /// this time with the tip slower than kCalm_mm_s.
   static constexpr double kCalm_s = 1, kCalm_mm_s = 50;
@@ -62,6 +62,6 @@ class ForceDimensionDriver final : public DeviceDriver {
 };
 
 /// The device option `--device force-dimension`.
-DeviceVendor force_dimension_maker(const ForceDimensionSettings& settings = {});
+DeviceVendor force_dimension_vendor(const ForceDimensionSettings& settings = {});
 
 }  // namespace palpate

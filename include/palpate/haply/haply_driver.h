@@ -54,7 +54,7 @@ class HaplyDriver final : public DeviceDriver {
   /// Duration for which a brake or disconnection event counts as a fault.
   static constexpr double kBraked_s = 1;
   /// Timeout after which the connection is closed and the service searched for.
-  static constexpr double kGivenUp_s = 0.5;
+  static constexpr double kAbandoned_s = 0.5;
 
  private:
   class Core;
@@ -62,6 +62,6 @@ class HaplyDriver final : public DeviceDriver {
 };
 
 /// The device option `--device haply`.
-DeviceVendor haply_maker(const HaplySettings& settings = {});
+DeviceVendor haply_vendor(const HaplySettings& settings = {});
 
 }  // namespace palpate

@@ -58,9 +58,9 @@ const LintKindInfo& lint_kind(LintKind kind);
 std::string lint_kind_table();
 
 enum class LintSeverity : std::uint8_t {
-  kFault,       ///< Wrong in any patient
-  kWarning,     ///< May be anatomy or intended, but impairs touch
-  kCannotTell,  ///< Undecided: the input that would decide it is missing
+  kFault,         ///< Wrong in any patient
+  kWarning,       ///< May be anatomy or intended, but impairs touch
+  kUndetermined,  ///< Undecided: the input that would decide it is missing
 };
 /// "fault", "warning", "cannot tell"
 std::string_view in_words(LintSeverity severity);

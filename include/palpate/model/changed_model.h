@@ -16,7 +16,7 @@ namespace palpate {
 
 /// The current version, and the version for which the direct methods' fields were computed.
 struct ModelVersions {
-  std::shared_ptr<const Model> felt, made;
+  std::shared_ptr<const Model> current, prepared;
 };
 /// Versions after a ModelChange of any kind. Errors: those of the functions below; kBadInput without a
 /// current version, and for a cut by an unknown device, of no radius or at no place.
@@ -26,30 +26,30 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
                                    std::span<const Cut> cuts = {}, const Progress& progress = {},
                                    const Preparing& preparing = {});
 /// Carving of a model after more cuts. The model must be prepared for the proxy.
-std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts);
+std::shared_ptr<const Carving> carved_by(const Model& current, std::span<const Cut> cuts);
 
 /// Change that undoes or redoes a stroke.
-ModelChange change_of_stroke(const Model& felt, StrokeAction action);
+ModelChange change_of_stroke(const Model& current, StrokeAction action);
 
 /// Change that selects another constitutive law for soft tissue, as the next version.
 /// @param coarsened  new Model::tissue_coarsened; 0: unchanged
-ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened = 0);
+ModelChange change_of_law(const Model& current, TissueLaw law, double coarsened = 0);
 /// Whether soft tissue can use a law. Errors: kBadInput if no felt tissue has elastic constants; for a law
 /// under which tissue moves, if material was cut without recording fractions of voxels
 /// (Carving::records_fractions); for a change between a law with deformable contact and one without, if there
 /// are no surfaces for the proxy or something was cut from them.
-Result<void> check_law(const Model& felt, TissueLaw law);
+Result<void> check_law(const Model& current, TissueLaw law);
 /// Whether the proxy uses other surfaces under a law: deformable tissues form a single layer.
-bool has_other_surfaces(const Model& felt, TissueLaw law);
+bool has_other_surfaces(const Model& current, TissueLaw law);
 /// Model whose soft tissue uses a law, otherwise unchanged. If the law requires other surfaces they are
 /// computed, which takes seconds. Errors: those of check_law and prepared_for; kBadInput for an invalid
 /// relaxation; kInterrupted.
-Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law,
+Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw law,
                                                const Preparing& preparing = {},
                                                const Progress& progress = {});
 /// Next version after a change of law, using a model from under_law() instead of computing it.
-/// @param under  under_law() of `felt`
-std::shared_ptr<const Model> with_law(const Model& felt, const Model& under, const ModelChange& change);
+/// @param under  under_law() of `current`
+std::shared_ptr<const Model> with_law(const Model& current, const Model& under, const ModelChange& change);
 /// Carving after a change that undoes or redoes a stroke. Null if there is no such stroke, or for other
 /// changes.
 /// @param carving  current carving; null: nothing was cut
@@ -70,24 +70,24 @@ ModelChange unchanged(const Model& model, std::size_t tissue);
 /// which a tick requires. It renders the stiffnesses of the fields, scaled down if the stiffest tissue is now
 /// softer, because the limit of what an operator can hold is derived from the stiffest tissue.
 ///
-/// @param felt  the current version
-/// @param made  the version for which the fields were computed
+/// @param current  the current version
+/// @param prepared  the version for which the fields were computed
 /// Errors: kBadInput for a version that is not the next, a tissue index out of range, or values outside the
 /// scene's ranges (check_tissue_values), with the scene's key as location.
-Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Model& made,
+Result<std::shared_ptr<const Model>> changed_model(const Model& current, const Model& prepared,
                                                    const ModelChange& change);
 
 /// Whether the direct methods' fields match the current stiffnesses.
-bool fields_match(const Model& felt, const Model& made);
+bool fields_match(const Model& current, const Model& prepared);
 
 /// Whether the fields can be recomputed: inward ramps can; a union Gaussian needs the scene's files.
 bool can_make_fields(const Model& model);
-/// The current model with fields for its stiffnesses and every direct method of `made`; version and content
-/// hash are unchanged. Takes seconds. Methods that cannot be prepared are omitted. Errors: those of
+/// The current model with fields for its stiffnesses and every direct method of `prepared`; version and
+/// content hash are unchanged. Takes seconds. Methods that cannot be prepared are omitted. Errors: those of
 /// prepare_ramps.
-Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
+Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& current, const Model& prepared,
                                                          const Progress& progress = {});
-/// Next version of `felt` with the fields of `fields`, which must have the same stiffnesses.
-std::shared_ptr<const Model> with_fields(const Model& felt, const Model& fields);
+/// Next version of `current` with the fields of `fields`, which must have the same stiffnesses.
+std::shared_ptr<const Model> with_fields(const Model& current, const Model& fields);
 
 }  // namespace palpate

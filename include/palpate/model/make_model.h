@@ -91,6 +91,7 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
                                                     const Progress& progress = {});
 
 /// Structures that distances and no-go regions need, ascending, without duplicates.
-std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ReportedDistances& told);
+std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go,
+                                        const ReportedDistances& distances);
 
 }  // namespace palpate

@@ -41,18 +41,18 @@ class TouchDetector {
 
   /// Processes a tip position.
   /// @param time_s  of any clock, strictly increasing
-  State see(const Point<Tracker>& tip, double time_s);
+  State observe(const Point<Tracker>& tip, double time_s);
   /// Removes the last recorded point, if any.
   void undo();
   const std::vector<TouchedPoint>& taken() const { return taken_; }
 
  private:
-  struct Seen {
+  struct Observed {
     Point<Tracker> tip;
     double time_s = 0;
   };
   const TouchSettings settings_;
-  std::deque<Seen> seen_;  // samples of the last hold_s
+  std::deque<Observed> observed_;  // samples of the last hold_s
   std::vector<TouchedPoint> taken_;
 };
 

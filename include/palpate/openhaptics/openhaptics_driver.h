@@ -52,7 +52,7 @@ class OpenHapticsDriver final : public DeviceDriver {
 
   /// Time without a completed frame after which the motors are disabled and run() ticks, and after which the
   /// scheduler is given up.
-  static constexpr double kLate_s = 0.008, kGivenUp_s = 0.1;
+  static constexpr double kLate_s = 0.008, kAbandoned_s = 0.1;
   /// Duration for which warm motors or an exceeded force or speed count as a fault.
   static constexpr double kCalm_s = 1;
 
@@ -62,6 +62,6 @@ class OpenHapticsDriver final : public DeviceDriver {
 };
 
 /// The device option `--device touch`.
-DeviceVendor openhaptics_maker(const OpenHapticsSettings& settings = {});
+DeviceVendor openhaptics_vendor(const OpenHapticsSettings& settings = {});
 
 }  // namespace palpate

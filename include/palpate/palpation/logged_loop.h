@@ -16,31 +16,31 @@ namespace palpate {
 RecordingEvent settings_event(const Parameters& before, const Parameters& after);
 
 /// ServoLoop::change(), logged.
-void change_logged(ServoLoop& loop, EventLog& told, AskedBy by, const std::function<void(Parameters&)>& edit);
+void change_logged(ServoLoop& loop, EventLog& log, RequestedBy by,
+                   const std::function<void(Parameters&)>& edit);
 /// Logs that a viewer took or released the pointer. The loop's settings do not change; without memory no
 /// event is logged.
-void log_pointer_change(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
+void log_pointer_change(ServoLoop& loop, EventLog& log, RequestedBy by) noexcept;
 /// ServoLoop::set_model(), logged.
 /// @param change  change that leads to the model from the previous version
-void set_model_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
+void set_model_logged(ServoLoop& loop, EventLog& log, RequestedBy by, std::shared_ptr<const Model> model,
                       const ModelChange& change);
 /// Event of a sweep that is removed in a version.
 RecordingEvent sweep_event(const Cut& cut, std::uint32_t version);
 /// Sets and logs a version that differs from the previous one by cuts.
-void set_cut_model_logged(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
+void set_cut_model_logged(ServoLoop& loop, EventLog& log, std::span<const Cut> cuts,
                           std::shared_ptr<const Model> model);
 /// Event of a tissue solution.
 /// @param input_tick  TickRecord::tick from which it was solved
 RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tick);
 /// Passes a tissue solution to the loop, logged.
-void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
-                      std::uint64_t input_tick);
+void set_yield_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame, std::uint64_t input_tick);
 /// Passes a frame without any known spot to the loop, in place of one that could not be solved; logged.
-void set_unsolved_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
+void set_unsolved_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                          std::uint64_t input_tick);
 /// ServoLoop::emergency_stop(), logged. The stop is carried out even if there is no memory for the event.
-void stop_logged(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
+void stop_logged(ServoLoop& loop, EventLog& log, RequestedBy by) noexcept;
 /// ServoLoop::rearm(), logged unless refused.
-RearmResult rearm_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::uint32_t stop);
+RearmResult rearm_logged(ServoLoop& loop, EventLog& log, RequestedBy by, std::uint32_t stop);
 
 }  // namespace palpate

@@ -46,7 +46,7 @@ Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptio
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 
 /// Structure to be held, with the forces that a script requests there; none: contact only.
-struct HoldAsked {
+struct HoldRequest {
   LabelId structure = 0;
   std::vector<double> forces_N = {};
 };
@@ -55,8 +55,8 @@ struct HoldAsked {
 /// every tick in order.
 class HoldMeter {
  public:
-  HoldMeter(const Model& model, const HoldAsked& asked);
-  void see(const TickRecord& record);
+  HoldMeter(const Model& model, const HoldRequest& hold);
+  void observe(const TickRecord& record);
   HoldFigure figure() const;
 
  private:

@@ -21,8 +21,8 @@ class ScopeHand {
   void look(const ScopeStep& step) { step_ = step; }
   /// Whether the camera is within half a millimetre and two degrees of the requested pose.
   bool is_there() const { return is_there_; }
-  /// @param felt  last tick, with the pose of the patient and of the first device
-  void advance(const TickRecord& felt, double dt_s);
+  /// @param tick  last tick, with the pose of the patient and of the first device
+  void advance(const TickRecord& tick, double dt_s);
   const DeviceState& state() const { return state_; }
 
  private:

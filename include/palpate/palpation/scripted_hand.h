@@ -53,7 +53,7 @@ class ScriptedHand {
   Point<World> start() const { return start_; }
   /// Next intended position after a tick, `dt_s` later; empty when the script is done. May change the
   /// commands.
-  std::optional<Point<World>> next(const TickRecord& felt, double dt_s, HandCommands& commands);
+  std::optional<Point<World>> next(const TickRecord& tick, double dt_s, HandCommands& commands);
   /// Restarts the script at its first step, from the current position of hand and object.
   void begin_again() { step_ = 0; }
   /// Progress in steps, 0 ... 1.
@@ -63,7 +63,7 @@ class ScriptedHand {
   /// Contact points of the approaches so far.
   const std::vector<TouchFigure>& touches() const { return touches_; }
   /// Requested holds by structure, in the order of the approaches.
-  std::vector<HoldAsked> asked() const;
+  std::vector<HoldRequest> requested() const;
 
  private:
   struct PlannedStep {
@@ -77,46 +77,46 @@ class ScriptedHand {
   Result<PlannedStep> planned(const ScriptStep& action, int line, LabelId before, const std::string& where);
 
   // ---- steps: each call is one tick and returns true when the step is done
-  bool run_step(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool approach(const PlannedStep& step, const TickRecord& felt, double dt_s);
+  bool run_step(const PlannedStep& step, const TickRecord& tick, double dt_s, HandCommands& commands);
+  bool approach(const PlannedStep& step, const TickRecord& tick, double dt_s);
   double touch_of_approach() const;
-  bool plan(const PlannedStep& step, const TickRecord& felt);
-  void go(const PlannedStep& step, const TickRecord& felt, double dt_s);
-  bool touch(const PlannedStep& step, const TickRecord& felt, double dt_s);
-  bool press(const PlannedStep& step, const TickRecord& felt, double dt_s);
-  bool hold(const PlannedStep& step, const TickRecord& felt, double dt_s);
-  bool slide(const PlannedStep& step, const TickRecord& felt, double dt_s);
-  bool rotate(const PlannedStep& step, const TickRecord& felt, double dt_s, Eigen::Quaterniond& target);
-  bool change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool lead_scope(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool change_law(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
+  bool plan(const PlannedStep& step, const TickRecord& tick);
+  void advance_step(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  bool touch(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  bool press(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  bool hold(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  bool slide(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  bool rotate(const PlannedStep& step, const TickRecord& tick, double dt_s, Eigen::Quaterniond& target);
+  bool change_stroke(const PlannedStep& step, const TickRecord& tick, double dt_s, HandCommands& commands);
+  bool lead_scope(const PlannedStep& step, const TickRecord& tick, double dt_s, HandCommands& commands);
+  bool change_law(const PlannedStep& step, const TickRecord& tick, double dt_s, HandCommands& commands);
+  bool switch_motor(const MotorStep& motor, const TickRecord& tick, double dt_s, HandCommands& commands);
+  bool change_method(const MethodStep& change, const TickRecord& tick, double dt_s, HandCommands& commands);
+  bool withdraw_from_contact(const PlannedStep& step, const TickRecord& tick, double dt_s);
 
   // ---- failures
-  std::optional<std::string> excess_depth(const TickRecord& felt, double dt_s);
-  std::optional<std::string> lost(const PlannedStep& step, const TickRecord& felt, double dt_s);
+  std::optional<std::string> excess_depth(const TickRecord& tick, double dt_s);
+  std::optional<std::string> lost(const PlannedStep& step, const TickRecord& tick, double dt_s);
   std::optional<std::string> force_deviation(double time_s) const;
-  void try_next_place(const TickRecord& felt, const std::string& why);
-  bool fail(const PlannedStep& step, const TickRecord& felt, const std::string& why);
+  void try_next_place(const TickRecord& tick, const std::string& why);
+  bool fail(const PlannedStep& step, const TickRecord& tick, const std::string& why);
   std::string named(const PlannedStep& step) const;
   std::string skipped() const;
-  std::string wrong_contact(const TickRecord& felt) const;
+  std::string wrong_contact(const TickRecord& tick) const;
 
   // ---- motion
-  void feel(const TickRecord& felt, double dt_s);
-  bool walk(double speed_mm_s, const TickRecord& felt, double dt_s);
-  void regulate_force(const TickRecord& felt, double dt_s);
-  void regulate_contact(const TickRecord& felt, double dt_s);
-  void begin_withdrawal(const TickRecord& felt);
-  bool withdraw(double speed_mm_s, const TickRecord& felt, double dt_s);
-  bool begin_step_back(const TickRecord& felt);
-  double tracking_tolerance_mm(const TickRecord& felt) const;
-  double careful_speed_mm_s(LabelId structure, const TickRecord& felt) const;
-  double stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const;
+  void feel(const TickRecord& tick, double dt_s);
+  bool follow_path(double speed_mm_s, const TickRecord& tick, double dt_s);
+  void regulate_force(const TickRecord& tick, double dt_s);
+  void regulate_contact(const TickRecord& tick, double dt_s);
+  void begin_withdrawal(const TickRecord& tick);
+  bool withdraw(double speed_mm_s, const TickRecord& tick, double dt_s);
+  bool begin_step_back(const TickRecord& tick);
+  double tracking_tolerance_mm(const TickRecord& tick) const;
+  double careful_speed_mm_s(LabelId structure, const TickRecord& tick) const;
+  double stiffness_N_per_mm(LabelId structure, const TickRecord& tick) const;
   double yielding_N_per_mm(const ElasticConstants& constants) const;
-  Transform<World, Patient> X_WorldPatient(const TickRecord& felt) const;
+  Transform<World, Patient> X_WorldPatient(const TickRecord& tick) const;
   Vector<World> tremor() const;
 
   const Model* model_;
@@ -136,20 +136,21 @@ class ScriptedHand {
   // time since the step began, 0 in its first tick; time since the script began
   double step_time_s_ = 0, time_s_ = 0;
   Point<World> intention_;
-  bool touching_ = false;               // an approach has made contact and nothing has failed since
-  bool withdrawing_ = false;            // retreating after a failure
-  std::vector<Point<Patient>> way_;     // remaining corners of the path, the last one first
-  std::vector<Point<Patient>> way_in_;  // corners of the last approach and of subsequent slides, in order
+  bool touching_ = false;             // an approach has made contact and nothing has failed since
+  bool withdrawing_ = false;          // retreating after a failure
+  std::vector<Point<Patient>> path_;  // remaining corners of the path, the last one first
+  std::vector<Point<Patient>>
+      approach_path_;  // corners of the last approach and of subsequent slides, in order
   // state of an approach
   Approach phase_ = Approach::kPlan;
   std::size_t place_ = 0;
   std::string refusal_;     // reason for abandoning the last place
   bool elsewhere_ = false;  // whether the next place is tried after retreating
-  double phase_time_s_ = 0, met_s_ = 0;
+  double phase_time_s_ = 0, contact_s_ = 0;
   // state of a contact
-  Vector<World> inward_;  // pressing direction
-  double asked_N_ = 0;    // force of the last press; 0: contact only
-  double wanted_N_ = 0;
+  Vector<World> inward_;    // pressing direction
+  double requested_N_ = 0;  // force of the last press; 0: contact only
+  double target_N_ = 0;
   double touch_N_ = 0;  ///< Force that ends the approach (touch_of_approach)
   double off_s_ = 0, over_s_ = 0, stuck_s_ = 0;
   double settled_s_ = 0, longest_s_ = 0, slid_mm_ = 0, sum_Ns_ = 0;
@@ -161,8 +162,8 @@ class ScriptedHand {
   double turned_s_ = 0;
   Eigen::Quaterniond rotation_start_ = Eigen::Quaterniond::Identity();
   std::optional<Transform<World, Patient>> lay_;  // pose of the patient in the previous tick
-  double felt_N_ = 0;                             // perceived force, low-pass filtered
-  Vector<World> felt_normal_;                     // perceived normal, low-pass filtered
+  double filtered_N_ = 0;                         // perceived force, low-pass filtered
+  Vector<World> filtered_normal_;                 // perceived normal, low-pass filtered
 
   // tremor: three sinusoids between 8 and 12 Hz per axis
   struct Wave {

@@ -37,7 +37,7 @@ class VirtualRun {
   const Model& model() const { return *model_; }
   const ScriptedHand& hand() const { return hand_; }
   /// Commands of the script since the last call, each with the first tick to which it applies.
-  std::vector<RecordingEvent> take_events() { return std::exchange(told_, {}); }
+  std::vector<RecordingEvent> take_events() { return std::exchange(reported_, {}); }
 
  private:
   void cut();
@@ -45,7 +45,7 @@ class VirtualRun {
   void change_stroke(StrokeAction action);
   void change_law(TissueLaw law);
 
-  std::shared_ptr<const Model> model_, felt_;  // model of the next tick; model of the last tick
+  std::shared_ptr<const Model> model_, last_model_;  // model of the next tick; model of the last tick
   const double dt_s_;
   ScriptedHand hand_;
   SimulatedDevice device_;
@@ -60,8 +60,8 @@ class VirtualRun {
   double cut_s_ = 0;                                         // time of the last cut
   std::optional<StrokeAction> stroke_;                       // pending stroke request of the script
   std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // as in HandCommands
-  std::vector<RecordingEvent> told_;
-  std::uint32_t told_number_ = 0;
+  std::vector<RecordingEvent> reported_;
+  std::uint32_t reported_number_ = 0;
   VirtualClockYieldSolver yields_;
   const Progress progress_;
 };

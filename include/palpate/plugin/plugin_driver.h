@@ -24,10 +24,10 @@ struct PluginSettings {
 ///                          ◄── samples                                    |  when a call or the session is
 ///       tick               commands ──────► write()                       |  silent for kSilence_s
 ///
-/// **Fault handling**: a plug-in whose process ends, that gives no sample for kGivenUp_s, or reports one that
-/// is not finite or of another size is given up: its process is killed, samples are marked `fault` from then
-/// on, and trouble() states the reason. A session that dies or stands still is silent, and its device gets
-/// zero force.
+/// **Fault handling**: a plug-in whose process ends, that gives no sample for kAbandoned_s, or reports one
+/// that is not finite or of another size is given up: its process is killed, samples are marked `fault` from
+/// then on, and trouble() states the reason. A session that dies or stands still is silent, and its device
+/// gets zero force.
 class PluginDriver final : public DeviceDriver {
  public:
   explicit PluginDriver(const PluginSettings& settings);
@@ -50,7 +50,7 @@ class PluginDriver final : public DeviceDriver {
   /// Duration of a plug-in's call, or of the session's silence, after which the plug-in has to halt.
   static constexpr double kSilence_s = 0.009;
   /// Time without a sample after which the plug-in is given up.
-  static constexpr double kGivenUp_s = 0.1;
+  static constexpr double kAbandoned_s = 0.1;
 
  private:
   class Core;

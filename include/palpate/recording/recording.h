@@ -51,9 +51,9 @@ struct RecordingHeader {
   std::string clock = "virtual";  ///< "virtual" or "real"
   std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
   double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in older files without it
-  std::string feel;               ///< feel_text() (palpate/servo/feel.h); empty in older files without it
-  RecordedTask task;              ///< Empty in older files without it
-  std::string script_text;        ///< Text of the script
+  std::string feel;   ///< haptic_settings_text() (palpate/servo/feel.h); empty in older files without it
+  RecordedTask task;  ///< Empty in older files without it
+  std::string script_text;  ///< Text of the script
   struct Structure {
     LabelId label;
     std::string name, tissue;
@@ -71,11 +71,11 @@ enum class Asker : std::uint8_t {
   kLookingViewer,  ///< A viewer that may only look and stop
   kAgreedViewer,   ///< A viewer with permission, with consent given by a key where palpate runs
 };
-struct AskedBy {
+struct RequestedBy {
   Asker asker = Asker::kSession;
   std::uint32_t viewer = 0;  ///< Number of the viewer, from 1 in the order of their hellos; 0: none
 
-  friend bool operator==(const AskedBy&, const AskedBy&) = default;
+  friend bool operator==(const RequestedBy&, const RequestedBy&) = default;
 };
 
 /// External command to a run, with the tick in which it took effect.
@@ -91,7 +91,7 @@ struct RecordingEvent {
   /// First recorded tick that acknowledges it: the tick in which it took effect, unless ticks are missing.
   std::uint64_t tick = 0;
   Kind kind = Kind::kModel;
-  AskedBy by;
+  RequestedBy by;
   /// kModel: the resulting version; kYield: the frame; otherwise an ordinal from 1, counted over settings,
   /// and over stops and rearms together.
   std::uint32_t number = 0;
@@ -116,7 +116,7 @@ struct RecordingEvent {
 /// contains counters of the commands that it has acknowledged (TickRecord's model_version, yield_frame,
 /// settings_number, arming_number), and the recorder determines each event's tick from them:
 ///
-///    caller      tell(): announced ── applied to the loop ── event stored ── announcement over
+///    caller    append(): announced ── applied to the loop ── event stored ── announcement over
 ///    servo                                 └─ ticks with the next counter value ─► ring
 ///    recorder    ticks out of the ring ── wait for pending announcements ── events taken
 ///
@@ -128,7 +128,7 @@ class EventLog {
  public:
   /// @param apply  carries the command out and returns its event, without the tick; empty if nothing was
   /// done. If it throws, no event is logged.
-  void tell(const std::function<std::optional<RecordingEvent>()>& apply);
+  void append(const std::function<std::optional<RecordingEvent>()>& apply);
   /// Appends the events since the last call to `rows`. Waits for pending announcements, which takes as long
   /// as a change of the loop's parameters or model.
   void take(std::list<RecordingEvent>& rows);
@@ -159,7 +159,7 @@ struct RecordingSummary {
 
   /// Adds a tick: its flags, each counted once per tick regardless of the number of devices, and its state
   /// hash.
-  void see(const TickRecord& tick);
+  void observe(const TickRecord& tick);
 };
 
 /// Recording in memory, 1.8 kB per tick: for a few minutes.
@@ -249,24 +249,24 @@ class RecordingWriter {
 /// arrive during the longest write.
 class Recorder {
  public:
-  using See = std::function<void(const TickRecord&, std::span<const RecordingEvent>)>;
+  using OnTick = std::function<void(const TickRecord&, std::span<const RecordingEvent>)>;
   /// @param ring  outlives the recorder, which is its only consumer
-  /// @param file  as for RecordingWriter::create; empty: ticks are counted and passed to `see`, but not
+  /// @param file  as for RecordingWriter::create; empty: ticks are counted and passed to `on_tick`, but not
   /// stored
-  /// @param see   called on the recorder's thread with every tick in order, and with the events that this
+  /// @param on_tick   called on the recorder's thread with every tick in order, and with the events that this
   /// tick is the first to acknowledge, as they are written; may be empty; must not throw. Its time adds to
   /// that of a write.
-  /// @param told  log of external commands; outlives the recorder, its only consumer; may be null
+  /// @param log  log of external commands; outlives the recorder, its only consumer; may be null
   /// Errors: those of RecordingWriter::create, kUnavailable if no thread can be created.
   static Result<std::unique_ptr<Recorder>> start(SpscRing<TickRecord>& ring,
                                                  const std::filesystem::path& file,
-                                                 const RecordingHeader& header, See see = {},
-                                                 EventLog* told = nullptr);
+                                                 const RecordingHeader& header, OnTick on_tick = {},
+                                                 EventLog* log = nullptr);
   /// Drains the ring and stops. A recording without finish() counts as incomplete.
   virtual ~Recorder() = default;
   /// Totals so far; `dropped`, `skipped` and `trouble` are set by finish(). Thread-safe.
   virtual RecordingSummary so_far() const = 0;
-  /// Reason why writing has ended: the disk is full or gone. Ticks are still counted and passed to `see`.
+  /// Reason why writing has ended: the disk is full or gone. Ticks are still counted and passed to `on_tick`.
   /// Thread-safe.
   virtual std::optional<Error> failure() const = 0;
   /// Drains the ring, writes the summary and closes the file; call it after the last push, and no other

@@ -75,8 +75,8 @@ struct TrajectoryResult {
 
 /// Planned and removed volume.
 struct VolumeResult {
-  double planned_mm3 = 0, taken_mm3 = 0;
-  double left_mm3() const { return planned_mm3 - taken_mm3; }
+  double planned_mm3 = 0, removed_mm3 = 0;
+  double left_mm3() const { return planned_mm3 - removed_mm3; }
 };
 /// Removal of one structure: planned volume, volume removed within the plan, and volume removed outside it.
 struct StructureVolume {
@@ -91,17 +91,17 @@ struct StructureClearance {
   LabelId label = 0;
   double nearest_mm = kNotKnown;
   RunPoint nearest;
-  std::optional<double> asked_mm;  ///< Minimum clearance required by the plan
-  double below_s = 0;              ///< Duration below that clearance
+  std::optional<double> requested_mm;  ///< Minimum clearance required by the plan
+  double below_s = 0;                  ///< Duration below that clearance
   /// Minimum in each interval of PlanComparison::times_s; NaN if no tick had a valid position.
   std::vector<float> over_time_mm;
 
-  bool kept() const { return !asked_mm || nearest_mm >= *asked_mm; }
+  bool kept() const { return !requested_mm || nearest_mm >= *requested_mm; }
 };
 /// Interval in which a required clearance was violated.
 struct ClearanceViolation {
   LabelId label = 0;
-  double asked_mm = 0, nearest_mm = 0;
+  double requested_mm = 0, nearest_mm = 0;
   RunPoint begin, nearest;
   std::uint64_t last_tick = 0;
   double end_s = 0;
@@ -122,14 +122,14 @@ struct PlanComparison {
   std::vector<double> times_s;
   std::vector<ClearanceViolation> breaches;  ///< In the order of their start, at most kMaxBreaches
   std::uint64_t more_breaches = 0;           ///< Number of breaches beyond these
-  std::vector<Point<Patient>> way;           ///< Path of the tip, decimated to at most kMaxWayPlaces points
+  std::vector<Point<Patient>> path;          ///< Path of the tip, decimated to at most kMaxPathPoints points
 
   /// Whether every tolerance of the plan was met, the recording is not truncated, and no tick is missing (a
   /// tolerance may have been violated in a missing tick). Volumes have no tolerance.
   bool kept() const;
 };
 /// Capacities of PlanComparison: intervals, breaches, points of the path.
-inline constexpr std::size_t kMaxPlanTimes = 400, kMaxBreaches = 1000, kMaxWayPlaces = 4000;
+inline constexpr std::size_t kMaxPlanTimes = 400, kMaxBreaches = 1000, kMaxPathPoints = 4000;
 
 /// Compares a recording with a plan in one pass. Memory does not depend on the recording's length, except for
 /// the removed tissue.

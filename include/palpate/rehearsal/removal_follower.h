@@ -15,7 +15,7 @@ class RemovalFollower {
   explicit RemovalFollower(const Model& model) : removed_(model) {}
 
   /// Processes events in their order. Returns whether the removed tissue changed.
-  bool hear(const RecordingEvent& event) {
+  bool on_event(const RecordingEvent& event) {
     if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(cut_of(event.sweep));
     if (event.kind != RecordingEvent::Kind::kModel) return false;
     // sweeps are applied with the model version that includes them; ticks before it used the uncut tissue

@@ -22,8 +22,8 @@ struct VolumeMark {
 void add_path(std::vector<VolumeMark>& marks, std::span<const Point<Patient>> points, double width_px,
               const Rgb& colour, double behind, const VolumeCamera& camera);
 /// Adds an arrow from its tail to its head, which is a cone.
-void add_arrow(std::vector<VolumeMark>& marks, const Point<Patient>& tail, const Vector<Patient>& way,
-               double radius_mm, const Rgb& colour);
+void add_arrow(std::vector<VolumeMark>& marks, const Point<Patient>& tail,
+               const Vector<Patient>& displacement, double radius_mm, const Rgb& colour);
 
 /// Draws marks into a picture with depth testing and four samples per pixel, lit from the viewer.
 /// Bit-identical on every machine.

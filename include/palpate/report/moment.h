@@ -14,15 +14,15 @@ namespace palpate {
 /// State of a recording at one time, for rendering in a picture of the volume.
 struct RecordedMoment {
   /// A section of a tip's path, patient frame.
-  struct Way {
+  struct PathSection {
     bool touching = false;
     std::vector<Point<Patient>> points;
   };
   int devices = 1;
   double time_s = 0;  ///< Start of the tick, on the recording's clock
   TickRecord tick;
-  std::vector<Way> ways;       ///< Paths of all devices during the two seconds before the tick
-  double highest_limit_N = 0;  ///< Highest force limit of the ticks up to this one
+  std::vector<PathSection> paths;  ///< Paths of all devices during the two seconds before the tick
+  double highest_limit_N = 0;      ///< Highest force limit of the ticks up to this one
   /// Model with the labels as cut by burrs and displaced by tissue deformation; null: unchanged since the
   /// start.
   std::shared_ptr<const Model> left;

@@ -125,7 +125,7 @@ struct YieldingSettings {
 };
 
 /// Structures whose distances to the tool are published.
-enum class ReportedStructures : std::uint8_t { kNone, kFelt, kAll };
+enum class ReportedStructures : std::uint8_t { kNone, kTouchable, kAll };
 /// Published distances between the tool and structures.
 struct DistanceSettings {
   ReportedStructures structures = ReportedStructures::kNone;

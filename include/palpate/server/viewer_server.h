@@ -31,7 +31,7 @@ inline constexpr int kViewerPort = 8480;
 struct ViewedTissue {
   std::string name;
   /// Whether the tissue renders contact.
-  bool felt = true;
+  bool touchable = true;
   Rgb colour;
   double opacity = 1;
   /// Indices of the tissues that support this one.
@@ -169,7 +169,7 @@ struct ViewedScene {
 struct ViewedNavigation {
   int device = 0;  ///< Index of the tracked device
   /// Whether the tracker currently sees the tool; if not, the tip stays at its last position
-  bool is_seen = true;
+  bool is_visible = true;
   double fre_mm = 0;  ///< Fiducial registration error
   struct Error {
     double rms_mm = 0, max_mm = 0;  ///< Root mean square, and 95th percentile
@@ -298,7 +298,7 @@ inline constexpr std::array<double, 2> kPlayingSpeeds{0.01, 32};
 /// Outcome of a request that was not refused.
 enum class Grant : std::uint8_t {
   kDone,
-  kAsked,  ///< The operator at the device is asked for consent; a LateAnswer follows
+  kRequested,  ///< The operator at the device is asked for consent; a LateAnswer follows
 };
 /// Outcome of a request that waited for consent.
 struct LateAnswer {
@@ -341,7 +341,7 @@ class ViewerHost {
   virtual std::shared_ptr<const ViewedYield> yielded(std::size_t /*device*/) const { return nullptr; }
   /// labels() deformed by soft tissue, for volume pictures. As slow as labels(); returns the same object
   /// while nothing changes.
-  virtual std::shared_ptr<const Bricks<LabelId>> seen_labels() const { return labels(); }
+  virtual std::shared_ptr<const Bricks<LabelId>> visible_labels() const { return labels(); }
   /// Progress of a run of one of the scene's tasks.
   virtual ViewedTraining training() const { return {}; }
   /// Debriefing of the last run, once it is over and stored; null: none.
@@ -398,7 +398,7 @@ class LiveHost : public ViewerHost {
     return Error{ErrorKind::kUsage, "there is no session for a lesson", "", ""};
   }
   /// Whether learners' runs are stored, so that curves can be computed from them.
-  virtual bool keeps_runs() const { return false; }
+  virtual bool stores_runs() const { return false; }
   /// HTML page with the learning curves of a learner, or of all learners (empty). Called on any thread; may
   /// take long.
   virtual Result<std::string> curves(const std::string& /*learner*/) const {
@@ -424,7 +424,7 @@ struct NewTokens {
 /// Lines of a token file, each with a new token of 130 bits from the kernel's random number generator.
 /// Errors: kBadInput for an invalid pseudonym, kUsage for a pseudonym without the role or the role without
 /// one, kUnavailable if no random numbers are available.
-Result<std::string> new_viewer_tokens(const NewTokens& wanted = {});
+Result<std::string> new_viewer_tokens(const NewTokens& requested = {});
 /// Writes such lines to a new file that only its owner may read. Errors: kOutput if the file exists or cannot
 /// be written; no partial file is left.
 Result<void> write_viewer_tokens(const std::filesystem::path& file, const std::string& lines);

@@ -9,7 +9,7 @@
 namespace palpate {
 
 /// Constants of the output stage, the last step before a device (docs/concepts/servo.md).
-struct OutputFeel {
+struct OutputSettings {
   /// Duration over which a change of model, method or parameters is blended in.
   double blend_s = 0.1;
   /// Duration of the ramp from zero to full force, at the start and after every fault, and of the ramp from
@@ -65,7 +65,7 @@ struct OutputFeel {
 };
 
 /// Limits on a turning object (docs/concepts/passivity.md, "A turning object").
-struct TurningFeel {
+struct RotationSettings {
   /// Duration of the interpolation from a rotation command to its target.
   double interval_s = 0.1;
   /// Limit of the power that a turning object exchanges with an operator, in either direction: within the 0.2
@@ -95,34 +95,34 @@ struct TurningFeel {
   }
 };
 
-inline constexpr OutputFeel kOutputFeel;
-inline constexpr TurningFeel kTurningFeel;
-static_assert(names_every_member<OutputFeel>() && names_every_member<TurningFeel>());
+inline constexpr OutputSettings kOutputSettings;
+inline constexpr RotationSettings kRotationSettings;
+static_assert(names_every_member<OutputSettings>() && names_every_member<RotationSettings>());
 
 /// Calls `of(group, name, value)` for every setting; the value is a double or an int.
 template <class Visit>
-void visit_feel(Visit&& of) {
+void visit_haptic_settings(Visit&& of) {
   const auto group = [&](const char* title, const auto& settings) {
     settings.visit([&](const char* name, auto value) { of(title, name, value); });
   };
-  group("proxy", kProxyFeel);
-  group("tool_turn", kToolTurnFeel);
-  group("touch", kTouchFeel);
-  group("passivity", kPassivityFeel);
-  group("swing", kSwingFeel);
-  group("bounce", kBounceFeel);
-  group("yield", kYieldFeel);
-  group("solving", kSolvingFeel);
-  group("cutting", kCuttingFeel);
-  group("output", kOutputFeel);
-  group("turning", kTurningFeel);
+  group("proxy", kProxySettings);
+  group("tool_turn", kToolRotationSettings);
+  group("touch", kContactSettings);
+  group("passivity", kPassivitySettings);
+  group("swing", kOscillationSettings);
+  group("bounce", kReboundSettings);
+  group("yield", kYieldSettings);
+  group("solving", kSolverSettings);
+  group("cutting", kCuttingSettings);
+  group("output", kOutputSettings);
+  group("turning", kRotationSettings);
 }
 
 /// All settings in the format of a recording's header: one line "group.name value" each. Numbers are written
 /// so that they read back exactly.
-std::string feel_text();
+std::string haptic_settings_text();
 /// First difference between this version's settings and those in `text`, as "group.name WAS, here IS"; empty
 /// if there is none.
-std::string first_feel_difference(const std::string& text);
+std::string first_haptic_difference(const std::string& text);
 
 }  // namespace palpate

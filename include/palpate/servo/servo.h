@@ -22,7 +22,7 @@
 namespace palpate {
 
 /// Inputs of a tick that may change while the loop runs. A change of method, gain or blended switch is
-/// blended in over kOutputFeel.blend_s instead of applied as a step.
+/// blended in over kOutputSettings.blend_s instead of applied as a step.
 struct Parameters : Settings {
   bool emergency_stop = false;  ///< Set the forces to zero at once
   std::array<DeviceParameters, kMaxDevices> device;
@@ -39,14 +39,15 @@ struct OutputState {
   double gain = 0;           ///< Ramp gain, 0 ... 1
   double heat = 0;           ///< Fraction of the thermal budget in use, 0 ... 1
   double since_fault_s = 0;  ///< Time since the last fault or dropout; saturates at ramp_in_s
-  bool away = false;  ///< No fresh pose at present, in a dropout that is still short: the ramp gain is held
+  bool in_dropout =
+      false;  ///< No fresh pose at present, in a dropout that is still short: the ramp gain is held
   bool returning = false;  ///< Recovering from a short dropout: the force grows at return_N_per_s at most
 };
 
 /// Complete state of the tick function. Small, copyable, hashable; contains no pointers.
 struct SessionState {
   struct Hand {
-    bool seen = false;  ///< A previous tip position exists
+    bool has_previous = false;  ///< A previous tip position exists
     Point<World> previous_world;
     Point<Patient> previous_tip;
     VelocityWindow velocity;
@@ -56,9 +57,9 @@ struct SessionState {
     CouplingState coupling;
     BurrState burr;  ///< Default-constructed unless the tool is a burr
     // last requested force after blending, and the offset to the previous source's force, which is fading out
-    Wrench asked;
+    Wrench requested;
     Wrench difference;
-    double blend_elapsed_s = kOutputFeel.blend_s;
+    double blend_elapsed_s = kOutputSettings.blend_s;
     PassivityState passivity;
     OscillationState swing;
     DelayLine delay;
@@ -74,10 +75,10 @@ struct SessionState {
 
   std::uint64_t tick = 0;
   double time_s = 0;
-  // rotation of the object, interpolated over kTurningFeel.interval_s from each command
+  // rotation of the object, interpolated over kRotationSettings.interval_s from each command
   Eigen::Quaterniond rotation_start = Eigen::Quaterniond::Identity();
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
-  Eigen::Quaterniond rotation_felt = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond rotation_applied = Eigen::Quaterniond::Identity();
   double rotation_elapsed_s = 1.0;
   // digest of everything that selects the force computation; 0 before the first tick. A new value starts a
   // blend

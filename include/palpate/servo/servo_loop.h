@@ -131,7 +131,7 @@ class ServoLoop {
   /// TickRecord::settings_number is not lower.
   virtual std::uint32_t change(const std::function<void(Parameters&)>& edit) = 0;
   virtual Parameters parameters() const = 0;
-  /// Replaces the model from the next tick on. The force blends over in kOutputFeel.blend_s, except for a
+  /// Replaces the model from the next tick on. The force blends over in kOutputSettings.blend_s, except for a
   /// local edit (Model::edits), which applies at once. A model of the same version must be the same apart
   /// from being prepared for more methods. The old model is freed by a later call of set_model() or
   /// collect(), never on the servo thread. Errors: kBadInput if the model is null or of a lower version; the

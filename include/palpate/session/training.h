@@ -30,10 +30,10 @@ struct OfferedTask {
 
 /// Reason for the end of a run.
 enum class RunEnd : std::uint8_t {
-  kTask,     ///< All steps were done, or the time limit expired
-  kAsked,    ///< Requested by a viewer or a key
-  kSession,  ///< The session ended
-  kTrouble,  ///< The clock ran backwards, or memory ran out: the run does not pass
+  kTask,       ///< All steps were done, or the time limit expired
+  kRequested,  ///< Requested by a viewer or a key
+  kSession,    ///< The session ended
+  kTrouble,    ///< The clock ran backwards, or memory ran out: the run does not pass
 };
 
 /// Finished run.
@@ -57,7 +57,7 @@ struct RunHistory {
   /// by a short path and low forces. kNotKnown if there is none.
   std::vector<double> best;
   std::optional<std::int64_t> kept;  ///< Number of this run in the records
-  std::optional<Error> not_kept;
+  std::optional<Error> not_stored;
 };
 
 /// Finished run with the learner's history.

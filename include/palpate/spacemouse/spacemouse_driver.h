@@ -58,6 +58,6 @@ class SpaceMouseDriver final : public DeviceDriver {
 };
 
 /// The device option `--device spacemouse`.
-DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings = {});
+DeviceVendor spacemouse_vendor(const SpaceMouseSettings& settings = {});
 
 }  // namespace palpate

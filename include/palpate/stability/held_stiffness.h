@@ -15,7 +15,7 @@ namespace palpate {
 struct HeldStiffness {
   /// Requested stiffness of the stiffest tissue, including the workspace's scale and gain; for a direct
   /// method, of all points of the tool together.
-  double asked_N_per_mm = 0;
+  double requested_N_per_mm = 0;
   /// Limit: recommended_stiffness_N_per_mm, or a lower value known to be stable; at most the vendor's
   /// specification.
   double max_N_per_mm = 0;

@@ -48,7 +48,7 @@ struct SupervisorEvent {
   };
   Kind kind = Kind::kStall;
   std::int64_t last_beat_ns = 0;  ///< End of the last tick; CLOCK_MONOTONIC
-  std::int64_t seen_ns = 0;       ///< Time of detection; CLOCK_MONOTONIC
+  std::int64_t observed_ns = 0;   ///< Time of detection; CLOCK_MONOTONIC
   /// Time at which every halt file that had room had received the halt; CLOCK_MONOTONIC
   std::int64_t halted_ns = 0;
 };

@@ -78,7 +78,7 @@ Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<Ram
 /// Width of an inward ramp on a grid, mm: the requested one, or twice the grid's largest voxel spacing within
 /// kUsualRampWidth_mm ... kMaxRampWidth_mm. If the spacing exceeds half of that maximum, the force of the
 /// direct methods reveals the slices. Error kBadInput if a width below two voxels is requested.
-Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid);
+Result<double> ramp_width_mm(std::optional<double> requested_mm, const GridGeometry& grid);
 inline constexpr double kUsualRampWidth_mm = 4;
 
 /// The same ramps in 8 bits: 0 stays 0, and values above 0 stay at least 1.

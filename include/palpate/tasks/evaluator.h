@@ -81,12 +81,12 @@ class TaskEvaluator {
   explicit TaskEvaluator(TaskInScene task);
 
   /// Sets the tissue already removed before the first tick, for a task with a plan.
-  void set_initial_removal(const RemovalFollower& told) { gone_ = told; }
+  void set_initial_removal(const RemovalFollower& reported) { removed_ = reported; }
   /// Processes an event of the recording; call it before the first tick that follows the event.
-  void hear(const RecordingEvent& event);
+  void on_event(const RecordingEvent& event);
   /// Processes a tick. Errors: kBadInput if the tick's time is not finite or does not increase, or if the
   /// second device, which holds the task's scope, is missing.
-  Result<void> see(const TickRecord& tick);
+  Result<void> observe(const TickRecord& tick);
   bool ended() const { return ended_; }
   /// @param cut_short  whether the recording is truncated
   TaskScore score(bool cut_short) const;
@@ -125,15 +125,15 @@ class TaskEvaluator {
     Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
     double force_N = 0;       ///< As sent to the device
     bool is_beneath = false;  ///< Whether it is beneath the outermost contact, which transmits its load
-    bool is_seen = false;     ///< Visible through the scope
+    bool is_visible = false;  ///< Visible through the scope
   };
   /// Integrals of a force over time, linearly interpolated between ticks.
   struct ForceMeter {
     double contact_s = 0, impulse_Ns = 0, peak_N = 0, in_band_s = 0, excess_Ns = 0, above_s = 0;
     double unbroken_s = 0, longest_s = 0;
     double last_N = 0;
-    void see(double force_N, double dt_s, const std::optional<std::array<double, 2>>& band_N,
-             std::optional<double> limit_N);
+    void observe(double force_N, double dt_s, const std::optional<std::array<double, 2>>& band_N,
+                 std::optional<double> limit_N);
   };
 
   /// Volumes of removed tissue, and the depth beyond the plan.
@@ -160,18 +160,18 @@ class TaskEvaluator {
   void update_forces(const TickRecord& tick, double dt_s);
   void update_steps(const TickRecord& tick, double dt_s);
   struct Share {
-    double part = 0, asked = 0;
+    double part = 0, requested = 0;
   };
   double force_on_step(const TaskStep& step) const;
   bool is_on_step(const Contact& contact, const TaskStep& step) const;
   void sweep(std::size_t step);
   bool is_spent_for(const TaskStep& step) const;
-  std::optional<Share> share_asked(const TaskStep& step) const;
+  std::optional<Share> required_share(const TaskStep& step) const;
   void update_answer(const DeviceTick& device, double dt_s);
   void update_visibility(const TickRecord& tick, double dt_s);
   void update_removal(const TickRecord& tick);
   Removal removal() const;
-  void tell(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N);
+  void add_event(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N);
   double value_of(std::size_t metric, const Removal& removal) const;
   double straight_mm() const;
 
@@ -200,8 +200,8 @@ class TaskEvaluator {
   bool unseen_ = false;
   double unseen_s_ = 0;
   // plan: removed tissue, and the volume removed of each region at the last evaluation
-  std::optional<RemovalFollower> gone_;
-  std::vector<double> taken_mm3_;
+  std::optional<RemovalFollower> removed_;
+  std::vector<double> removed_mm3_;
   bool removal_changed_ = true;
   double next_look_s_ = 0;
 };
@@ -218,9 +218,9 @@ class RunReader {
       : evaluator_(std::move(task)), range_(range) {}
 
   /// Processes the next part of the recording.
-  /// @param seen  called after each evaluated tick; may be empty
-  /// Errors: those of TaskEvaluator::see().
-  Result<void> take(const RecordingPart& part, const std::function<void(const TickRecord&)>& seen = {});
+  /// @param on_tick  called after each evaluated tick; may be empty
+  /// Errors: those of TaskEvaluator::observe().
+  Result<void> take(const RecordingPart& part, const std::function<void(const TickRecord&)>& on_tick = {});
   const TaskEvaluator& run() const { return evaluator_; }
   /// @param is_whole  whether the recording is complete
   TaskScore score(bool is_whole) const { return evaluator_.score(!is_whole && !has_last_); }
@@ -228,12 +228,13 @@ class RunReader {
  private:
   TaskEvaluator evaluator_;
   TickRange range_;
-  std::deque<RecordingEvent> told_;  // not yet followed by a tick
-  bool has_last_ = false;            // the recording reaches the end of the range
+  std::deque<RecordingEvent> reported_;  // not yet followed by a tick
+  bool has_last_ = false;                // the recording reaches the end of the range
 };
 
-/// Scores a recording against a task. Errors: those of reading it, of look_up() and of TaskEvaluator::see(),
-/// to which the caller adds the recording's name; kBadInput if it has no tick in the range.
+/// Scores a recording against a task. Errors: those of reading it, of look_up() and of
+/// TaskEvaluator::observe(), to which the caller adds the recording's name; kBadInput if it has no tick in
+/// the range.
 Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,
                                   const Progress& progress = {}, const TickRange& range = {});
 

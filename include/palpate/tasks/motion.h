@@ -46,7 +46,7 @@ class MotionMeter {
   static constexpr double kIdleBelow_mm_s = 5;
 
   /// @param time_s  strictly increasing
-  void see(double time_s, const Eigen::Vector3d& tip_mm, bool touching);
+  void observe(double time_s, const Eigen::Vector3d& tip_mm, bool touching);
 
   double path_mm() const { return path_mm_; }
   double idle_s() const { return idle_s_; }

@@ -11,7 +11,7 @@
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/removal_follower.h"
 #include "palpate/scene/task_file.h"
-#include "palpate/tasks/seen.h"
+#include "palpate/tasks/scope_visibility.h"
 
 /// A task with its structures, regions and answer resolved in a scene.
 namespace palpate {

@@ -30,7 +30,7 @@ VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::ui
                         const VoxelBox& within);
 
 /// Cells of a box that follow changes of the labels they cover, in place. Changed cells are sampled again. A
-/// cell's fill changes by at most kSolvingFeel.max_fill_change per step, so that a solver with few
+/// cell's fill changes by at most kSolverSettings.max_fill_change per step, so that a solver with few
 /// iterations per frame stays converged.
 class CarvedCells {
  public:
@@ -46,7 +46,7 @@ class CarvedCells {
   /// @returns cells that may have changed
   CellBox follow(const CarvedLabels& labels, ElasticSolver& solver);
   /// Cells that have not reached their target fill yet.
-  const CellBox& changing_cells() const { return on_their_way_; }
+  const CellBox& changing_cells() const { return in_progress_; }
   /// Copies the state of cells that are still changing in `other` to the same cells here.
   /// @param offset  added to a cell's index here gives its index in `other`
   void copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset);
@@ -57,7 +57,7 @@ class CarvedCells {
   CarvedLabels labels_;
   LabelCells cells_;
   ElasticGrid grid_;
-  CellBox on_their_way_;
+  CellBox in_progress_;
 };
 
 }  // namespace palpate

@@ -43,9 +43,9 @@ namespace palpate {
 class CarvedSurface {
  public:
   /// @param made  prepared surface; the axes of its grid must be perpendicular
-  /// @param kept  surfaces of protected structures
+  /// @param stored  surfaces of protected structures
   explicit CarvedSurface(std::shared_ptr<const Surface> made,
-                         std::vector<std::shared_ptr<const Surface>> kept = {});
+                         std::vector<std::shared_ptr<const Surface>> stored = {});
 
   /// Version after more sweeps. The cost is proportional to the volume of their bounding box.
   CarvedSurface with(std::span<const Sweep> sweeps) const;
@@ -60,7 +60,7 @@ class CarvedSurface {
 
  private:
   std::shared_ptr<const Surface> made_, now_;
-  std::vector<std::shared_ptr<const Surface>> kept_;
+  std::vector<std::shared_ptr<const Surface>> stored_;
   Bricks<std::int16_t> cut_;  ///< C, in units of the position's steps
   /// Greatest slope of each brick of the position that differs from the prepared one; 0: unchanged.
   std::vector<double> steepest_;
@@ -111,8 +111,8 @@ class Carving {
   /// @param uncut  Model::hash_before_removal, which is returned if nothing was removed
   std::uint64_t content_hash(std::uint64_t uncut) const;
   /// Next version of a model, with this carving's removal in place of the model's own: a local edit.
-  /// @param felt  the model with which the carving began, or a later version of it
-  std::shared_ptr<const Model> taken_from(const Model& felt) const;
+  /// @param model  the model with which the carving began, or a later version of it
+  std::shared_ptr<const Model> taken_from(const Model& model) const;
 
  private:
   // remaining material
@@ -131,12 +131,12 @@ class Carving {
   // Prepared surfaces: those of the model by index, then those that distances are measured to but that have
   // no contact. null: part of a common surface, or protected.
   std::vector<std::shared_ptr<const Surface>> made_;
-  std::size_t felt_ = 0;              // number of made_ that are surfaces of the model
+  std::size_t tracked_surfaces_ = 0;  // number of made_ that are surfaces of the model
   std::vector<int> made_of_tracked_;  // index into made_ for each structure of Model::distances; -1: not cut
   std::shared_ptr<const Bricks<LabelId>> original_labels_;
   std::vector<bool> is_cut_;  // by label
   bool records_fractions_ = false;
-  std::vector<std::shared_ptr<const Surface>> kept_;  // surfaces of protected structures
+  std::vector<std::shared_ptr<const Surface>> stored_;  // surfaces of protected structures
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   Left left_;
   StrokeHistory<Stroke> strokes_;

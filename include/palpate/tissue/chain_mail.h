@@ -23,7 +23,7 @@ struct Dent {
 };
 /// Dent of a device's tool in deformable tissue (Model::moves), from a tick. Returns false without such a
 /// contact.
-bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, Dent& dent);
+bool find_dent(const Model& model, const TickRecord& tick, std::size_t device, Dent& dent);
 
 /// 3D ChainMail (S. Gibson, "3D ChainMail: a fast algorithm for deforming volumetric objects", Symposium on
 /// Interactive 3D Graphics 1997). The nodes of cells are links. Two neighbours along an axis satisfy
@@ -77,8 +77,8 @@ class ChainMail {
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticField moved_mm_;
-  std::vector<State> state_;         ///< By node
-  std::vector<std::uint32_t> seen_;  ///< By node: number of the last move that pulled it
+  std::vector<State> state_;             ///< By node
+  std::vector<std::uint32_t> observed_;  ///< By node: number of the last move that pulled it
   std::uint32_t move_ = 0;
   std::vector<Link> queue_;
 };
@@ -91,7 +91,7 @@ class ChainMailTissue {
 
   /// Advances by one frame after a tick.
   /// @param model  with labels, tissues and surfaces
-  void advance(const Model& model, const TickRecord& felt);
+  void advance(const Model& model, const TickRecord& tick);
   /// Deformation around a device's tool; null: everything is at rest.
   const ChainMail* of(std::size_t device) const;
 

@@ -11,16 +11,16 @@ namespace palpate {
 
 /// Displacement and strain of soft tissue under the tools in one tick, for display: each device's contact and
 /// force in the tick, linear elasticity solved to convergence, summed over the tools. It ignores earlier
-/// ticks, friction along the surface, and tissue outside the box of cells (SolvingFeel::cells_along). Under
-/// TissueLaw::kChainMail it is a chain mail that is dented once and relaxed for a second. Immutable; any
-/// thread.
+/// ticks, friction along the surface, and tissue outside the box of cells (SolverSettings::cells_along).
+/// Under TissueLaw::kChainMail it is a chain mail that is dented once and relaxed for a second. Immutable;
+/// any thread.
 class DisplacedTissue {
  public:
   /// Everything at rest.
   DisplacedTissue() = default;
   /// @param model  labels, tissues and tools; surfaces are not needed. Without deformable tissue everything
   ///               is at rest
-  DisplacedTissue(const Model& model, const TickRecord& felt);
+  DisplacedTissue(const Model& model, const TickRecord& tick);
 
   bool rests() const { return parts_.empty(); }
   /// Displacement of the material that rests at a point, patient mm; linear between nodes. Empty space
@@ -35,8 +35,8 @@ class DisplacedTissue {
   static constexpr int kFadeCells = 6;
 
  private:
-  void solve(const Model& model, const TickRecord& felt);
-  void move(const Model& model, const TickRecord& felt);
+  void solve(const Model& model, const TickRecord& tick);
+  void move(const Model& model, const TickRecord& tick);
 
   /// Displacement by one device's tool.
   class Part {

@@ -22,7 +22,7 @@ class PressurePatch {
   PressurePatch(const ElasticGrid& grid, const Point<Patient>& at, const Vector<Patient>& outward,
                 double rho_mm);
   /// Patch of arbitrary points with equal shares of the force, for the nodes of a wide contact.
-  PressurePatch(const ElasticGrid& grid, std::span<const Point<Patient>> places,
+  PressurePatch(const ElasticGrid& grid, std::span<const Point<Patient>> positions,
                 const Vector<Patient>& outward);
   /// Whether any part of the patch lies on tissue.
   bool touches() const { return modulus_ > 0; }
@@ -47,8 +47,8 @@ class PressurePatch {
  private:
   static constexpr double kReach = 2;
   using Weight = HeldMeans::Weight;
-  /// @param places  in cells from the box's corner
-  void spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> places);
+  /// @param positions  in cells from the box's corner
+  void spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> positions);
 
   std::vector<Weight> weights_;
   std::vector<Weight> along_[3];  ///< Weights of the derivatives along the box's axes

@@ -157,11 +157,11 @@ class ElasticGrid {
   /// @param by_label  material per label; label 0 and labels beyond its end are air
   /// @param box       from elastic_box_of() or elsewhere; intended for cells of 1 to 3 times the smallest
   ///                  voxel spacing
-  /// @param taken     removed fraction of every voxel, 0 ... 255 (Carving::taken); null: none
+  /// @param removed     removed fraction of every voxel, 0 ... 255 (Carving::taken); null: none
   /// Errors: kBadInput for an invalid material, a cell size not above 0, or a box without cells.
   static Result<ElasticGrid> of_labels(const Bricks<LabelId>& labels,
                                        std::span<const ElasticMaterial> by_label, const ElasticBox& box,
-                                       const Bricks<std::uint8_t>* taken = nullptr);
+                                       const Bricks<std::uint8_t>* removed = nullptr);
 
   /// Replaces some cells in place, with the constraints of their nodes and the springs there; the result is
   /// the same as constructing all of them. Constraints added by hold() to their nodes are removed. Does not
@@ -212,7 +212,7 @@ class ElasticGrid {
     std::size_t hold(const ElasticGrid& grid, std::vector<std::uint8_t>& held);
 
    private:
-    std::vector<bool> seen_;
+    std::vector<bool> observed_;
     std::vector<std::array<int, 3>> part_;
   };
   const std::vector<std::uint8_t>& held() const { return held_; }

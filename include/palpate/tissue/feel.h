@@ -6,7 +6,7 @@ namespace palpate {
 
 /// Constants of material removal besides the scene. They are fixed for one version of palpate and written to
 /// every recording (docs/reference/feel.md). docs/decisions/0029 justifies the values. mm in the patient.
-struct CuttingFeel {
+struct CuttingSettings {
   /// Distance ahead of the burr's surface at which material is sampled. An edge counts from half that depth,
   /// so that next to a pocket, where the burr's surface leaves the material, little counts that the burr does
   /// not touch.
@@ -66,7 +66,7 @@ struct CuttingFeel {
 };
 
 /// Constants of the soft tissue solver that runs concurrently with the tick (yield_solver.h).
-struct SolvingFeel {
+struct SolverSettings {
   /// Prediction horizon: a solution is computed for the tool's position this many frames after the tick that
   /// it starts from (one frame until it is published, and half of the frame in which it is used), limited to
   /// max_lead_mm of displacement.
@@ -134,8 +134,8 @@ struct SolvingFeel {
     of("min_volume", min_volume);
   }
 };
-inline constexpr CuttingFeel kCuttingFeel;
-inline constexpr SolvingFeel kSolvingFeel;
-static_assert(names_every_member<CuttingFeel>() && names_every_member<SolvingFeel>());
+inline constexpr CuttingSettings kCuttingSettings;
+inline constexpr SolverSettings kSolverSettings;
+static_assert(names_every_member<CuttingSettings>() && names_every_member<SolverSettings>());
 
 }  // namespace palpate

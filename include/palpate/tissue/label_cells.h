@@ -29,8 +29,8 @@ class LabelCells {
  public:
   LabelCells(const GridGeometry& labels, std::span<const ElasticMaterial> by_label, const ElasticBox& box);
 
-  /// @param taken  as in ElasticGrid::of_labels
-  ElasticCell cell(const Bricks<LabelId>& labels, const Bricks<std::uint8_t>* taken, int i, int j,
+  /// @param removed  as in ElasticGrid::of_labels
+  ElasticCell cell(const Bricks<LabelId>& labels, const Bricks<std::uint8_t>* removed, int i, int j,
                    int k) const;
   /// Voxels that cells of the box cover.
   VoxelBox voxels() const;

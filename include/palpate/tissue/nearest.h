@@ -24,16 +24,16 @@ class NearestMeter {
   explicit NearestMeter(const Model& model);
 
   /// Includes the burr's position in a tick, whether it cut or only touched.
-  void see(const TickRecord& tick);
+  void observe(const TickRecord& tick);
   /// Includes a completed sweep: below other layers the burr cuts deeper than the tick reports.
-  void see(const Sweep& sweep);
+  void observe(const Sweep& sweep);
   /// Includes the results of another meter for the same structures.
-  void see(const std::map<LabelId, double>& nearest_mm);
+  void observe(const std::map<LabelId, double>& nearest_mm);
 
   const std::map<LabelId, double>& nearest_mm() const { return nearest_mm_; }
 
  private:
-  void see(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure);
+  void observe(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure);
   Vector<Patient> row_mm(const BurrSettings& burr, const TickRecord& tick, const DeviceTick& device) const;
 
   std::array<Tool, kMaxDevices> tools_;  // tools of the devices

@@ -51,7 +51,7 @@ struct BurrState {
   double front_mm2 = 0;          ///< Area of the material ahead, projected along the press direction
   double energy_mJ_per_mm3 = 0;  ///< Mean specific cutting energy of that material
   double work_mJ = 0;            ///< Motor work since the start
-  double taken_mm3 = 0;          ///< Volume removed since the start, by the energy balance
+  double removed_mm3 = 0;        ///< Volume removed since the start, by the energy balance
   int layer = -1;                ///< Layer of the proxy in which it cuts; -1: none
   bool closed = false;  ///< The last sweep is complete and is not extended, as for a burr that stands still
   Vector<Patient> began_axis_mm;  ///< Axis of the head at the start of the last sweep

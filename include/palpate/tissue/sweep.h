@@ -53,8 +53,8 @@ class SweptShape {
 
   Sweep sweep_;
   Eigen::Array3d low_, high_;
-  Vector<Patient> way_;
-  double way_squared_ = 0, axis_squared_ = 0;
+  Vector<Patient> path_;
+  double path_squared_ = 0, axis_squared_ = 0;
   double widens_mm_ = 0;  // change of the radius from the first ball to the last
   // head: slope of the radius along the axis, and the sine of the cone's generator to it
   double slope_ = 0, sine_ = 0;
@@ -65,6 +65,6 @@ class SweptShape {
 };
 
 /// Distance to the path of the first ball's centre; mm, at least 0.
-double distance_to_way_mm(const Sweep& sweep, const Point<Patient>& at);
+double distance_to_path_mm(const Sweep& sweep, const Point<Patient>& at);
 
 }  // namespace palpate

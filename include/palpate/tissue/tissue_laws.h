@@ -19,7 +19,7 @@ class LawHistory {
   /// @param coarsened  its Model::tissue_coarsened
   explicit LawHistory(TissueLaw first, double coarsened = 1) : laws_{{0, first, coarsened}} {}
   /// Applies a change, in the order of versions; changes of other kinds are ignored.
-  void hear(const ModelChange& change);
+  void on_event(const ModelChange& change);
   TissueLaw at(std::uint32_t version) const { return from(version).law; }
   double coarsened_at(std::uint32_t version) const { return from(version).coarsened; }
   /// Whether any version has a law for which `is` returns true.

@@ -18,7 +18,7 @@
 namespace palpate {
 
 /// Period of the solver's frames, s.
-inline constexpr double kYieldFrame_s = kYieldFeel.blend_s;
+inline constexpr double kYieldFrame_s = kYieldSettings.blend_s;
 /// Number of ticks per solver frame, rounded; at least 1.
 std::uint64_t ticks_of_yield_frame(double rate_hz);
 
@@ -41,11 +41,11 @@ struct YieldBox {
   bool operator==(const YieldBox&) const = default;
 };
 /// Box that the solver will use for a device after a tick, without solving: the current one, or a new one if
-/// the predicted contact is too far from its middle (SolvingFeel::max_offset_cells). If no contact is
+/// the predicted contact is too far from its middle (SolverSettings::max_offset_cells). If no contact is
 /// predicted, the current one.
-/// @param felt    tick from which the contact is predicted
+/// @param device    tick from which the contact is predicted
 /// @param before  current box; empty: none, or one made from other labels
-std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
+std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& device,
                                        const std::optional<YieldBox>& before);
 
 /// Solver of a box of cells around each device's current or predicted contact point: by linear elasticity
@@ -58,12 +58,12 @@ class YieldSolver {
   ~YieldSolver();
 
   /// Solves the next frame; the first is number 1. A device's spot is unknown if its position or velocity is
-  /// not finite, no surface is within SolvingFeel::reach_mm of its tool, or there is no soft tissue at the
+  /// not finite, no surface is within SolverSettings::reach_mm of its tool, or there is no soft tissue at the
   /// predicted contact.
   /// @param model  with deformable tissues (Model::tissue_law) and surfaces for the proxy. Boxes are reused
   ///               as long as labels, materials, tissue law and relaxation stay the same
-  /// @param felt   most recent tick
-  const ComplianceFrame& solve(const Model& model, const TickRecord& felt);
+  /// @param tick   most recent tick
+  const ComplianceFrame& solve(const Model& model, const TickRecord& tick);
   /// Last frame solved; number 0: none yet.
   const ComplianceFrame& frame() const { return frame_; }
 
@@ -84,7 +84,7 @@ class YieldSolver {
   /// Force in a tick by which the tissue's displacement is scaled, N: the contact force or, in relaxing
   /// tissue, the instantaneous (unrelaxed) force at the tool's depth, because the force decays while the
   /// displacement persists.
-  double displacing_force_N(std::size_t device, const DeviceTick& felt) const;
+  double displacing_force_N(std::size_t device, const DeviceTick& device_tick) const;
 
  private:
   struct NeoHookeanBody;

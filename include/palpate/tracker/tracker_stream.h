@@ -53,8 +53,8 @@ struct MarkersPose {
 /// one frame of the cameras.
 class TrackerStream {
  public:
-  /// @param told  called with each valid pose, on the stream's thread, after open()
-  TrackerStream(const TrackerSettings& settings, std::function<void(const MarkersPose&)> told);
+  /// @param on_pose  called with each valid pose, on the stream's thread, after open()
+  TrackerStream(const TrackerSettings& settings, std::function<void(const MarkersPose&)> on_pose);
   ~TrackerStream();
 
   /// Connects, and waits until the tool is seen; without a transform until any data arrived. A second call

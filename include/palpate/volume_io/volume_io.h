@@ -61,10 +61,10 @@ struct ScanFile {
 /// Source of the names of a label map.
 enum class NameSource {
   kNone,
-  kFile,        ///< The file itself.
-  kFileName,    ///< Anatomical words of the file name, or of each file name in a folder.
-  kGivenTable,  ///< A table given by the caller.
-  kOwnTable,    ///< A table in the same folder with the label map's own name.
+  kFile,           ///< The file itself.
+  kFileName,       ///< Anatomical words of the file name, or of each file name in a folder.
+  kSuppliedTable,  ///< A table given by the caller.
+  kOwnTable,       ///< A table in the same folder with the label map's own name.
   /// The only table in the folder, provided that no other label map is there and the table names nine in ten
   /// values.
   kOnlyTable,

@@ -146,9 +146,9 @@ TEST(Api, ARunHasTheHashThatItHasInCxx) {
   auto made = make_model(std::move(parts));
   ASSERT_TRUE(made.ok());
   const ForceMethod proxy = ForceMethod::kProxy;
-  const auto felt = prepared_for(*made, {&proxy, 1});
-  ASSERT_TRUE(felt.ok());
-  EXPECT_EQ(info_of(model.get()).content_hash, (*felt)->content_hash);
+  const auto prepared = prepared_for(*made, {&proxy, 1});
+  ASSERT_TRUE(prepared.ok());
+  EXPECT_EQ(info_of(model.get()).content_hash, (*prepared)->content_hash);
   Parameters parameters;
   parameters.method = proxy;
   SessionState state;
@@ -157,9 +157,9 @@ TEST(Api, ARunHasTheHashThatItHasInCxx) {
   std::uint64_t hash = 0;
   for (const plp_pose& pose : poses) {
     DeviceState device;
-    device.tip = (*felt)->X_WorldPatient * Point<Patient>(Eigen::Vector3d(pose.tip_mm));
-    device.R_WorldTool = Eigen::Quaterniond((*felt)->X_WorldPatient.linear());
-    tick(**felt, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
+    device.tip = (*prepared)->X_WorldPatient * Point<Patient>(Eigen::Vector3d(pose.tip_mm));
+    device.R_WorldTool = Eigen::Quaterniond((*prepared)->X_WorldPatient.linear());
+    tick(**prepared, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
     hash = mix_run_hash(hash, record.state_hash);
   }
   EXPECT_EQ(run_hash(session.get()), hash);
@@ -340,12 +340,12 @@ TEST(Api, ASceneByItsNameRunsAsOnTheCommandLine) {
   plp_recording* opened = nullptr;
   ASSERT_EQ(plp_recording_open(file.c_str(), &opened), PLP_OK) << plp_last_error();
   const Owned<plp_recording> recording(opened);
-  plp_recording_info told;
-  told.size = sizeof told;
-  ASSERT_EQ(plp_recording_info_get(opened, &told), PLP_OK);
-  EXPECT_EQ(told.run_hash, info.run_hash);
-  EXPECT_EQ(told.ticks, info.ticks);
-  EXPECT_STREQ(told.data_set, kScene);
+  plp_recording_info reported;
+  reported.size = sizeof reported;
+  ASSERT_EQ(plp_recording_info_get(opened, &reported), PLP_OK);
+  EXPECT_EQ(reported.run_hash, info.run_hash);
+  EXPECT_EQ(reported.ticks, info.ticks);
+  EXPECT_STREQ(reported.data_set, kScene);
   const std::size_t count = std::min<std::size_t>(info.ticks, 500);
   std::vector<plp_record> of_run(count), of_file(count);
   plp_record_init(&of_run[0], sizeof of_run[0]);

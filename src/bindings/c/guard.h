@@ -76,13 +76,13 @@ bool is_size(std::uint32_t size, std::size_t known);
 /// Reads a struct that its caller has filled. Members behind those that this library knows must be zero: they
 /// would be ignored.
 template <class Struct>
-bool read(const void* given, Struct& value) {
-  if (given == nullptr) return set_last_error("a struct is null"), false;
+bool read(const void* supplied, Struct& value) {
+  if (supplied == nullptr) return set_last_error("a struct is null"), false;
   std::uint32_t size = 0;
-  std::memcpy(&size, given, sizeof size);
+  std::memcpy(&size, supplied, sizeof size);
   if (!is_size(size, sizeof(Struct))) return false;
-  std::memcpy(static_cast<void*>(&value), given, sizeof value);
-  const auto* bytes = static_cast<const unsigned char*>(given);
+  std::memcpy(static_cast<void*>(&value), supplied, sizeof value);
+  const auto* bytes = static_cast<const unsigned char*>(supplied);
   for (std::size_t n = sizeof(Struct); n < size; ++n)
     if (bytes[n] != 0)
       return set_last_error("a struct has a member that this version of the library does not know"), false;

@@ -43,7 +43,7 @@ class PostedDriver final : public DeviceDriver {
   /// @param pose  as is_pose() accepts it
   void post(const plp_pose& pose) noexcept {
     const double* const q = pose.orientation_wxyz;
-    pose_.tell(Point<Device>(Eigen::Vector3d(pose.tip_mm)), Eigen::Quaterniond(q[0], q[1], q[2], q[3]),
+    pose_.push(Point<Device>(Eigen::Vector3d(pose.tip_mm)), Eigen::Quaterniond(q[0], q[1], q[2], q[3]),
                monotonic_ns());
   }
 
@@ -108,10 +108,10 @@ plp_status plp_loop_start(const plp_model* model, const plp_loop_options* option
   return guarded([&] {
     if (loop == nullptr) return fail(PLP_BAD_INPUT, "loop: the place for the result is null");
     *loop = nullptr;
-    plp_loop_options given;
-    plp_loop_options_init(&given, sizeof given);
-    if (!is_handle(model) || (options != nullptr && !palpate::c::read(options, given))) return PLP_BAD_INPUT;
-    const auto setup = palpate::c::setup_of(*model, given.session);
+    plp_loop_options input;
+    plp_loop_options_init(&input, sizeof input);
+    if (!is_handle(model) || (options != nullptr && !palpate::c::read(options, input))) return PLP_BAD_INPUT;
+    const auto setup = palpate::c::setup_of(*model, input.session);
     if (!setup) return fail(setup.error());
     if (setup->devices != 1) return fail(PLP_USAGE, "devices: a loop has one");
     if (setup->solve_soft_tissue) return fail(PLP_USAGE, "solve_soft_tissue: a loop does not");
@@ -121,8 +121,8 @@ plp_status plp_loop_start(const plp_model* model, const plp_loop_options* option
     started->model = model->loaded.model;
     started->method = setup->method;
     palpate::LoopSettings settings;
-    settings.rate_hz = given.rate_hz;
-    settings.realtime = given.realtime != 0;
+    settings.rate_hz = input.rate_hz;
+    settings.realtime = input.realtime != 0;
     settings.ring_s = palpate::c::kRing_s;
     auto running = palpate::ServoLoop::start(model->loaded.model, started->driver, setup->parameters,
                                              {palpate::WorkspaceSettings{}}, settings);
@@ -135,11 +135,11 @@ plp_status plp_loop_start(const plp_model* model, const plp_loop_options* option
 
 plp_status plp_loop_post(plp_loop* loop, const plp_pose* pose) {
   return guarded([&] {
-    plp_pose given;
-    if (!is_handle(loop) || !palpate::c::read(pose, given)) return PLP_BAD_INPUT;
-    if (!palpate::c::is_pose(given))
+    plp_pose input;
+    if (!is_handle(loop) || !palpate::c::read(pose, input)) return PLP_BAD_INPUT;
+    if (!palpate::c::is_pose(input))
       return fail(PLP_BAD_INPUT, "pose: give a finite tip and a unit quaternion");
-    loop->driver.post(given);
+    loop->driver.post(input);
     return PLP_OK;
   });
 }
@@ -158,7 +158,7 @@ plp_status plp_loop_set_model(plp_loop* loop, const plp_model* model) {
     const std::lock_guard lock(loop->mutex);
     if (auto fine = palpate::c::check_later(*model, loop->family, *loop->model); !fine)
       return fail(fine.error());
-    if (!model->felt().has(loop->method))
+    if (!model->current().has(loop->method))
       return fail(PLP_USAGE, "model: this version is not prepared for the loop's method");
     if (auto accepted = loop->loop->set_model(model->loaded.model); !accepted) return fail(accepted.error());
     loop->model = model->loaded.model;

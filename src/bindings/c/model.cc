@@ -52,7 +52,7 @@ Result<void> read_array(const Struct* first, std::size_t count, const char* name
 Tissue tissue_of(const plp_tissue& from) {
   Tissue tissue;
   tissue.name = text_of(from.name);
-  tissue.felt = from.felt != 0;
+  tissue.touchable = from.touchable != 0;
   tissue.stiffness_N_per_mm = from.stiffness_N_per_mm;
   tissue.static_friction = from.static_friction;
   tissue.friction = from.friction;
@@ -165,7 +165,7 @@ plp_status create(const plp_labels& labels, const plp_tissue* tissues, std::size
   created->loaded.scene.force.method = created->method;
   auto made = made_model(std::move(parts), created->method);
   if (!made) return fail(made.error());
-  created->loaded.model = created->made = *std::move(made);
+  created->loaded.model = created->prepared = *std::move(made);
   *model = created.release();
   return PLP_OK;
 }
@@ -174,29 +174,29 @@ plp_status create(const plp_labels& labels, const plp_tissue* tissues, std::size
 plp_model* next_of(const plp_model& model, ModelVersions versions) {
   auto next = std::make_unique<plp_model>();
   next->loaded = model.loaded;
-  next->loaded.model = std::move(versions.felt);
-  next->made = std::move(versions.made);
+  next->loaded.model = std::move(versions.current);
+  next->prepared = std::move(versions.prepared);
   next->family = model.family;
   next->method = model.method;
   return next.release();
 }
 
 Result<ModelVersions> changed(const plp_model& model, std::size_t tissue, const plp_tissue& properties) {
-  const Model& felt = model.felt();
-  if (tissue >= felt.tissues.size())
+  const Model& current = model.current();
+  if (tissue >= current.tissues.size())
     return Error{ErrorKind::kBadInput,
                  "there is no tissue " + std::to_string(tissue) + ": the model has " +
-                     std::to_string(felt.tissues.size()),
+                     std::to_string(current.tissues.size()),
                  "tissue", "tissues are counted from 0"};
-  ModelChange change = unchanged(felt, tissue);
+  ModelChange change = unchanged(current, tissue);
   change.contact = {properties.stiffness_N_per_mm, properties.static_friction, properties.friction,
                     properties.viscosity_N_s_per_mm};
-  auto next = next_version({model.loaded.model, model.made}, change, {}, cancellable());
+  auto next = next_version({model.loaded.model, model.prepared}, change, {}, cancellable());
   const bool by_field = model.method != ForceMethod::kProxy;
-  if (!next || !by_field || fields_match(*next->felt, *next->made) || !can_make_fields(*next->felt))
+  if (!next || !by_field || fields_match(*next->current, *next->prepared) || !can_make_fields(*next->current))
     return next;
-  return next_version(*next, {.version = next->felt->version + 1, .tissue = ModelChange::kFieldsRebuilt}, {},
-                      cancellable());
+  return next_version(*next, {.version = next->current->version + 1, .tissue = ModelChange::kFieldsRebuilt},
+                      {}, cancellable());
 }
 
 void copy_grid(const GridGeometry& grid, plp_model_info& info) {
@@ -210,31 +210,31 @@ void copy_grid(const GridGeometry& grid, plp_model_info& info) {
 }
 
 plp_model_info info_of(const plp_model& model) {
-  const Model& felt = model.felt();
+  const Model& current = model.current();
   plp_model_info info{};
-  info.version = felt.version;
-  info.content_hash = felt.content_hash;
-  info.title = felt.title.c_str();
+  info.version = current.version;
+  info.content_hash = current.content_hash;
+  info.title = current.title.c_str();
   info.method = static_cast<std::int32_t>(model.method);
-  copy_grid(felt.labels->geometry(), info);
+  copy_grid(current.labels->geometry(), info);
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column)
-      info.world_patient[4 * row + column] = felt.X_WorldPatient.linear()(row, column);
-    info.world_patient[4 * row + 3] = felt.X_WorldPatient.translation()[row];
+      info.world_patient[4 * row + column] = current.X_WorldPatient.linear()(row, column);
+    info.world_patient[4 * row + 3] = current.X_WorldPatient.translation()[row];
   }
   info.world_patient[15] = 1;
-  info.max_force_N = felt.scene_max_force_N;
-  info.tissues = static_cast<std::uint32_t>(felt.tissues.size());
-  info.structures = static_cast<std::uint32_t>(felt.segments.size());
-  info.tools = static_cast<std::uint32_t>(felt.tools.size());
-  info.has_scan = felt.scan != nullptr;
+  info.max_force_N = current.scene_max_force_N;
+  info.tissues = static_cast<std::uint32_t>(current.tissues.size());
+  info.structures = static_cast<std::uint32_t>(current.segments.size());
+  info.tools = static_cast<std::uint32_t>(current.tools.size());
+  info.has_scan = current.scan != nullptr;
   return info;
 }
 
 plp_tissue plain(const Tissue& tissue) {
   plp_tissue plain{};
   plain.name = tissue.name.c_str();
-  plain.felt = tissue.felt;
+  plain.touchable = tissue.touchable;
   plain.stiffness_N_per_mm = tissue.stiffness_N_per_mm;
   plain.static_friction = tissue.static_friction;
   plain.friction = tissue.friction;
@@ -338,7 +338,7 @@ plp_status plp_model_load(const char* scene, const char* segmentation, const plp
     if (!ready) return fail(ready.error());
     created->loaded = *std::move(loaded);
     created->loaded.scene.force.method = created->method;
-    created->loaded.model = created->made = *std::move(ready);
+    created->loaded.model = created->prepared = *std::move(ready);
     *model = created.release();
     return PLP_OK;
   });
@@ -372,8 +372,8 @@ plp_status plp_model_cut(const plp_model* model, const plp_cut* cuts, size_t cou
     });
     if (!read) return fail(read.error());
     auto versions =
-        palpate::next_version({model->loaded.model, model->made},
-                              {.version = model->felt().version + 1, .tissue = palpate::ModelChange::kCut},
+        palpate::next_version({model->loaded.model, model->prepared},
+                              {.version = model->current().version + 1, .tissue = palpate::ModelChange::kCut},
                               swept, palpate::c::cancellable());
     if (!versions) return fail(versions.error());
     *next = palpate::c::next_of(*model, *std::move(versions));
@@ -395,19 +395,19 @@ plp_status plp_model_info_get(const plp_model* model, plp_model_info* info) {
 plp_status plp_model_tissue(const plp_model* model, size_t index, plp_tissue* tissue) {
   return guarded([&] {
     if (!is_handle(model)) return PLP_BAD_INPUT;
-    if (index >= model->felt().tissues.size())
+    if (index >= model->current().tissues.size())
       return fail(PLP_BAD_INPUT, "index: there is no tissue " + std::to_string(index));
-    return palpate::c::write(palpate::c::plain(model->felt().tissues[index]), tissue) ? PLP_OK
-                                                                                      : PLP_BAD_INPUT;
+    return palpate::c::write(palpate::c::plain(model->current().tissues[index]), tissue) ? PLP_OK
+                                                                                         : PLP_BAD_INPUT;
   });
 }
 
 plp_status plp_model_structure(const plp_model* model, size_t index, plp_structure* structure) {
   return guarded([&] {
     if (!is_handle(model)) return PLP_BAD_INPUT;
-    if (index >= model->felt().segments.size())
+    if (index >= model->current().segments.size())
       return fail(PLP_BAD_INPUT, "index: there is no structure " + std::to_string(index));
-    const auto plain = palpate::c::plain(model->felt(), model->felt().segments[index]);
+    const auto plain = palpate::c::plain(model->current(), model->current().segments[index]);
     return palpate::c::write(plain, structure) ? PLP_OK : PLP_BAD_INPUT;
   });
 }
@@ -416,13 +416,13 @@ plp_status plp_model_sample(const plp_model* model, int32_t method, const double
                             double* values, double* gradients) {
   return guarded([&] {
     if (!is_handle(model)) return PLP_BAD_INPUT;
-    const auto asked = palpate::c::method_of(method);
-    if (!asked) return fail(asked.error());
+    const auto requested = palpate::c::method_of(method);
+    if (!requested) return fail(requested.error());
     if (count == 0) return PLP_OK;
     if (points_mm == nullptr || values == nullptr) return fail(PLP_BAD_INPUT, "points or values are null");
     if (count > std::numeric_limits<std::ptrdiff_t>::max() / (3 * sizeof(double)))
       return fail(PLP_BAD_INPUT, "count: more points than memory can hold");
-    const palpate::ForceMethod by = asked->value_or(model->method);
+    const palpate::ForceMethod by = requested->value_or(model->method);
     const auto ready = palpate::c::sampled_by(*model, by);
     if (!ready) return fail(ready.error());
     palpate::c::sample_points(**ready, by, {points_mm, 3 * count}, values, gradients);
@@ -433,7 +433,7 @@ plp_status plp_model_sample(const plp_model* model, int32_t method, const double
 plp_status plp_model_labels(const plp_model* model, uint16_t* voxels, size_t count) {
   return guarded([&] {
     if (!is_handle(model)) return PLP_BAD_INPUT;
-    const auto& labels = *model->felt().labels;
+    const auto& labels = *model->current().labels;
     const palpate::GridGeometry& grid = labels.geometry();
     if (voxels == nullptr || count != grid.voxel_count())
       return fail(PLP_BAD_INPUT, "voxels: give room for " + std::to_string(grid.voxel_count()) + " labels");
@@ -449,9 +449,9 @@ plp_status plp_model_scan(const plp_model* model, const float** voxels, size_t* 
     if (!is_handle(model)) return PLP_BAD_INPUT;
     if (voxels == nullptr || count == nullptr)
       return fail(PLP_BAD_INPUT, "voxels: the place for the result is null");
-    if (model->felt().scan == nullptr) return fail(PLP_UNAVAILABLE, "the model has no scan");
-    *voxels = model->felt().scan->voxels().data();
-    *count = model->felt().scan->voxels().size();
+    if (model->current().scan == nullptr) return fail(PLP_UNAVAILABLE, "the model has no scan");
+    *voxels = model->current().scan->voxels().data();
+    *count = model->current().scan->voxels().size();
     return PLP_OK;
   });
 }

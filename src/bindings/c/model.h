@@ -22,11 +22,11 @@ struct plp_model {
   palpate::c::Tag tag = kTag;
   /// Scene with the current version. Without a file: a scene without tissues.
   palpate::LoadedScene loaded;
-  std::shared_ptr<const palpate::Model> made;                         ///< As in ModelVersions
+  std::shared_ptr<const palpate::Model> prepared;                     ///< As in ModelVersions
   std::shared_ptr<const int> family = std::make_shared<const int>();  ///< Equal for versions of one model
   palpate::ForceMethod method = palpate::ForceMethod::kProxy;         ///< Method of a session by default
 
-  const palpate::Model& felt() const { return *loaded.model; }
+  const palpate::Model& current() const { return *loaded.model; }
 
   mutable std::mutex mutex;                               ///< Guards `sampled`
   mutable std::shared_ptr<const palpate::Model> sampled;  ///< The version, with the methods sampled until now

@@ -41,7 +41,7 @@ Result<void> check_window(const plp_model& model, const Window& window) {
   const double pixel_mm = window.width_mm / window.width_px;
   if (!(pixel_mm >= kMinPixel_mm && pixel_mm <= kMaxPixel_mm))
     return bad_picture("width_mm", "give a width of 0.001 to 1000 mm for each pixel");
-  if (model.felt().labels->geometry().voxel_count() >= kMaxVoxelsDrawn)
+  if (model.current().labels->geometry().voxel_count() >= kMaxVoxelsDrawn)
     return bad_picture("model", "only volumes of less than 2^31 voxels are drawn");
   return {};
 }
@@ -88,18 +88,18 @@ plp_status room_is_missing(std::size_t needed) {
 // section with its style, drawn or looked up by `draw(plane, style)`
 template <class Draw>
 plp_status draw_section(const plp_model* model, const plp_section* section, const Draw& draw) {
-  plp_section given;
-  if (!is_handle(model) || !read(section, given)) return PLP_BAD_INPUT;
-  if (auto fine = check_window(*model, window_of(given)); !fine) return fail(fine.error());
-  const auto style = style_of(given);
+  plp_section given_section;
+  if (!is_handle(model) || !read(section, given_section)) return PLP_BAD_INPUT;
+  if (auto fine = check_window(*model, window_of(given_section)); !fine) return fail(fine.error());
+  const auto style = style_of(given_section);
   if (!style) return fail(style.error());
-  return draw(given, *style);
+  return draw(given_section, *style);
 }
 
 plp_status draw_picture(const plp_model& model, const plp_camera& from, std::span<std::uint8_t> rgb,
                         std::span<float> depth_mm) {
-  const auto looks = structure_looks(model.felt());
-  auto renderer = VolumeRenderer::make(*model.felt().labels, looks);
+  const auto looks = structure_looks(model.current());
+  auto renderer = VolumeRenderer::make(*model.current().labels, looks);
   if (!renderer) return fail(renderer.error());
   VolumeCamera camera;
   camera.focus = Point<Patient>(Eigen::Vector3d(from.focus_mm));
@@ -123,10 +123,11 @@ using palpate::c::is_handle;
 plp_status plp_model_section(const plp_model* model, const plp_section* section, uint8_t* rgb, size_t bytes) {
   return guarded([&] {
     return palpate::c::draw_section(
-        model, section, [&](const plp_section& given, const palpate::SectionStyle& style) {
-          const std::size_t needed = 3 * palpate::c::pixels_of(palpate::c::window_of(given));
+        model, section, [&](const plp_section& given_section, const palpate::SectionStyle& style) {
+          const std::size_t needed = 3 * palpate::c::pixels_of(palpate::c::window_of(given_section));
           if (rgb == nullptr || bytes != needed) return palpate::c::room_is_missing(needed);
-          const auto image = palpate::render_section(model->felt(), palpate::c::plane_of(given), style);
+          const auto image =
+              palpate::render_section(model->current(), palpate::c::plane_of(given_section), style);
           std::memcpy(rgb, image.rgb.data(), needed);
           return PLP_OK;
         });
@@ -137,10 +138,11 @@ plp_status plp_model_section_labels(const plp_model* model, const plp_section* s
                                     size_t count) {
   return guarded([&] {
     return palpate::c::draw_section(
-        model, section, [&](const plp_section& given, const palpate::SectionStyle& style) {
-          const std::size_t needed = palpate::c::pixels_of(palpate::c::window_of(given));
+        model, section, [&](const plp_section& given_section, const palpate::SectionStyle& style) {
+          const std::size_t needed = palpate::c::pixels_of(palpate::c::window_of(given_section));
           if (labels == nullptr || count != needed) return palpate::c::room_is_missing(needed);
-          const auto found = palpate::section_labels(model->felt(), palpate::c::plane_of(given), style);
+          const auto found =
+              palpate::section_labels(model->current(), palpate::c::plane_of(given_section), style);
           std::memcpy(labels, found.data(), needed * sizeof *labels);
           return PLP_OK;
         });
@@ -150,15 +152,15 @@ plp_status plp_model_section_labels(const plp_model* model, const plp_section* s
 plp_status plp_model_picture(const plp_model* model, const plp_camera* camera, uint8_t* rgb, size_t bytes,
                              float* depth_mm) {
   return guarded([&] {
-    plp_camera given;
-    if (!is_handle(model) || !palpate::c::read(camera, given)) return PLP_BAD_INPUT;
-    if (auto fine = palpate::c::check_window(*model, palpate::c::window_of(given)); !fine)
+    plp_camera input;
+    if (!is_handle(model) || !palpate::c::read(camera, input)) return PLP_BAD_INPUT;
+    if (auto fine = palpate::c::check_window(*model, palpate::c::window_of(input)); !fine)
       return fail(fine.error());
-    if (!(given.eye_mm >= 1))
+    if (!(input.eye_mm >= 1))
       return fail(PLP_BAD_INPUT, "eye_mm: give a distance of at least 1 mm, or infinity");
-    const std::size_t pixels = palpate::c::pixels_of(palpate::c::window_of(given));
+    const std::size_t pixels = palpate::c::pixels_of(palpate::c::window_of(input));
     if (rgb == nullptr || bytes != 3 * pixels) return palpate::c::room_is_missing(3 * pixels);
-    return palpate::c::draw_picture(*model, given, {rgb, bytes},
+    return palpate::c::draw_picture(*model, input, {rgb, bytes},
                                     depth_mm == nullptr ? std::span<float>() : std::span(depth_mm, pixels));
   });
 }

@@ -46,9 +46,9 @@ plp_record record_of(const TickRecord& tick, std::size_t device) {
   copy(own.contact_part, record.contact_part);
   copy(own.contact_patient_mm, record.contact_patient_mm);
   copy(own.contact_N, record.contact_N);
-  copy(own.felt_label, record.felt_label);
-  copy(own.felt_depth_mm, record.felt_depth_mm);
-  copy(own.felt_share, record.felt_share);
+  copy(own.path_label, record.path_label);
+  copy(own.path_depth_mm, record.path_depth_mm);
+  copy(own.path_share, record.path_share);
   return record;
 }
 

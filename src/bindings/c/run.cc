@@ -92,12 +92,12 @@ plp_status plp_simulate(const plp_model* model, const plp_run_options* options, 
   return guarded([&] {
     if (run == nullptr) return fail(PLP_BAD_INPUT, "run: the place for the result is null");
     *run = nullptr;
-    plp_run_options given;
-    plp_run_options_init(&given, sizeof given);
-    if (!is_handle(model) || (options != nullptr && !palpate::c::read(options, given))) return PLP_BAD_INPUT;
-    auto simulation = palpate::c::simulation_of(given);
+    plp_run_options input;
+    plp_run_options_init(&input, sizeof input);
+    if (!is_handle(model) || (options != nullptr && !palpate::c::read(options, input))) return PLP_BAD_INPUT;
+    auto simulation = palpate::c::simulation_of(input);
     if (!simulation) return fail(simulation.error());
-    const auto script = palpate::c::script_of(given);
+    const auto script = palpate::c::script_of(input);
     if (!script) return fail(script.error());
 
     auto made = std::make_unique<plp_run>();
@@ -107,7 +107,7 @@ plp_status plp_simulate(const plp_model* model, const plp_run_options* options, 
     };
     auto result =
         palpate::simulate(model->loaded, *script, *simulation,
-                          given.recording == nullptr ? "" : given.recording, palpate::c::cancellable());
+                          input.recording == nullptr ? "" : input.recording, palpate::c::cancellable());
     if (!result) return fail(result.error());
     made->result = *std::move(result);
     *run = made.release();

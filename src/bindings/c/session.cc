@@ -73,9 +73,10 @@ plp_wrench plain(const Wrench& wrench, const SessionSetup& setup,
 void solve_soft_tissue(plp_session& session, double dt_s) {
   if (!session.soft_tissue) session.soft_tissue.emplace(std::clamp(1 / dt_s, kMinRate_hz, kMaxRate_hz));
   const TickRecord* const before = session.state.tick > 0 ? &session.record : nullptr;
-  const bool yields = before != nullptr && session.felt != nullptr && is_elastic(session.felt->tissue_law) &&
-                      session.felt->has(ForceMethod::kProxy);
-  if (yields ? session.soft_tissue->advance(*session.felt, before) : session.soft_tissue->rest())
+  const bool is_deformable = before != nullptr && session.last_model != nullptr &&
+                             is_elastic(session.last_model->tissue_law) &&
+                             session.last_model->has(ForceMethod::kProxy);
+  if (is_deformable ? session.soft_tissue->advance(*session.last_model, before) : session.soft_tissue->rest())
     session.setup.parameters.yields = session.soft_tissue->frame();
 }
 
@@ -96,7 +97,7 @@ void advance(plp_session& session, const Elements<const plp_pose>& poses, std::s
   if (session.setup.solve_soft_tissue) solve_soft_tissue(session, dt_s);
   tick(*session.model, session.setup.parameters, {session.states.data(), devices}, dt_s, session.state,
        {session.wrenches.data(), devices}, session.record);
-  if (session.felt != session.model) session.felt = session.model;
+  if (session.last_model != session.model) session.last_model = session.model;
   session.run_hash = mix_run_hash(session.run_hash, session.record.state_hash);
 }
 
@@ -117,36 +118,36 @@ plp_status check_run(const plp_session* session, const plp_pose* poses, std::siz
 }  // namespace
 
 Result<SessionSetup> setup_of(const plp_model& model, const plp_session_options* options) {
-  plp_session_options given;
-  plp_session_options_init(&given, sizeof given);
-  if (options != nullptr && !read(options, given))
+  plp_session_options input;
+  plp_session_options_init(&input, sizeof input);
+  if (options != nullptr && !read(options, input))
     return Error{ErrorKind::kBadInput, plp_last_error(), "", ""};
-  if (given.devices < 1 || given.devices > kMaxDevices) return bad_option("devices", given.devices);
-  if (given.frame != PLP_WORLD && given.frame != PLP_PATIENT) return bad_option("frame", given.frame);
-  const auto method = method_of(given.method);
+  if (input.devices < 1 || input.devices > kMaxDevices) return bad_option("devices", input.devices);
+  if (input.frame != PLP_WORLD && input.frame != PLP_PATIENT) return bad_option("frame", input.frame);
+  const auto method = method_of(input.method);
   if (!method) return method.error();
-  if (auto fine = check_numbers(given); !fine) return fine.error();
+  if (auto fine = check_numbers(input); !fine) return fine.error();
 
   SessionSetup setup;
-  setup.devices = given.devices;
-  setup.in_patient = given.frame == PLP_PATIENT;
-  setup.solve_soft_tissue = given.solve_soft_tissue != 0;
+  setup.devices = input.devices;
+  setup.in_patient = input.frame == PLP_PATIENT;
+  setup.solve_soft_tissue = input.solve_soft_tissue != 0;
   setup.method = method->value_or(model.method);
-  if (!model.felt().has(setup.method))
+  if (!model.current().has(setup.method))
     return Error{ErrorKind::kUsage, "the model is not prepared for " + std::string(name_of(setup.method)),
                  "method", "make or load it with this method"};
   setup.parameters.method = setup.method;
-  setup.parameters.friction = given.friction != 0;
-  setup.parameters.viscosity = given.viscosity != 0;
-  setup.parameters.passivity = given.passivity != 0;
-  setup.parameters.max_force_N = given.max_force_N;
+  setup.parameters.friction = input.friction != 0;
+  setup.parameters.viscosity = input.viscosity != 0;
+  setup.parameters.passivity = input.passivity != 0;
+  setup.parameters.max_force_N = input.max_force_N;
   for (std::size_t d = 0; d < setup.devices; ++d) {
     DeviceParameters& device = setup.parameters.device[d];
-    device.max_stiffness_N_per_mm = given.max_stiffness_N_per_mm;
-    device.position_step_mm = given.position_step_mm;
-    device.limits.continuous_force_N = given.continuous_force_N;
-    device.limits.slew_N_per_s = given.slew_N_per_s;
-    if (given.max_torque_Nmm > 0) device.limits.peak_torque_Nmm = given.max_torque_Nmm;
+    device.max_stiffness_N_per_mm = input.max_stiffness_N_per_mm;
+    device.position_step_mm = input.position_step_mm;
+    device.limits.continuous_force_N = input.continuous_force_N;
+    device.limits.slew_N_per_s = input.slew_N_per_s;
+    if (input.max_torque_Nmm > 0) device.limits.peak_torque_Nmm = input.max_torque_Nmm;
   }
   return setup;
 }
@@ -162,9 +163,9 @@ Result<void> check_later(const plp_model& model, const std::shared_ptr<const int
   if (model.loaded.model.get() == &current) return {};
   if (model.family != family)
     return Error{ErrorKind::kBadInput, "this is a version of another model", "model", "make a session of it"};
-  if (model.felt().version <= current.version)
+  if (model.current().version <= current.version)
     return Error{ErrorKind::kBadInput,
-                 "version " + std::to_string(model.felt().version) + " is not later than version " +
+                 "version " + std::to_string(model.current().version) + " is not later than version " +
                      std::to_string(current.version),
                  "model", "change the version that the session has"};
   return {};
@@ -248,7 +249,7 @@ plp_status plp_session_reset(plp_session* session) {
     if (!is_handle(session)) return PLP_BAD_INPUT;
     session->state = {};
     session->record = {};
-    session->felt.reset();
+    session->last_model.reset();
     session->soft_tissue.reset();
     session->setup.parameters.yields = {};
     session->run_hash = 0;
@@ -261,7 +262,7 @@ plp_status plp_session_set_model(plp_session* session, const plp_model* model) {
     if (!is_handle(session) || !is_handle(model)) return PLP_BAD_INPUT;
     if (auto fine = palpate::c::check_later(*model, session->family, *session->model); !fine)
       return fail(fine.error());
-    if (!model->felt().has(session->setup.method))
+    if (!model->current().has(session->setup.method))
       return fail(PLP_USAGE, "model: this version is not prepared for the session's method");
     session->model = model->loaded.model;
     return PLP_OK;

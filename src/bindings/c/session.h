@@ -39,7 +39,7 @@ struct plp_session {
   palpate::c::Tag tag = kTag;
   palpate::c::SessionSetup setup;
   std::shared_ptr<const int> family;
-  std::shared_ptr<const palpate::Model> model, felt;  ///< Model of the next tick, and of the last one
+  std::shared_ptr<const palpate::Model> model, last_model;  ///< Model of the next tick, and of the last one
   palpate::SessionState state;
   palpate::TickRecord record;
   std::array<palpate::DeviceState, palpate::kMaxDevices> states;

@@ -64,7 +64,7 @@ constexpr std::array k_plp_labels{
 
 constexpr std::array k_plp_tissue{
     PALPATE_FIELD(plp_tissue, size),
-    PALPATE_FIELD(plp_tissue, felt),
+    PALPATE_FIELD(plp_tissue, touchable),
     PALPATE_FIELD(plp_tissue, name),
     PALPATE_FIELD(plp_tissue, stiffness_N_per_mm),
     PALPATE_FIELD(plp_tissue, static_friction),
@@ -169,9 +169,9 @@ constexpr std::array k_plp_record{
     PALPATE_FIELD(plp_record, contact_part),
     PALPATE_FIELD(plp_record, contact_patient_mm),
     PALPATE_FIELD(plp_record, contact_N),
-    PALPATE_FIELD(plp_record, felt_label),
-    PALPATE_FIELD(plp_record, felt_depth_mm),
-    PALPATE_FIELD(plp_record, felt_share),
+    PALPATE_FIELD(plp_record, path_label),
+    PALPATE_FIELD(plp_record, path_depth_mm),
+    PALPATE_FIELD(plp_record, path_share),
 };
 
 constexpr std::array k_plp_session_options{
@@ -307,7 +307,7 @@ plp_status plp_labels_init(plp_labels* labels, size_t size) {
 plp_status plp_tissue_init(plp_tissue* tissue, size_t size) {
   const palpate::Tissue usual;
   plp_tissue defaults{};
-  defaults.felt = usual.felt;
+  defaults.touchable = usual.touchable;
   defaults.stiffness_N_per_mm = usual.stiffness_N_per_mm;
   defaults.static_friction = usual.static_friction;
   defaults.friction = usual.friction;

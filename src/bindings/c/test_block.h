@@ -69,9 +69,9 @@ inline std::vector<plp_pose> press(std::size_t ticks = 1000) {
   std::vector<plp_pose> poses(ticks);
   for (std::size_t n = 0; n < ticks; ++n) {
     plp_pose_init(&poses[n], sizeof poses[n]);
-    const double way = n < 600 ? static_cast<double>(n) / 600 : 1;
+    const double distance = n < 600 ? static_cast<double>(n) / 600 : 1;
     poses[n].tip_mm[0] = poses[n].tip_mm[1] = 9.5;
-    poses[n].tip_mm[2] = kTop_mm - 0.5 + 3 - 4 * way;
+    poses[n].tip_mm[2] = kTop_mm - 0.5 + 3 - 4 * distance;
   }
   return poses;
 }

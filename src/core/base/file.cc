@@ -298,11 +298,11 @@ Result<std::size_t> read_by(const std::filesystem::path& file, std::span<std::by
                             const ReadSome& read_some) {
   std::size_t used = 0;
   while (used < bytes.size()) {
-    const ssize_t got = read_some(used, bytes.subspan(used));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return cannot_be_read(file, errno);
-    if (got == 0) break;
-    used += static_cast<std::size_t>(got);
+    const ssize_t received = read_some(used, bytes.subspan(used));
+    if (received < 0 && errno == EINTR) continue;
+    if (received < 0) return cannot_be_read(file, errno);
+    if (received == 0) break;
+    used += static_cast<std::size_t>(received);
   }
   return used;
 }
@@ -408,13 +408,13 @@ Result<std::string> read_file(const std::filesystem::path& file, std::size_t max
   bytes.resize(static_cast<std::size_t>(std::min<std::uint64_t>(opened->size(), max_bytes)) + 1);
   while (true) {
     const auto rest = std::as_writable_bytes(std::span(bytes)).subspan(used);
-    const auto got = opened->read(rest);
-    if (!got) return got.error();
-    used += *got;
+    const auto received = opened->read(rest);
+    if (!received) return received.error();
+    used += *received;
     if (used > max_bytes)
       return Error{ErrorKind::kBadInput, "is larger than " + std::to_string(max_bytes >> 20) + " MiB",
                    file.string(), "is it the right file?"};
-    if (*got < rest.size()) break;
+    if (*received < rest.size()) break;
     bytes.resize(bytes.size() * 2);
   }
   bytes.resize(used);

@@ -17,15 +17,15 @@ namespace {
 TEST(ForEachIndex, TakesEachOnceForAnyNumberOfWorkers) {
   for (const int workers : {1, 2, 3, 64}) {
     for (const int count : {0, 1, 2, 7, 1000}) {
-      std::vector<std::atomic<int>> taken(static_cast<std::size_t>(count));
+      std::vector<std::atomic<int>> used(static_cast<std::size_t>(count));
       // one list for each worker: no lock
       std::vector<std::vector<std::thread::id>> threads(static_cast<std::size_t>(workers));
       EXPECT_TRUE(for_each_index(count, workers, [&](int worker, int index) {
-        taken[static_cast<std::size_t>(index)] += 1;
+        used[static_cast<std::size_t>(index)] += 1;
         threads.at(static_cast<std::size_t>(worker)).push_back(std::this_thread::get_id());
         return true;
       }));
-      for (const auto& times : taken) EXPECT_EQ(times, 1) << workers << " workers, " << count;
+      for (const auto& times : used) EXPECT_EQ(times, 1) << workers << " workers, " << count;
       for (const auto& own : threads)
         EXPECT_TRUE(std::ranges::all_of(own, [&](std::thread::id thread) { return thread == own[0]; }));
     }
@@ -65,12 +65,12 @@ TEST(ForEachIndex, WhatIsThrownIsTheCallers) {
 
 TEST(ForEachIndex, WithoutThreadsTheCallerDoesItAll) {
   const test::NoThreads none;
-  int taken = 0;
+  int used = 0;
   EXPECT_TRUE(for_each_index(100, 4, [&](int worker, int) {
     EXPECT_EQ(worker, 0);
-    return ++taken > 0;
+    return ++used > 0;
   }));
-  EXPECT_EQ(taken, 100);
+  EXPECT_EQ(used, 100);
 }
 
 TEST(ForEachIndex, AsManyWorkersAsThereAreProcessorsToRunOn) {

@@ -52,12 +52,12 @@ TEST(Mailbox, HoldsTheLatestPostUntilItIsTaken) {
 TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
   constexpr std::uint64_t kTaken = 20000;
   Mailbox<Letter<16>> mailbox;
-  std::atomic<std::uint64_t> taken = 0;
+  std::atomic<std::uint64_t> used = 0;
   std::atomic<bool> done = false;
   std::uint64_t posted = 0;
   std::thread writer([&] {
     for (const std::int64_t end_ns = monotonic_ns() + 1'000'000'000;
-         taken < kTaken && monotonic_ns() < end_ns;)
+         used < kTaken && monotonic_ns() < end_ns;)
       mailbox.post(Letter<16>(++posted));
     done = true;
   });
@@ -69,7 +69,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
     if (mailbox.take(letter)) {
       if (!letter.whole() || letter.number() <= last) ++faults;
       last = letter.number();
-      ++taken;
+      ++used;
     } else if (finished) {
       break;
     }
@@ -77,7 +77,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
   writer.join();
   EXPECT_EQ(faults, 0u);
   EXPECT_EQ(last, posted);
-  EXPECT_GT(taken, 4u);
+  EXPECT_GT(used, 4u);
 }
 
 TEST(Mailbox, AWriterThatDiesHalfWayHoldsTheReaderUpByNothing) {

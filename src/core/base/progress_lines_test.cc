@@ -21,7 +21,7 @@ TEST(ProgressLines, WhatIsDoneSoonIsSilent) {
 
 TEST(ProgressLines, AStageIsToldOnceAndThenEachTenSeconds) {
   ProgressLines lines(kBegun);
-  std::vector<std::string> told;
+  std::vector<std::string> reported;
   std::vector<int> when_s;
   // 20 reports a second of one stage that takes 35 s, then another
   for (int n = 0; n < 20 * 40; ++n) {
@@ -29,20 +29,20 @@ TEST(ProgressLines, AStageIsToldOnceAndThenEachTenSeconds) {
     const auto line =
         lines.line(first ? "smoothing" : "writing", first ? n / 700.0 : 0, kBegun + milliseconds(50 * n));
     if (!line) continue;
-    told.push_back(*line);
+    reported.push_back(*line);
     when_s.push_back(n / 20);
   }
-  EXPECT_EQ(told, (std::vector<std::string>{"smoothing 5 %", "smoothing 34 %", "smoothing 62 %",
-                                            "smoothing 91 %", "writing 0 %"}));
+  EXPECT_EQ(reported, (std::vector<std::string>{"smoothing 5 %", "smoothing 34 %", "smoothing 62 %",
+                                                "smoothing 91 %", "writing 0 %"}));
   EXPECT_EQ(when_s, (std::vector<int>{2, 12, 22, 32, 35}));
 }
 
 TEST(ProgressLines, StagesThatFollowEachOtherFastAreNotAllTold) {
   ProgressLines lines(kBegun);
-  int told = 0;
+  int reported = 0;
   for (int n = 0; n < 1000; ++n)
-    told += lines.line("structure " + std::to_string(n), 0, kBegun + milliseconds(10 * n)).has_value();
-  EXPECT_EQ(told, 4) << "in ten seconds";
+    reported += lines.line("structure " + std::to_string(n), 0, kBegun + milliseconds(10 * n)).has_value();
+  EXPECT_EQ(reported, 4) << "in ten seconds";
 }
 
 TEST(ProgressLines, AnEndIsNoNewsAndAFractionThatIsNoneIsZero) {

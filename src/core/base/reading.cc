@@ -50,7 +50,7 @@ std::optional<std::uint64_t> line_bytes(const std::filesystem::path& file, std::
 // without a limit
 std::uint64_t cgroup_memory_left() {
   std::uint64_t left = std::numeric_limits<std::uint64_t>::max();
-  const auto see = [&](const std::filesystem::path& folder, const char* most, const char* used) {
+  const auto observe = [&](const std::filesystem::path& folder, const char* most, const char* used) {
     const auto limit = number_of_file(folder / most), now = number_of_file(folder / used);
     if (limit && now) left = std::min(left, *limit - std::min(*limit, *now));
   };
@@ -66,8 +66,8 @@ std::uint64_t cgroup_memory_left() {
     if (!second && line.find("memory") == std::string_view::npos) continue;
     const std::filesystem::path root = second ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
     for (std::filesystem::path group = line.substr(slash + 2);; group = group.parent_path()) {
-      see(root / group, second ? "memory.max" : "memory.limit_in_bytes",
-          second ? "memory.current" : "memory.usage_in_bytes");
+      observe(root / group, second ? "memory.max" : "memory.limit_in_bytes",
+              second ? "memory.current" : "memory.usage_in_bytes");
       if (group.empty()) break;
     }
   }

@@ -23,8 +23,8 @@ TEST(Result, HoldsAValueOrAnError) {
 
 TEST(Result, MovesWhatCannotBeCopied) {
   Result<std::unique_ptr<int>> result = std::make_unique<int>(7);
-  const std::unique_ptr<int> taken = std::move(result).value();
-  EXPECT_EQ(*taken, 7);
+  const std::unique_ptr<int> used = std::move(result).value();
+  EXPECT_EQ(*used, 7);
 }
 
 TEST(ResultDeathTest, ReadingTheSideThatIsNotThereNamesItself) {

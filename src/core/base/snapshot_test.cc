@@ -119,15 +119,15 @@ TEST(Snapshot, AReaderThatStandsStillOrDiesHalfWayHoldsNobodyUp) {
   testing::Shared<LargeScene> scene;
   testing::Child reader([&] { load_for_ever(*scene); });
   auto written = std::make_unique<Large>();
-  auto seen = std::make_unique<Large>();
+  auto observed = std::make_unique<Large>();
   std::uint64_t n = 0;
   const auto expect_the_writer_goes_on = [&] {
     for (const std::uint64_t until = n + 50; n < until;) {
       *written = Large(++n);
       scene->snapshot.store(*written);
-      ASSERT_TRUE(scene->snapshot.try_load(*seen));
-      ASSERT_EQ(seen->number(), n);
-      ASSERT_TRUE(seen->whole());
+      ASSERT_TRUE(scene->snapshot.try_load(*observed));
+      ASSERT_EQ(observed->number(), n);
+      ASSERT_TRUE(observed->whole());
     }
   };
 

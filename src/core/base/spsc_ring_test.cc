@@ -48,15 +48,15 @@ TEST(SpscRing, DoesWhatABoundedDequeDoes) {
         ASSERT_EQ(ring.push(Item(n)), fits);
         if (fits) oracle.push_back(n);
       } else {
-        const std::size_t wanted = random() % out.size();
-        out[wanted] = Item(~n);
-        const std::size_t count = ring.pop(std::span(out).first(wanted));
-        ASSERT_EQ(count, std::min(wanted, oracle.size()));
+        const std::size_t requested = random() % out.size();
+        out[requested] = Item(~n);
+        const std::size_t count = ring.pop(std::span(out).first(requested));
+        ASSERT_EQ(count, std::min(requested, oracle.size()));
         for (std::size_t i = 0; i < count; ++i, oracle.pop_front()) {
           ASSERT_EQ(out[i].number(), oracle.front());
           ASSERT_TRUE(out[i].whole());
         }
-        ASSERT_EQ(out[wanted].number(), ~n) << "written beyond the span";
+        ASSERT_EQ(out[requested].number(), ~n) << "written beyond the span";
       }
       ASSERT_EQ(ring.size(), oracle.size());
     }

@@ -34,8 +34,8 @@ TEST(ActingForce, IsTheMeanActingForceForAnyTickLength) {
         held.pop_front();
       }
       for (const double later : held) pending += later * kFine_s;
-      const double told = follow_delay(Vector<World>(0, sent, 0), fine * kFine_s, delay_s, line).y();
-      ASSERT_NEAR(told, acted, 1e-9) << n;
+      const double reported = follow_delay(Vector<World>(0, sent, 0), fine * kFine_s, delay_s, line).y();
+      ASSERT_NEAR(reported, acted, 1e-9) << n;
       ASSERT_NEAR(pending_impulse_N_s(line, Vector<World>(0, 1, 0), delay_s), pending, 1e-12) << n;
     }
   }

@@ -17,7 +17,7 @@ std::optional<BlockingContact> blocking_contact(PairSet& pairs, const Point<Pati
     if (clearance_mm < min_mm) nearest = n;
     min_mm = std::min(min_mm, clearance_mm);
   }
-  if (min_mm > kProxyFeel.skin_mm || deepest_mm <= 0) return std::nullopt;
+  if (min_mm > kProxySettings.skin_mm || deepest_mm <= 0) return std::nullopt;
   const Vector<Patient> away = proxy - tip;
   return BlockingContact{nearest, away.normalized(), std::min(away.norm(), deepest_mm)};
 }
@@ -26,9 +26,9 @@ SearchDirections::SearchDirections(const Vector<Patient>& to_tip)
     : ahead_(to_tip.normalized().eigen()), right_(ahead_.unitOrthogonal()), up_(ahead_.cross(right_)) {}
 
 Eigen::Vector3d SearchDirections::direction(int cone, int n) const {
-  constexpr double kBetween_rad = 2 * std::numbers::pi / kProxyFeel.search_directions;
+  constexpr double kBetween_rad = 2 * std::numbers::pi / kProxySettings.search_directions;
   // successive cones are turned by half of that
-  const double aside = cone * kProxyFeel.search_cone_rad, around = (n + 0.5 * (cone & 1)) * kBetween_rad;
+  const double aside = cone * kProxySettings.search_cone_rad, around = (n + 0.5 * (cone & 1)) * kBetween_rad;
   return std::cos(aside) * ahead_ + std::sin(aside) * (std::cos(around) * right_ + std::sin(around) * up_);
 }
 

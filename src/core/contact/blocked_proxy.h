@@ -26,11 +26,11 @@ std::optional<BlockingContact> blocking_contact(PairSet& pairs, const Point<Pati
 class SearchDirections {
  public:
   explicit SearchDirections(const Vector<Patient>& to_tip);
-  /// @param cone  0 ... ProxyFeel::search_cones - 1
+  /// @param cone  0 ... ProxySettings::search_cones - 1
   /// @param n     0 ... count(cone) - 1
   /// @return unit vector
   Eigen::Vector3d direction(int cone, int n) const;
-  static int count(int cone) { return cone == 0 ? 1 : kProxyFeel.search_directions; }
+  static int count(int cone) { return cone == 0 ? 1 : kProxySettings.search_directions; }
 
  private:
   Eigen::Vector3d ahead_, right_, up_;

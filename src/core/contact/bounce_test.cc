@@ -31,20 +31,20 @@ struct Falling {
     BounceState state;
     double x_mm = 4, mm_s = -fall_mm_s, sent_N = 0, before_N = 0, read_before_mm = 0;
     bool inside = false;
-    std::array<double, 11> seen_mm{};
+    std::array<double, 11> observed_mm{};
     for (int n = 0; n < static_cast<int>(std::lround(time_s / kBounceTick_s)); ++n) {
       const double read_mm = std::floor(x_mm / step_mm) * step_mm;
-      std::copy_backward(seen_mm.begin(), seen_mm.end() - 1, seen_mm.end());
-      seen_mm[0] = read_mm;
-      const double asked_N = stiffness_N_per_mm * std::max(0.0, wall_mm - read_mm);
+      std::copy_backward(observed_mm.begin(), observed_mm.end() - 1, observed_mm.end());
+      observed_mm[0] = read_mm;
+      const double requested_N = stiffness_N_per_mm * std::max(0.0, wall_mm - read_mm);
       const double acting_N = sent_N;  // force commanded in the previous tick
-      if (asked_N > 0 && n > 10) {
+      if (requested_N > 0 && n > 10) {
         const double max_N =
-            limit_rebound_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01, step_mm,
+            limit_rebound_N({before_N, read_mm - read_before_mm, (read_mm - observed_mm[10]) / 0.01, step_mm,
                              acting_N * kBounceTick_s, kBounceTick_s},
                             state);
-        sent_N = acts ? std::min(asked_N, max_N) : asked_N;
-        limited += max_N < asked_N;
+        sent_N = acts ? std::min(requested_N, max_N) : requested_N;
+        limited += max_N < requested_N;
       } else {
         state = {};
         sent_N = 0;
@@ -116,7 +116,7 @@ TEST(Bounce, EndsAfterItsTimeLimit) {
     if (max_N < kNone) last = n;
   }
   EXPECT_GT(last, 5);
-  EXPECT_LE(last * kBounceTick_s, kBounceFeel.max_contact_s + kBounceTick_s);
+  EXPECT_LE(last * kBounceTick_s, kReboundSettings.max_contact_s + kBounceTick_s);
 }
 
 TEST(Bounce, UnforcedMotionGivesNoMassEstimate) {

@@ -73,7 +73,7 @@ int row_steps(const ToolSphere& sphere) {
   const double thinnest_mm =
       sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm =
-      std::max(kProxyFeel.min_row_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.max_row_gap_mm));
+      std::max(kProxySettings.min_row_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxySettings.max_row_gap_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }
 
@@ -105,8 +105,8 @@ double middle_of_touching(const Surface& surface, const Point<Patient>& centre, 
   };
   const double min_mm = distance_mm(step);
   double all = 1, sum = step;
-  for (const int way : {-1, 1}) {
-    for (int at = step + way; at >= 0 && at <= steps; at += way) {
+  for (const int direction : {-1, 1}) {
+    for (int at = step + direction; at >= 0 && at <= steps; at += direction) {
       const double weight = 1 - std::abs(distance_mm(at) - min_mm) / beside_mm;
       if (weight <= 0) break;
       all += weight;

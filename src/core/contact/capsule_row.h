@@ -7,9 +7,9 @@
 #include "palpate/sampling/surface.h"
 
 /// Capsule represented by a row of spheres. The spacing is chosen so that between two spheres the outline is
-/// at most ProxyFeel::max_row_gap_mm inside the capsule's, even against a sharp edge across the axis; thin
-/// capsules have a spacing of ProxyFeel::min_row_pitch_mm. A tapered capsule has the spacing of its thin end
-/// throughout.
+/// at most ProxySettings::max_row_gap_mm inside the capsule's, even against a sharp edge across the axis;
+/// thin capsules have a spacing of ProxySettings::min_row_pitch_mm. A tapered capsule has the spacing of its
+/// thin end throughout.
 namespace palpate {
 
 /// Number of intervals between the spheres of the row; 0 for a sphere.

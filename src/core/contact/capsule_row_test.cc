@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::random_direction;
 
 constexpr unsigned kRowSeed = 83;
@@ -24,7 +24,8 @@ TEST(CapsuleRow, OutlineApproximatesTheCapsuleWithinTolerance) {
       const int steps = row_steps({{}, radius_mm, {0, 0, length_mm}});
       ASSERT_GE(steps, 1);
       const double half_mm = 0.5 * length_mm / steps;
-      EXPECT_LE(radius_mm - std::sqrt(radius_mm * radius_mm - half_mm * half_mm), kProxyFeel.max_row_gap_mm);
+      EXPECT_LE(radius_mm - std::sqrt(radius_mm * radius_mm - half_mm * half_mm),
+                kProxySettings.max_row_gap_mm);
     }
   // thin capsules have the minimum spacing
   for (const double radius_mm : {0.0, 0.1}) EXPECT_EQ(row_steps({{}, radius_mm, {10, 0, 0}}), 67);
@@ -33,9 +34,9 @@ TEST(CapsuleRow, OutlineApproximatesTheCapsuleWithinTolerance) {
 // a ball, and a plate along which a row may lie, on rotated voxels
 std::vector<ContactSurface> ball_and_plate(std::mt19937& random) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
-  return {felt_surface(
+  return {make_contact_surface(
               cube_grid(14, {0.5, 0.5, 0.9}, turn), [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4),
-          felt_surface(
+          make_contact_surface(
               cube_grid(14, {0.5, 0.5, 0.9}, turn), [](const Eigen::Vector3d& p) { return p.z(); }, 4)};
 }
 

@@ -13,7 +13,7 @@ double free_distance_mm(PairSet& pairs, const Point<Patient>& proxy) {
   for (std::size_t n = 0; n < pairs.count(); ++n) {
     // a surface within the skin that has no normal is no constraint: half of its clearance
     const double clearance_mm = pairs.clearance(n, proxy);
-    const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxyFeel.skin_mm, 0.5 * clearance_mm});
+    const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxySettings.skin_mm, 0.5 * clearance_mm});
     free_mm = std::min(free_mm, leaves_mm / pairs[n].surface->steepest());
   }
   return free_mm;
@@ -24,8 +24,8 @@ double free_distance_mm(PairSet& pairs, const Point<Patient>& proxy) {
 double gather_constraints(PairSet& pairs, const Point<Patient>& proxy, ContactConstraints& constraints) {
   constraints.clear();
   for (std::size_t n = 0; n < pairs.count(); ++n) {
-    const double clearance_mm = pairs.clearance(n, proxy, kProxyFeel.skin_mm);
-    if (clearance_mm <= kProxyFeel.skin_mm) constraints.add(pairs[n], pairs.step(n), proxy, clearance_mm);
+    const double clearance_mm = pairs.clearance(n, proxy, kProxySettings.skin_mm);
+    if (clearance_mm <= kProxySettings.skin_mm) constraints.add(pairs[n], pairs.step(n), proxy, clearance_mm);
   }
   return constraints.count() == 0 ? free_distance_mm(pairs, proxy) : std::numeric_limits<double>::infinity();
 }
@@ -33,8 +33,8 @@ double gather_constraints(PairSet& pairs, const Point<Patient>& proxy, ContactCo
 bool add_penetrated(PairSet& pairs, const Point<Patient>& end, ContactConstraints& constraints) {
   bool any = false;
   for (std::size_t n = 0; n < pairs.count(); ++n) {
-    const double clearance_mm = pairs.clearance(n, end, -kProxyFeel.substep_penetration_mm);
-    if (clearance_mm >= -kProxyFeel.substep_penetration_mm) continue;
+    const double clearance_mm = pairs.clearance(n, end, -kProxySettings.substep_penetration_mm);
+    if (clearance_mm >= -kProxySettings.substep_penetration_mm) continue;
     constraints.add(pairs[n], pairs.step(n), end, clearance_mm);
     any = true;
   }
@@ -43,7 +43,8 @@ bool add_penetrated(PairSet& pairs, const Point<Patient>& end, ContactConstraint
 
 bool penetrates_any(PairSet& pairs, const Point<Patient>& at) {
   for (std::size_t n = 0; n < pairs.count(); ++n)
-    if (pairs.clearance(n, at, -kProxyFeel.substep_penetration_mm) < -kProxyFeel.substep_penetration_mm)
+    if (pairs.clearance(n, at, -kProxySettings.substep_penetration_mm) <
+        -kProxySettings.substep_penetration_mm)
       return true;
   return false;
 }

@@ -104,10 +104,10 @@ void store_contacts(const ClosestPoint& nearest, const PairSet& pairs, const Con
     for (std::size_t c = 0; c < constraints.count(); ++c) {
       const HalfSpace& other = constraints.half_space(c);
       const double clearance_mm = other.clearance(nearest.point);
-      if (other.normal.dot(active.normal) < kProxyFeel.min_parallel_cosine ||
-          clearance_mm >= kProxyFeel.load_sharing_mm)
+      if (other.normal.dot(active.normal) < kProxySettings.min_parallel_cosine ||
+          clearance_mm >= kProxySettings.load_sharing_mm)
         continue;
-      all += weight[c] = 1 - std::max(0.0, clearance_mm) / kProxyFeel.load_sharing_mm;
+      all += weight[c] = 1 - std::max(0.0, clearance_mm) / kProxySettings.load_sharing_mm;
     }
     for (std::size_t c = 0; c < constraints.count(); ++c)
       if (weight[c] > 0)

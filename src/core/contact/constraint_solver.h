@@ -87,7 +87,8 @@ void add_contact(const PairSet& pairs, const ContactOrigin& origin, const Vector
                  double multiplier_mm, ProxyLayer& layer, ContactOrigins& origins);
 
 /// Replaces a layer's contacts by the active constraints. Constraints parallel to an active one and within
-/// ProxyFeel::load_sharing_mm of the goal, e.g. of a second sphere on the same plane, share its multiplier.
+/// ProxySettings::load_sharing_mm of the goal, e.g. of a second sphere on the same plane, share its
+/// multiplier.
 void store_contacts(const ClosestPoint& nearest, const PairSet& pairs, const ContactConstraints& constraints,
                     ProxyLayer& layer, ContactOrigins& origins);
 

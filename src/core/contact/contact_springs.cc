@@ -26,8 +26,8 @@ double LayerStiffness::contribution(const ContactSurface& surface, const Contact
   const double own = std::min(structure.stiffness_N_per_mm, max_N_per_mm_);
   const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
   // relative tolerance: rounding of the sum must not count as a shortfall
-  const bool less = given_N_per_mm_ && *given_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
-  return up_to - std::min(own, less ? *given_N_per_mm_ : surface.from_N_per_mm);
+  const bool less = contributed_N_per_mm_ && *contributed_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
+  return up_to - std::min(own, less ? *contributed_N_per_mm_ : surface.from_N_per_mm);
 }
 
 ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerCache& owners) {

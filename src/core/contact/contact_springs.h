@@ -35,15 +35,15 @@ class LayerStiffness {
   /// Adds a layer's mean contribution to the sum provided by the outer layers. Layers are added from outside
   /// to inside.
   void add(double mean_N_per_mm) {
-    if (given_N_per_mm_) *given_N_per_mm_ += mean_N_per_mm;
+    if (contributed_N_per_mm_) *contributed_N_per_mm_ += mean_N_per_mm;
   }
   /// Makes the layers' lower bounds apply from now on: after a layer without contact, or with a deformable
   /// structure, the sum is unknown.
-  void forget() { given_N_per_mm_.reset(); }
+  void forget() { contributed_N_per_mm_.reset(); }
 
  private:
   double max_N_per_mm_;
-  std::optional<double> given_N_per_mm_ = 0;  // sum provided by the outer layers; empty: unknown
+  std::optional<double> contributed_N_per_mm_ = 0;  // sum provided by the outer layers; empty: unknown
 };
 
 /// Inputs of one layer's spring force, after the update of the layer's proxy.

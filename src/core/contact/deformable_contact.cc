@@ -93,8 +93,8 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   force.own_secant_N_per_mm = limited ? yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
                                       : force.secant_N_per_mm;
   if (options.relaxation_times == nullptr) return force;
-  RelaxingContact contact{spot.relaxed, at, kYieldFeel.dent_radii * pressed.radius_mm * per_multiplier,
-                          kYieldFeel.blend_s};
+  RelaxingContact contact{spot.relaxed, at, kYieldSettings.dent_radii * pressed.radius_mm * per_multiplier,
+                          kYieldSettings.blend_s};
   if (!spot.is_known()) {
     contact.parts = {};
     contact.parts.add(pressed.relaxed, per_multiplier);

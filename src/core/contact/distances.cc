@@ -51,8 +51,8 @@ class NearestOfTool {
           std::min_element(place_.begin(), place_.begin() + count_,
                            [](const auto& a, const auto& b) { return a.distance_mm < b.distance_mm; });
       if (!best->on_surface) return;
-      const Vector<Patient> way = *best->on_surface - (tip_ + sphere.offset_mm);
-      const double part = std::clamp(way.dot(sphere.along_mm) / (length_mm * length_mm), 0.0, 1.0);
+      const Vector<Patient> displacement = *best->on_surface - (tip_ + sphere.offset_mm);
+      const double part = std::clamp(displacement.dot(sphere.along_mm) / (length_mm * length_mm), 0.0, 1.0);
       if (std::abs(part - best->part) * length_mm < kStill_mm) return;
       look_at(sphere, part, 0);
     }
@@ -151,7 +151,7 @@ ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& t
 std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
                                                                std::span<const ToolSphere> spheres,
                                                                const Point<Patient>& tip) {
-  std::array<NearStructure, kMaxNearReported> told;
+  std::array<NearStructure, kMaxNearReported> reported;
   const ToolBox tool = box_of_tool(spheres, tip);
   const std::vector<TrackedStructure>& structures = distances.structures();
   std::size_t count = 0;
@@ -161,26 +161,26 @@ std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& 
   for (const double part : {0.1, 0.4, 1.0}) {
     const double ring_mm = part * distances.reach_mm();
     for (std::size_t s = 0; s < structures.size(); ++s) {
-      if (!structures[s].told) continue;
+      if (!structures[s].reported) continue;
       const double min_mm = distances.at_least_mm(s, tool);
       if (!(min_mm > looked_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
       const auto near = distance_of_tool(*structures[s].tree, spheres, tip, within_mm);
       if (!near || !(near->distance_mm <= within_mm)) continue;
       const NearStructure here{structures[s].label, near->distance_mm};
-      const auto end = told.begin() + static_cast<std::ptrdiff_t>(count);
-      const auto place = std::upper_bound(told.begin(), end, here, [](const auto& a, const auto& b) {
+      const auto end = reported.begin() + static_cast<std::ptrdiff_t>(count);
+      const auto place = std::upper_bound(reported.begin(), end, here, [](const auto& a, const auto& b) {
         return a.distance_mm < b.distance_mm;
       });
-      if (place == told.end()) continue;
-      if (count < told.size()) ++count;
-      std::move_backward(place, told.begin() + static_cast<std::ptrdiff_t>(count) - 1,
-                         told.begin() + static_cast<std::ptrdiff_t>(count));
+      if (place == reported.end()) continue;
+      if (count < reported.size()) ++count;
+      std::move_backward(place, reported.begin() + static_cast<std::ptrdiff_t>(count) - 1,
+                         reported.begin() + static_cast<std::ptrdiff_t>(count));
       *place = here;
-      if (count == told.size()) within_mm = told.back().distance_mm;
+      if (count == reported.size()) within_mm = reported.back().distance_mm;
     }
     looked_mm = ring_mm;
   }
-  return told;
+  return reported;
 }
 
 }  // namespace palpate

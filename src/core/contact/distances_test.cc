@@ -16,13 +16,13 @@ namespace {
 
 using testing::cube_grid;
 using testing::Distance;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::SurfaceOracle;
 
 constexpr double kTolerance_mm = 0.05;
 
 std::shared_ptr<const Surface> surface_of(const GridGeometry& grid, const Distance& distance_mm) {
-  return felt_surface(grid, distance_mm, 4).surface;
+  return make_contact_surface(grid, distance_mm, 4).surface;
 }
 
 /// The grids of the contact tests, axis-aligned and rotated.
@@ -250,22 +250,22 @@ TEST(Distances, ReportedDistancesAreTheNearestInOrder) {
     // reference: all structures one by one
     std::vector<std::pair<double, LabelId>> all;
     for (const TrackedStructure& structure : distances.structures())
-      if (const auto near = structure.tree->nearest(tip, 20); near && structure.told)
+      if (const auto near = structure.tree->nearest(tip, 20); near && structure.reported)
         all.push_back({near->distance_mm, structure.label});
     std::sort(all.begin(), all.end());
-    const auto told = nearest_structures(distances, point, tip);
-    for (std::size_t place = 0; place < told.size(); ++place) {
-      if (place >= all.size()) {
-        EXPECT_EQ(told[place].label, 0);
+    const auto reported = nearest_structures(distances, point, tip);
+    for (std::size_t index = 0; index < reported.size(); ++index) {
+      if (index >= all.size()) {
+        EXPECT_EQ(reported[index].label, 0);
         continue;
       }
       // the search limit affects the result by at most the slack
-      EXPECT_NEAR(told[place].distance_mm, all[place].first, 2 * SurfaceTree::kSlack_mm);
-      const std::size_t before = place > 0 ? place - 1 : 0;
-      EXPECT_GE(told[place].distance_mm, told[before].distance_mm);
+      EXPECT_NEAR(reported[index].distance_mm, all[index].first, 2 * SurfaceTree::kSlack_mm);
+      const std::size_t before = index > 0 ? index - 1 : 0;
+      EXPECT_GE(reported[index].distance_mm, reported[before].distance_mm);
     }
-    full += told.back().label != 0;
-    none += told.front().label == 0;
+    full += reported.back().label != 0;
+    none += reported.front().label == 0;
   }
   EXPECT_GT(full, 0);
   EXPECT_GT(none, 10);

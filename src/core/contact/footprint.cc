@@ -31,8 +31,8 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   std::size_t pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
-      const Vector<Patient> way = places[a].middle_mm - places[b].middle_mm;
-      aside_mm2[pair] = (way - along * way.dot(along)).squared_norm();
+      const Vector<Patient> displacement = places[a].middle_mm - places[b].middle_mm;
+      aside_mm2[pair] = (displacement - along * displacement.dot(along)).squared_norm();
       const double radius = radius_mm(a, b);
       if (!(aside_mm2[pair] < radius * radius)) continue;
       const double behind = 1 - std::min(1.0, std::sqrt(aside_mm2[pair]) / radius);
@@ -92,20 +92,20 @@ std::size_t press_places(std::span<const ContactSurface> all, std::span<const in
     const double length_mm = sphere.along_mm.norm();
     // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
     // in a rotation
-    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldFeel.min_radius_mm});
+    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldSettings.min_radius_mm});
     const int steps =
         length_mm > 0 ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(most) - 1) : 0;
     for (int n = 0; n <= steps; ++n) {
       const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
       PressPlace place{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
       for (const int s : surfaces) {
-        const ContactSurface& felt = all[static_cast<std::size_t>(s)];
-        if (felt.surface == nullptr) continue;
-        const double depth_mm = place.radius_mm - felt.surface->distance_mm(tip + place.middle_mm);
+        const ContactSurface& surface = all[static_cast<std::size_t>(s)];
+        if (surface.surface == nullptr) continue;
+        const double depth_mm = place.radius_mm - surface.surface->distance_mm(tip + place.middle_mm);
         place.depth_mm = std::max(place.depth_mm, depth_mm);
       }
       // a thinner part presses like a sphere of the minimum radius at the same depth
-      place.radius_mm = std::max(place.radius_mm, kYieldFeel.min_radius_mm);
+      place.radius_mm = std::max(place.radius_mm, kYieldSettings.min_radius_mm);
       if (place.depth_mm > 0) places[count++] = place;
     }
   }

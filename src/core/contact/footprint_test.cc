@@ -74,7 +74,7 @@ TEST(Footprint, MatchesTheHalfSpaceSolution) {
     EXPECT_NEAR(pressed_N(footprint_of(places, kUp)), truth_N, 0.03 * truth_N)
         << apart_mm << ", " << higher_mm;
   }
-  const ContactSurface plane = testing::felt_surface(
+  const ContactSurface plane = testing::make_contact_surface(
       testing::cube_grid(45, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
   const int edge_contact_front = 0;
   struct Shaft {
@@ -151,7 +151,7 @@ TEST(Footprint, IsContinuous) {
 // A shaft pushed in along its axis presses with its end only, at any depth; lying flat it presses with its
 // whole length.
 TEST(Footprint, ShaftPressesWithItsSupportedLength) {
-  const ContactSurface plane = testing::felt_surface(
+  const ContactSurface plane = testing::make_contact_surface(
       testing::cube_grid(40, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
   const int edge_contact_front = 0;
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {

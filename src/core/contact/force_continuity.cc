@@ -23,7 +23,7 @@ DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patie
   return {layer.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
 }
 
-double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const Vector<Patient>& stretched_mm,
+double limit_stretch_mm(const Vector<Patient>& away_mm, double target_mm, const Vector<Patient>& stretched_mm,
                         double max_change_mm) {
   const double length_mm = away_mm.norm();
   // Lengths along the new direction whose spring vector lies in a ball around the last one: the projection
@@ -31,17 +31,17 @@ double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const 
   const double before_mm = stretched_mm.dot(away_mm) / length_mm;
   const double turned_squared = stretched_mm.squared_norm() - before_mm * before_mm;
   const double change_mm = std::sqrt(std::max(0.0, max_change_mm * max_change_mm - turned_squared));
-  return std::min(std::clamp(wanted_mm, before_mm - change_mm, before_mm + change_mm), length_mm);
+  return std::min(std::clamp(target_mm, before_mm - change_mm, before_mm + change_mm), length_mm);
 }
 
-double limit_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
+double limit_stiffness(double requested, std::optional<double> before, const Vector<Patient>& stretched_mm,
                        double slip_N, const SpringMotion& motion) {
   const double length_mm = stretched_mm.norm();
-  if (!before || !(length_mm > 0)) return wanted;
+  if (!before || !(length_mm > 0)) return requested;
   // a spring that was inactive may already be longer than the tool's displacement explains
   const double beyond_mm = length_mm - motion.catch_up_mm;
-  if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
-  if (!std::isfinite(motion.max_change_mm)) return wanted;
+  if (*before == 0) return beyond_mm > 0 ? std::min(requested, slip_N / beyond_mm) : requested;
+  if (!std::isfinite(motion.max_change_mm)) return requested;
   // Stiffnesses whose force lies in a ball around the last force; its radius is the last stiffness times
   // max_change_mm. Lengths are relative to the current spring.
   const double along = motion.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
@@ -49,7 +49,7 @@ double limit_stiffness(double wanted, std::optional<double> before, const Vector
   const double change = motion.max_change_mm / length_mm;
   const double most = change * change - across;
   if (!(most > 0)) return *before;
-  return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
+  return std::clamp(requested, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
 }
 
 void SlipBudget::spend(std::optional<double> before_N_per_mm, const ProxyForce& now,

@@ -34,7 +34,7 @@ struct DisplacementLimit {
   bool is_outside(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
   /// Whether a position is on the boundary, within the displacement that counts as rest, or outside.
   bool is_at_limit(const Point<Patient>& at) const {
-    return (at - middle).norm() > length_mm - kProxyFeel.at_rest_mm;
+    return (at - middle).norm() > length_mm - kProxySettings.at_rest_mm;
   }
   /// Maximum fraction, 0 ... 1, of a displacement whose end is within the ball.
   double fraction_within(const Point<Patient>& from, const Vector<Patient>& displacement_mm) const {
@@ -57,25 +57,25 @@ struct DisplacementLimit {
 DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
                                      double turned_mm, double max_slip_mm);
 
-/// Rate-limited length of the spring: the length nearest to `wanted_mm` for which the spring vector differs
+/// Rate-limited length of the spring: the length nearest to `target_mm` for which the spring vector differs
 /// from that of the last tick by at most max_change_mm. If the direction alone changes by more, the last
 /// length projected onto the new direction.
 /// @param away_mm         vector from the tip to the proxy, the direction of the spring; not 0
-/// @param wanted_mm       length for the current contacts
+/// @param target_mm       length for the current contacts
 /// @param stretched_mm    spring vector of the last tick, tip to proxy
 /// @param max_change_mm   radius of the displacement limit; finite
 /// @return length in mm, at most that of away_mm; 0 or less: the spring is inactive
-double limit_stretch_mm(const Vector<Patient>& away_mm, double wanted_mm, const Vector<Patient>& stretched_mm,
+double limit_stretch_mm(const Vector<Patient>& away_mm, double target_mm, const Vector<Patient>& stretched_mm,
                         double max_change_mm);
 
 /// Rate-limited spring stiffness. The stiffness depends on position and contacts. Its change is limited so
 /// that the force changes by at most the displacement limit times the last stiffness. A spring that was
 /// inactive starts with a stiffness at which its length beyond motion.catch_up_mm causes at most `slip_N`.
-/// @param wanted        stiffness of the current contacts, N/mm
+/// @param requested        stiffness of the current contacts, N/mm
 /// @param before        stiffness of the last tick, N/mm; empty: unknown, no limit
 /// @param stretched_mm  current spring vector, tip to proxy
 /// @param slip_N        permitted force change in this tick beyond that caused by the tool's displacement
-double limit_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
+double limit_stiffness(double requested, std::optional<double> before, const Vector<Patient>& stretched_mm,
                        double slip_N, const SpringMotion& motion);
 
 /// Slip budget of one tick, spent by the layers from outside to inside.

@@ -63,15 +63,15 @@ class ActiveSet {
 
   std::optional<ClosestPoint> accept(const std::array<int, 3>& active,
                                      const std::array<double, 3>& multiplier_mm, int count) const {
-    Eigen::Vector3d way = Eigen::Vector3d::Zero();
+    Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
     for (int n = 0; n < count; ++n) {
       if (!(multiplier_mm[n] > 0)) return std::nullopt;
-      way += normal_[active[n]] * multiplier_mm[n];
+      displacement += normal_[active[n]] * multiplier_mm[n];
     }
-    const double slack_mm = kOnPlane_mm + 1e-9 * (scale_mm_ + way.norm());
+    const double slack_mm = kOnPlane_mm + 1e-9 * (scale_mm_ + displacement.norm());
     for (std::size_t i = 0; i < count_; ++i)
-      if (!(normal_[i].dot(way) >= needed_mm_[i] - slack_mm)) return std::nullopt;
-    return ClosestPoint{x_ + Vector<Patient>(way), active, multiplier_mm, count};
+      if (!(normal_[i].dot(displacement) >= needed_mm_[i] - slack_mm)) return std::nullopt;
+    return ClosestPoint{x_ + Vector<Patient>(displacement), active, multiplier_mm, count};
   }
 
   Point<Patient> x_;

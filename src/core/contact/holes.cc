@@ -17,10 +17,10 @@ double aside_mm(const Hole& hole, const Vector<Patient>& from_entry) {
 
 bool Hole::fits(const Point<Patient>& middle, double part_radius_mm) const {
   const Vector<Patient> from_entry = middle - at;
-  const double along_mm = from_entry.dot(inward), play_mm = kProxyFeel.hole_play_mm;
+  const double along_mm = from_entry.dot(inward), play_mm = kProxySettings.hole_play_mm;
   // a part may be anywhere in the hole, with a tolerance for one in contact with the rim beside it
   const double room_mm = radius_mm - part_radius_mm + play_mm;
-  return part_radius_mm <= radius_mm + kProxyFeel.skin_mm && along_mm >= -play_mm &&
+  return part_radius_mm <= radius_mm + kProxySettings.skin_mm && along_mm >= -play_mm &&
          along_mm <= length_mm + play_mm && aside_mm(*this, from_entry) <= room_mm;
 }
 
@@ -37,7 +37,8 @@ void Holes::extend(int structure, const Point<Patient>& middle) {
   for (std::size_t n = 0; n < count_; ++n) {
     Hole& hole = hole_[n];
     const Vector<Patient> from_entry = middle - hole.at;
-    if (hole.structure != structure || aside_mm(hole, from_entry) > hole.radius_mm + kProxyFeel.hole_play_mm)
+    if (hole.structure != structure ||
+        aside_mm(hole, from_entry) > hole.radius_mm + kProxySettings.hole_play_mm)
       continue;
     hole.length_mm = std::max(hole.length_mm, from_entry.dot(hole.inward));
   }

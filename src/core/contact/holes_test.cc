@@ -24,7 +24,7 @@ std::uint64_t hash_of(const Holes& holes) {
 
 TEST(Holes, AdmitToolsThatFitAtAnyOffset) {
   const Hole hole = made();
-  const double play_mm = kProxyFeel.hole_play_mm;
+  const double play_mm = kProxySettings.hole_play_mm;
   EXPECT_TRUE(hole.fits({0, 0, 0}, 1));
   EXPECT_TRUE(hole.fits({0.9 * play_mm, 0, 0}, 1));
   EXPECT_FALSE(hole.fits({1.1 * play_mm, 0, 0}, 1));

@@ -68,7 +68,7 @@ std::string burr_in_words(const Tool& tool) {
 double Model::greatest_stiffness_N_per_mm() const {
   double greatest = 0;
   for (const Tissue& tissue : tissues)
-    if (tissue.felt) greatest = std::max(greatest, tissue.stiffness_N_per_mm);
+    if (tissue.touchable) greatest = std::max(greatest, tissue.stiffness_N_per_mm);
   return greatest;
 }
 

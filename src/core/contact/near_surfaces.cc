@@ -44,7 +44,7 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
     if (!can_touch(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
     // early-out for the common case: the path does not reach the surface's bounding box
-    const bool known_free = surface.outside_mm() > widest_mm + kProxyFeel.skin_mm;
+    const bool known_free = surface.outside_mm() > widest_mm + kProxySettings.skin_mm;
     if (known_free && surface.is_beyond(tool.low, tool.high, reach_mm)) continue;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
@@ -69,9 +69,10 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
       const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
-      const double min_mm = sphere.radius_mm - kProxyFeel.outside_mm;
+      const double min_mm = sphere.radius_mm - kProxySettings.outside_mm;
       if (pair.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= min_mm) continue;
-      if (pair.clearance(at, -kProxyFeel.outside_mm, pair.steps / 2, queries).mm < -kProxyFeel.outside_mm)
+      if (pair.clearance(at, -kProxySettings.outside_mm, pair.steps / 2, queries).mm <
+          -kProxySettings.outside_mm)
         return false;
     }
   }
@@ -107,7 +108,7 @@ double PairSet::middle_of_touching(std::size_t n, const Point<Patient>& proxy, i
   const ContactPair& pair = pairs_[n];
   if (pair.steps == 0) return 0;
   return palpate::middle_of_touching(*pair.surface, proxy + pair.shape.offset_mm, pair.shape, pair.steps,
-                                     step, kProxyFeel.load_sharing_mm, queries_);
+                                     step, kProxySettings.load_sharing_mm, queries_);
 }
 
 void PairSet::turn(std::span<const ToolSphere> spheres) {
@@ -127,18 +128,18 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
 void PairSet::insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation) {
   if (count_ == kMaxPairs)
     left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxPairs - 1]));
-  std::size_t place = count_;
-  while (place > 0 && clearances_mm_[place - 1] > clearance_mm) --place;
-  if (place == kMaxPairs) return;
+  std::size_t index = count_;
+  while (index > 0 && clearances_mm_[index - 1] > clearance_mm) --index;
+  if (index == kMaxPairs) return;
   count_ = std::min(count_ + 1, kMaxPairs);
-  for (std::size_t n = count_ - 1; n > place; --n) {
+  for (std::size_t n = count_ - 1; n > index; --n) {
     pairs_.make(n, pairs_[n - 1]);
     evaluations_.make(n, evaluations_[n - 1]);
     clearances_mm_.make(n, clearances_mm_[n - 1]);
   }
-  pairs_.make(place, pair);
-  evaluations_.make(place, evaluation);
-  clearances_mm_.make(place, clearance_mm);
+  pairs_.make(index, pair);
+  evaluations_.make(index, evaluation);
+  clearances_mm_.make(index, clearance_mm);
 }
 
 bool ContactConstraints::add(const ContactPair& pair, int step, const Point<Patient>& at,
@@ -146,23 +147,24 @@ bool ContactConstraints::add(const ContactPair& pair, int step, const Point<Pati
   const Vector<Patient> normal = pair.surface->outward(at + pair.offset_mm(step));
   if (normal == Vector<Patient>()) return false;
   const HalfSpace plane{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
-  const std::size_t place = full() ? place_of_weaker(plane) : count_++;
-  if (place == kMaxHalfSpaces) return false;
-  put(place, pair, step, plane);
+  const std::size_t index = full() ? place_of_weaker(plane) : count_++;
+  if (index == kMaxHalfSpaces) return false;
+  put(index, pair, step, plane);
   return true;
 }
 
-void ContactConstraints::put(std::size_t place, const ContactPair& pair, int step, const HalfSpace& plane) {
-  half_spaces_.make(place, plane);
-  pairs_.make(place, &pair);
-  step_.make(place, step);
+void ContactConstraints::put(std::size_t index, const ContactPair& pair, int step, const HalfSpace& plane) {
+  half_spaces_.make(index, plane);
+  pairs_.make(index, &pair);
+  step_.make(index, step);
 }
 
 // index of a parallel half-space that is less restrictive, or kMaxHalfSpaces
 std::size_t ContactConstraints::place_of_weaker(const HalfSpace& plane) const {
   std::size_t n = 0;
-  while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(plane.normal) > kProxyFeel.min_parallel_cosine &&
-                                 half_spaces_[n].offset < plane.offset))
+  while (n < kMaxHalfSpaces &&
+         !(half_spaces_[n].normal.dot(plane.normal) > kProxySettings.min_parallel_cosine &&
+           half_spaces_[n].offset < plane.offset))
     ++n;
   return n;
 }
@@ -178,7 +180,7 @@ bool project_out(PairSet& pairs, int max_steps, double step_mm, Point<Patient>& 
       deepest_mm = std::min(deepest_mm, clearance_mm);
       if (clearance_mm < 0) constraints.add(pairs[i], pairs.step(i), outside, clearance_mm);
     }
-    if (deepest_mm > -kProxyFeel.outside_mm) {
+    if (deepest_mm > -kProxySettings.outside_mm) {
       proxy = outside;
       return true;
     }

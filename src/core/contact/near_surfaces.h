@@ -96,7 +96,7 @@ class PairSet {
   /// Maximum slope of the distance fields in the set; at least 1.
   double steepest() const;
   /// Whether any sphere was inside a surface at the position passed to gather().
-  bool penetrates() const { return count_ > 0 && clearances_mm_[0] <= -kProxyFeel.outside_mm; }
+  bool penetrates() const { return count_ > 0 && clearances_mm_[0] <= -kProxySettings.outside_mm; }
 
   /// Clearance of pair n, or a lower bound above `enough_mm` where that is cheaper. Cached: a clearance
   /// decreases by at most the surface's maximum slope times the displacement.
@@ -162,7 +162,7 @@ class ContactConstraints {
 
  private:
   std::size_t place_of_weaker(const HalfSpace& plane) const;
-  void put(std::size_t place, const ContactPair& pair, int step, const HalfSpace& plane);
+  void put(std::size_t index, const ContactPair& pair, int step, const HalfSpace& plane);
 
   UninitialisedArray<HalfSpace, kMaxHalfSpaces> half_spaces_;
   UninitialisedArray<const ContactPair*, kMaxHalfSpaces> pairs_;

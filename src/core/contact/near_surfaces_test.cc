@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::random_direction;
 
 constexpr unsigned kNearSeed = 61;
@@ -25,7 +25,7 @@ ContactSurface ball_at(const Eigen::Vector3d& centre, double radius_mm, std::mt1
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
   GridGeometry grid = cube_grid(radius_mm + reach_mm + 1, {0.7, 0.7, 1.0}, turn);
   grid.origin += Vector<Patient>(centre);
-  return felt_surface(
+  return make_contact_surface(
       grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, reach_mm);
 }
 
@@ -98,8 +98,8 @@ TEST(PairSet, BoundsAreConservative) {
   for (int s = 0; s < 20; ++s) {
     const double radius_mm = 1 + 4 * unit(random);
     const Eigen::Vector3d centre = place_within(20, random);
-    const ContactSurface felt = ball_at(centre, radius_mm, random, 1 + 3 * unit(random));
-    const Surface& surface = *felt.surface;
+    const ContactSurface contact_surface = ball_at(centre, radius_mm, random, 1 + 3 * unit(random));
+    const Surface& surface = *contact_surface.surface;
     for (int n = 0; n < 5000; ++n) {
       const Point<Patient> at(centre + place_within(12, random));
       const double distance_mm = surface.distance_mm(at), within_mm = 4 * unit(random);
@@ -142,14 +142,14 @@ TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
       for (std::size_t i = 0; i < near.count(); ++i) {
         const ToolSphere& sphere = turned.spheres()[static_cast<std::size_t>(near[i].sphere)];
         const double min_mm = min_of_row(*near[i].surface, sphere, at);
-        const double told_mm = near.clearance(i, at, enough_mm);
-        if (told_mm <= enough_mm) {
-          ASSERT_NEAR(told_mm, min_mm, 1e-9);
+        const double reported_mm = near.clearance(i, at, enough_mm);
+        if (reported_mm <= enough_mm) {
+          ASSERT_NEAR(reported_mm, min_mm, 1e-9);
           const Point<Patient> centre = at + near[i].offset_mm(near.step(i));
           ASSERT_NEAR(near[i].surface->distance_mm(centre) - sphere.radius_mm, min_mm, 1e-9);
           ++exact;
         } else {
-          ASSERT_LE(told_mm, min_mm + 1e-9);
+          ASSERT_LE(reported_mm, min_mm + 1e-9);
           ASSERT_GT(min_mm, enough_mm - 1e-9);
           ++bounds;
         }
@@ -181,7 +181,7 @@ TEST(PairSet, FreeTestEqualsExhaustiveSearch) {
     for (std::size_t s = 0; s < surfaces.size(); ++s)
       for (const ToolSphere& sphere : spheres)
         expected = expected && (s == 12 || but[s] ||
-                                min_of_row(*surfaces[s].surface, sphere, at) >= -kProxyFeel.outside_mm);
+                                min_of_row(*surfaces[s].surface, sphere, at) >= -kProxySettings.outside_mm);
     ASSERT_EQ(is_free(surfaces, spheres, 0, {}, but, at), expected);
     free += expected;
   }
@@ -273,17 +273,17 @@ TEST(PairSet, EvaluatesOnlyNearbyPairs) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random), many = with_far_ones(few, 250, random);
-  int asked = 0;
+  int requested = 0;
   for (int n = 0; n < 200; ++n) {
     const Point<Patient> at(place_within(12, random));
     const PairSet alone(few, LedTool::kTool, 0, {}, at, 3), among(many, LedTool::kTool, 0, {}, at, 3);
     ASSERT_EQ(alone.queries(), among.queries());
     ASSERT_EQ(alone.count(), among.count());
     ASSERT_GE(alone.queries(), static_cast<int>(alone.count()));
-    asked += alone.queries();
+    requested += alone.queries();
   }
-  EXPECT_GT(asked, 200);
-  EXPECT_LT(asked, 200 * 12) << "of these pairs some are too far, too";
+  EXPECT_GT(requested, 200);
+  EXPECT_LT(requested, 200 * 12) << "of these pairs some are too far, too";
 }
 
 TEST(PairSet, CostDependsOnNearbyPairsOnly) {

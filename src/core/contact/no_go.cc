@@ -63,9 +63,11 @@ MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres
     const Point<Patient> end = tip + sphere.offset_mm;
     const double part = nearest_part_of_axis(sphere, ball.centre - end);
     const Point<Patient> centre = end + sphere.along_mm * part;
-    const Vector<Patient> way = centre - ball.centre;
+    const Vector<Patient> displacement = centre - ball.centre;
     const double radius_mm = sphere.radius_at_mm(part);
-    keep_nearest({way.norm() - ball.radius_mm - radius_mm, centre, way.normalized(), radius_mm}, nearest);
+    keep_nearest(
+        {displacement.norm() - ball.radius_mm - radius_mm, centre, displacement.normalized(), radius_mm},
+        nearest);
   }
   return nearest;
 }
@@ -114,8 +116,8 @@ class Envelope {
   Envelope(std::span<const Push> pushes, double max_N_per_mm) : pushes_(pushes), max_N_per_mm_(max_N_per_mm) {
     // spring that, in series with the spring to the tip, has the region's own stiffness
     for (std::size_t n = 0; n < pushes_.size(); ++n) {
-      const double felt = pushes_[n].stiffness_N_per_mm;
-      spring_[n] = felt * max_N_per_mm_ / (max_N_per_mm_ - felt);
+      const double stiffness_N_per_mm = pushes_[n].stiffness_N_per_mm;
+      spring_[n] = stiffness_N_per_mm * max_N_per_mm_ / (max_N_per_mm_ - stiffness_N_per_mm);
     }
   }
 
@@ -143,12 +145,13 @@ class Envelope {
         slope -= spring_[n] * deep_mm * out;
         bend += spring_[n] * out * out.transpose();
       }
-      const Eigen::Vector3d way = bend.ldlt().solve(-slope);
-      if (!(way.norm() > kEnough_mm)) break;
+      const Eigen::Vector3d displacement = bend.ldlt().solve(-slope);
+      if (!(displacement.norm() > kEnough_mm)) break;
       double part = 1;
-      const double before_mJ = energy_mJ(u), gain = kEnoughOfSlope * slope.dot(way);
-      for (int n = 0; n < kHalvings && energy_mJ(u + part * way) > before_mJ + part * gain; ++n) part *= 0.5;
-      u += part * way;
+      const double before_mJ = energy_mJ(u), gain = kEnoughOfSlope * slope.dot(displacement);
+      for (int n = 0; n < kHalvings && energy_mJ(u + part * displacement) > before_mJ + part * gain; ++n)
+        part *= 0.5;
+      u += part * displacement;
     }
     return u;
   }

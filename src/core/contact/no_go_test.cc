@@ -13,7 +13,7 @@ namespace palpate {
 namespace {
 
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 
 const std::vector<ToolSphere> kPointTool{ToolSphere{}};
 
@@ -30,7 +30,7 @@ NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& t
 // a ball of 6 mm radius as a structure that is not felt
 Distances ball_structure() {
   const auto surface =
-      felt_surface(
+      make_contact_surface(
           cube_grid(9, {0.36, 0.36, 0.7}), [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4)
           .surface;
   return {{{7, std::make_shared<const SurfaceTree>(surface), false}}, 20};
@@ -90,21 +90,22 @@ TEST(NoGo, ManyPlanesAreConservativeAndBoundedInStiffness) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-2, 2);
   constexpr double kMost = 2, kStep_mm = 1e-5;
-  int met = 0;
+  int encountered = 0;
   for (int n = 0; n < 400; ++n) {
     const auto regions = random_regions(random, 2 + n % 5);
     const double z = any(random), y = any(random), x = any(random);
     const Point<Patient> tip(x, y, z);
     const NoGoForce force = pushed(regions, tip, kMost);
-    met += force.stored_mJ > 0.01;
-    const Vector<Patient> way = testing::random_direction(random);
-    const NoGoForce there = pushed(regions, tip + way * kStep_mm, kMost);
-    const NoGoForce back = pushed(regions, tip - way * kStep_mm, kMost);
-    EXPECT_NEAR((there.stored_mJ - back.stored_mJ) / (2 * kStep_mm), -force.force_N.dot(way), 1e-4) << n;
+    encountered += force.stored_mJ > 0.01;
+    const Vector<Patient> displacement = testing::random_direction(random);
+    const NoGoForce there = pushed(regions, tip + displacement * kStep_mm, kMost);
+    const NoGoForce back = pushed(regions, tip - displacement * kStep_mm, kMost);
+    EXPECT_NEAR((there.stored_mJ - back.stored_mJ) / (2 * kStep_mm), -force.force_N.dot(displacement), 1e-4)
+        << n;
     // along any path the force increases by at most the stiffness limit
-    EXPECT_LE((back.force_N - there.force_N).dot(way) / (2 * kStep_mm), kMost * 1.001) << n;
+    EXPECT_LE((back.force_N - there.force_N).dot(displacement) / (2 * kStep_mm), kMost * 1.001) << n;
   }
-  EXPECT_GT(met, 100);
+  EXPECT_GT(encountered, 100);
 }
 
 TEST(NoGo, OverlappingEqualRegionsActAsOne) {

@@ -12,17 +12,18 @@ OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const
                                                      : surface.owners->at(at);
 }
 
-OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place) {
+OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index,
+                           const Point<Patient>& position) {
   const ContactSurface& surface = surfaces[static_cast<std::size_t>(index)];
-  if (surface.owners == nullptr) return owners_at(surfaces, index, place);
+  if (surface.owners == nullptr) return owners_at(surfaces, index, position);
   const bool cut = surface.made != nullptr;
   for (const Entry& entry : entries_)
     if (entry.owners == surface.owners->number() && entry.surface == index && entry.cut == cut &&
-        entry.place == place)
+        entry.place == position)
       return entry.shares;
   Entry& entry = entries_[next_];
   next_ = (next_ + 1) % entries_.size();
-  entry = {surface.owners->number(), index, cut, place, owners_at(surfaces, index, place)};
+  entry = {surface.owners->number(), index, cut, position, owners_at(surfaces, index, position)};
   return entry.shares;
 }
 

@@ -83,15 +83,15 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
   spread(only_, joined);
 
   // outer voxels of the blocks that a point with several structures in reach may need
-  std::vector<std::uint8_t> is_seen(count);
-  std::transform(only_.begin(), only_.end(), is_seen.begin(), [](auto only) { return only == kSeveral; });
-  spread(is_seen, [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); });
+  std::vector<std::uint8_t> is_visible(count);
+  std::transform(only_.begin(), only_.end(), is_visible.begin(), [](auto only) { return only == kSeveral; });
+  spread(is_visible, [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); });
   std::vector<std::vector<InBlock>> of_layer(static_cast<std::size_t>(layers));
   for_each_index(layers, workers, [&](int /*worker*/, int layer) {
     std::vector<InBlock>& voxels = of_layer[static_cast<std::size_t>(layer)];
     each_of_layer(labels, layer, [&](int i, int j, int k, std::int16_t structure) {
       const std::size_t block = block_of(i, j, k);
-      if (is_seen[block] != 0) voxels.push_back({block, structure, {i, j, k}});
+      if (is_visible[block] != 0) voxels.push_back({block, structure, {i, j, k}});
     });
     std::stable_sort(voxels.begin(), voxels.end(), [](const InBlock& a, const InBlock& b) {
       return std::pair(a.block, a.structure) < std::pair(b.block, b.structure);
@@ -152,8 +152,8 @@ double Owners::weight_of(std::size_t run, const std::array<float, 3>& place,
   for (std::size_t n = runs_[run].begin; n < runs_[run + 1].begin; n += kAtOnce) {
     Several left = Several::Ones();
     for (std::size_t a = 0; a < 3; ++a) {
-      const Several way = (Eigen::Map<const Several>(index_[a].data() + n) - place[a]) * per_reach[a];
-      left -= way * way;
+      const Several path = (Eigen::Map<const Several>(index_[a].data() + n) - place[a]) * per_reach[a];
+      left -= path * path;
     }
     const Several inside = left.max(0.0F);
     all += inside * inside;
@@ -174,8 +174,8 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
     low[a] = std::max(0, static_cast<int>(std::ceil(at - voxels))) / block_[a];
     high[a] = std::min(dims_[a] - 1, static_cast<int>(std::floor(at + voxels))) / block_[a];
   }
-  const std::int16_t seen = only_[block_of(nearest[0], nearest[1], nearest[2])];
-  if (seen != kSeveral) return OwnerShares(seen == kNobody ? any_ : seen);
+  const std::int16_t observed = only_[block_of(nearest[0], nearest[1], nearest[2])];
+  if (observed != kSeveral) return OwnerShares(observed == kNobody ? any_ : observed);
 
   OwnerShares shares;
   std::array<float, 3> place{}, per_reach{};  // as a fraction of the radius

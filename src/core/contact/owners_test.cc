@@ -141,39 +141,40 @@ TEST(Owners, CachedLookupEqualsFreshLookupAfterAnyChange) {
   const auto labels = label_bricks(two_halves({0.5, 0.5, 0.5}));
   // all of it lies half a voxel below the original surface
   const auto as_made =
-      testing::felt_surface(labels->geometry(), [](const Eigen::Vector3d&) { return -2.0; }).surface;
+      testing::make_contact_surface(labels->geometry(), [](const Eigen::Vector3d&) { return -2.0; }).surface;
   std::uniform_real_distribution<double> part(-3, 3);
-  std::vector<Point<Patient>> places;
-  for (int n = 0; n < 6; ++n) places.emplace_back(part(random), part(random), -0.3);
+  std::vector<Point<Patient>> positions;
+  for (int n = 0; n < 6; ++n) positions.emplace_back(part(random), part(random), -0.3);
   std::array<ContactSurface, 3> surfaces;
   OwnerCache memo;
   int several = 0;
   for (int n = 0; n < 2000; ++n) {
     const auto any = static_cast<std::size_t>(random() % surfaces.size());
-    ContactSurface& felt = surfaces[any];
+    ContactSurface& surface = surfaces[any];
     switch (random() % 20) {
       case 0:
-        felt.owners = owners_of({-1, 0, 1});
+        surface.owners = owners_of({-1, 0, 1});
         break;
       case 1:
-        felt.owners = owners_of({-1, 1, 0});
+        surface.owners = owners_of({-1, 1, 0});
         break;
       case 2:
-        felt.owners = surfaces[0].owners;
+        surface.owners = surfaces[0].owners;
         break;
       case 3:
-        felt.owners = nullptr;
+        surface.owners = nullptr;
         break;
       case 4:
-        felt.made = felt.made == nullptr ? as_made : nullptr;
-        felt.original_labels = labels;
+        surface.made = surface.made == nullptr ? as_made : nullptr;
+        surface.original_labels = labels;
         break;
       default:
         break;
     }
-    const Point<Patient>& place = places[random() % places.size()];
+    const Point<Patient>& position = positions[random() % positions.size()];
     const auto index = static_cast<int>(any);
-    const OwnerShares known = memo.at(surfaces, index, place), fresh = owners_at(surfaces, index, place);
+    const OwnerShares known = memo.at(surfaces, index, position),
+                      fresh = owners_at(surfaces, index, position);
     ASSERT_EQ(known.all().size(), fresh.all().size()) << n;
     several += known.all().size() > 1;
     for (std::size_t s = 0; s < known.all().size(); ++s) {

@@ -10,18 +10,19 @@ namespace {
 // velocity along the force, from the shortest displacement that allows an estimate; reset on reversal
 void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
   if (along_mm * state.speed_mm_s < 0 && std::abs(along_mm) > 0.5 * step_mm)
-    state.speed_mm_s = state.way_mm = state.time_s = 0;
-  state.way_mm += along_mm;
+    state.speed_mm_s = state.displacement_mm = state.time_s = 0;
+  state.displacement_mm += along_mm;
   state.time_s += dt_s;
-  const bool told = std::abs(state.way_mm) >= kPassivityFeel.min_velocity_steps * step_mm;
-  if (!told && state.time_s < kPassivityFeel.at_rest_s) return;
-  state.speed_mm_s = told ? state.way_mm / state.time_s : 0;
-  state.way_mm = state.time_s = 0;
+  const bool is_measurable =
+      std::abs(state.displacement_mm) >= kPassivitySettings.min_velocity_steps * step_mm;
+  if (!is_measurable && state.time_s < kPassivitySettings.at_rest_s) return;
+  state.speed_mm_s = is_measurable ? state.displacement_mm / state.time_s : 0;
+  state.displacement_mm = state.time_s = 0;
 }
 
 // direction of the last motion along the force, at any speed
 void follow_direction(double along_mm, double step_mm, PassivityState& state) {
-  const double half_mm = 0.5 * kPassivityFeel.reversal_steps * step_mm;
+  const double half_mm = 0.5 * kPassivitySettings.reversal_steps * step_mm;
   state.play_mm += along_mm;
   if (std::abs(state.play_mm) < half_mm) return;
   state.moves_with_force = state.play_mm > 0;
@@ -31,15 +32,15 @@ void follow_direction(double along_mm, double step_mm, PassivityState& state) {
 // Factor for a wall's stiffness while energy is owed.
 double softened(const PassivityInput& input, double step_mm, const PassivityState& state) {
   const double step_N = input.stiffness_N_per_mm * step_mm;
-  if (state.energy_mJ >= 0 || step_N <= kPassivityFeel.max_deficit_step_N) return 1;
-  return std::max(kPassivityFeel.max_deficit_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
+  if (state.energy_mJ >= 0 || step_N <= kPassivitySettings.max_deficit_step_N) return 1;
+  return std::max(kPassivitySettings.max_deficit_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
 }
 
 // Limit of the damping. A delayed damper makes a light tip oscillate, and the zero-order hold adds half a
 // tick of mean delay.
 double max_damping_N_s_per_m(const PassivityInput& input) {
-  return std::min(kPassivityFeel.max_damping_N_s_per_m,
-                  kPassivityFeel.max_damping_times_delay_kg / (input.delay_s + 0.5 * input.dt_s));
+  return std::min(kPassivitySettings.max_damping_N_s_per_m,
+                  kPassivitySettings.max_damping_times_delay_kg / (input.delay_s + 0.5 * input.dt_s));
 }
 
 // Factor for the force with a damper that removes the energy not covered in this tick, within the damping
@@ -48,12 +49,12 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
               double& damping_N_s_per_m) {
   if (state.speed_mm_s <= 0) return 1;
   constexpr double kMillimetresPerMetre = 1e3;
-  const double way_mm = state.speed_mm_s * input.dt_s;
-  const double missing_mJ = force_N * (way_mm + kPassivityFeel.reserve_steps * step_mm) +
+  const double displacement_mm = state.speed_mm_s * input.dt_s;
+  const double missing_mJ = force_N * (displacement_mm + kPassivitySettings.reserve_steps * step_mm) +
                             std::max(0.0, input.pending_N_s) * state.speed_mm_s - state.energy_mJ;
   if (missing_mJ <= 0) return 1;
-  damping_N_s_per_m =
-      std::min(max_damping_N_s_per_m(input), missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
+  damping_N_s_per_m = std::min(max_damping_N_s_per_m(input),
+                               missing_mJ / (displacement_mm * state.speed_mm_s) * kMillimetresPerMetre);
   return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
 }
 
@@ -64,15 +65,15 @@ double withdrawal_factor(double force_N, double stiffness_N_per_mm, double step_
                          const PassivityState& state) {
   if (!state.moves_with_force) return 1;
   const double missing =
-      std::max(0.0, 1 - state.energy_mJ / (force_N * kPassivityFeel.reserve_steps * step_mm));
-  return 1 - std::min({missing, kPassivityFeel.max_hysteresis, stiffness_N_per_mm * step_mm / force_N});
+      std::max(0.0, 1 - state.energy_mJ / (force_N * kPassivitySettings.reserve_steps * step_mm));
+  return 1 - std::min({missing, kPassivitySettings.max_hysteresis, stiffness_N_per_mm * step_mm / force_N});
 }
 
 }  // namespace
 
 PassivityOutput control_passivity(const PassivityInput& input, bool act, PassivityState& state) {
   // energy put in, limited to what the contact can store
-  state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.way_mm), input.stored_mJ);
+  state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.displacement_mm), input.stored_mJ);
 
   // in free space only a debt remains
   const double force_N = input.force_N.norm();
@@ -83,8 +84,8 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
     return {};
   }
 
-  const double step_mm = input.step_mm > 0 ? input.step_mm : kPassivityFeel.default_step_mm;
-  const double along_mm = input.way_mm.dot(input.force_N) / force_N;
+  const double step_mm = input.step_mm > 0 ? input.step_mm : kPassivitySettings.default_step_mm;
+  const double along_mm = input.displacement_mm.dot(input.force_N) / force_N;
   follow_speed(along_mm, step_mm, input.dt_s, state);
   follow_direction(along_mm, step_mm, state);
   const Vector<World> out = input.force_N / force_N;
@@ -95,12 +96,12 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
 
   const double soft = softened(input, step_mm, state);
   const double soft_N = std::min(force_N, soft * input.unlimited_N);
-  PassivityOutput kept;
-  kept.factor = soft_N / force_N *
-                std::min(damped(input, soft_N, step_mm, state, kept.damping_N_s_per_m),
-                         withdrawal_factor(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
-  kept.factor = std::min(kept.factor, max_N / force_N);
-  return kept;
+  PassivityOutput output;
+  output.factor = soft_N / force_N *
+                  std::min(damped(input, soft_N, step_mm, state, output.damping_N_s_per_m),
+                           withdrawal_factor(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
+  output.factor = std::min(output.factor, max_N / force_N);
+  return output;
 }
 
 }  // namespace palpate

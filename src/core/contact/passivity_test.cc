@@ -22,12 +22,12 @@ struct Led {
   bool act = true;
   double true_mJ = 0;  // work of the force sent
 
-  PassivityOutput go(const Vector<World>& way_mm, const Vector<World>& force_N,
+  PassivityOutput go(const Vector<World>& displacement_mm, const Vector<World>& force_N,
                      double stored_mJ = kUnknown_mJ) {
-    true_mJ -= sent_N.dot(way_mm);
+    true_mJ -= sent_N.dot(displacement_mm);
     const PassivityOutput out = control_passivity(
-        {force_N, force_N.norm(), sent_N, way_mm, stored_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s}, act,
-        state);
+        {force_N, force_N.norm(), sent_N, displacement_mm, stored_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s},
+        act, state);
     sent_N = force_N * out.factor;
     return out;
   }
@@ -54,9 +54,9 @@ TEST(Passivity, SpringReturnsNoMoreThanItStored) {
       double x_mm = 0.5 * stride_mm;
       for (int press = 0; press < 10; ++press) {
         for (int n = 0; n < 60; ++n) {
-          const double way_mm = n < 30 ? -stride_mm : stride_mm;
-          x_mm += way_mm;
-          led.go({way_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -x_mm), 0, 0});
+          const double displacement_mm = n < 30 ? -stride_mm : stride_mm;
+          x_mm += displacement_mm;
+          led.go({displacement_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -x_mm), 0, 0});
         }
       }
       const double once_mJ = 30 * stride_mm * kStiffness_N_per_mm * stride_mm;
@@ -75,14 +75,14 @@ TEST(Passivity, DampsOnlyForcesAlongTheMotionAndNeverReversesThem) {
   Led led;
   int acted = 0;
   for (int n = 0; n < 10'000; ++n) {
-    const Vector<World> way_mm = any() * 0.1, force_N = any();
-    const PassivityOutput out = led.go(way_mm, force_N);
+    const Vector<World> displacement_mm = any() * 0.1, force_N = any();
+    const PassivityOutput out = led.go(displacement_mm, force_N);
     EXPECT_GE(out.factor, 0);
     EXPECT_LE(out.factor, 1);
-    EXPECT_LE(out.damping_N_s_per_m, kPassivityFeel.max_damping_N_s_per_m);
+    EXPECT_LE(out.damping_N_s_per_m, kPassivitySettings.max_damping_N_s_per_m);
     EXPECT_TRUE(out.damping_N_s_per_m == 0 || out.factor < 1);
     acted += out.factor < 1;
-    const bool against = way_mm.dot(force_N) < -2 * kStep_mm * force_N.norm();
+    const bool against = displacement_mm.dot(force_N) < -2 * kStep_mm * force_N.norm();
     EXPECT_TRUE(out.factor == 1 || !against) << n;
   }
   EXPECT_GT(acted, 100);
@@ -110,16 +110,16 @@ TEST(Passivity, SlowSpringRepaysItsEnergyDebt) {
     SCOPED_TRACE(act);
     Led led;
     led.act = act;
-    double true_mJ = 0, x_mm = 0.013, seen_mm = kStep_mm * std::floor(x_mm / kStep_mm);
+    double true_mJ = 0, x_mm = 0.013, observed_mm = kStep_mm * std::floor(x_mm / kStep_mm);
     const int ticks = static_cast<int>(kDeepest_mm / (kSpeed_mm_s * kDt_s));
     for (int press = 0; press < 20; ++press)
       for (int n = 0; n < 2 * ticks; ++n) {
-        const double way_mm = (n < ticks ? -1 : 1) * kSpeed_mm_s * kDt_s;
-        x_mm += way_mm;
-        true_mJ -= led.sent_N.x() * way_mm;
+        const double displacement_mm = (n < ticks ? -1 : 1) * kSpeed_mm_s * kDt_s;
+        x_mm += displacement_mm;
+        true_mJ -= led.sent_N.x() * displacement_mm;
         const double sees_mm = kStep_mm * std::floor(x_mm / kStep_mm);
-        led.go({sees_mm - seen_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -sees_mm), 0, 0});
-        seen_mm = sees_mm;
+        led.go({sees_mm - observed_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -sees_mm), 0, 0});
+        observed_mm = sees_mm;
       }
     const double once_mJ = kStiffness_N_per_mm * kDeepest_mm * kSpeed_mm_s * kDt_s;
     if (act)
@@ -170,11 +170,12 @@ TEST(Passivity, StiffWallSoftensWhileEnergyIsOwed) {
   const auto sent_N = [&](double energy_mJ, double stiffness_N_per_mm, double depth_mm) {
     PassivityState state;
     state.energy_mJ = energy_mJ;
-    const double asked_N = stiffness_N_per_mm * depth_mm, force_N = std::min(asked_N, kLimit_N);
-    return force_N * control_passivity(
-                         {{force_N, 0, 0}, asked_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s},
-                         true, state)
-                         .factor;
+    const double requested_N = stiffness_N_per_mm * depth_mm, force_N = std::min(requested_N, kLimit_N);
+    return force_N *
+           control_passivity(
+               {{force_N, 0, 0}, requested_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s}, true,
+               state)
+               .factor;
   };
   EXPECT_NEAR(sent_N(0, kStiff_N_per_mm, kStep_mm), kStep_N, 1e-12) << "nothing is owed";
   EXPECT_NEAR(sent_N(-0.25 * kStep_N * kStep_mm, kStiff_N_per_mm, kStep_mm), 0.75 * kStep_N, 1e-12);
@@ -211,8 +212,8 @@ TEST(Passivity, DampingFallsWithTheDelay) {
       for (int n = 0; n < 10; ++n)
         damping_N_s_per_m = control_passivity(input, true, state).damping_N_s_per_m;
       EXPECT_NEAR(damping_N_s_per_m,
-                  std::min(kPassivityFeel.max_damping_N_s_per_m,
-                           kPassivityFeel.max_damping_times_delay_kg / (delay_s + 0.5 * dt_s)),
+                  std::min(kPassivitySettings.max_damping_N_s_per_m,
+                           kPassivitySettings.max_damping_times_delay_kg / (delay_s + 0.5 * dt_s)),
                   1e-12);
     }
 }

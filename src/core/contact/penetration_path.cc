@@ -46,7 +46,7 @@ void PenetrationPath::report(ProxyResult& result) const {
 void PenetrationPath::report_largest(std::span<PathSegment> segments, double all_N, ProxyResult& result) {
   std::array<double, kMaxOwners> shares;
   for (std::size_t n = 0; n < segments.size(); ++n) shares[n] = segments[n].share /= all_N;
-  double least = kTouchFeel.min_share;
+  double least = kContactSettings.min_share;
   if (segments.size() > kMaxPathSegments) {
     std::nth_element(shares.begin(), shares.begin() + kMaxPathSegments - 1,
                      shares.begin() + static_cast<std::ptrdiff_t>(segments.size()), std::greater<>());

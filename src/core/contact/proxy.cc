@@ -44,7 +44,7 @@ namespace {
 
 // upper bound of the distance by which push_out() moves a proxy, e.g. after a change to a larger tool: every
 // projection step has its maximum length
-constexpr double kMaxPushOut_mm = kProxyFeel.max_corrections * kProxyFeel.substep_mm();
+constexpr double kMaxPushOut_mm = kProxySettings.max_corrections * kProxySettings.substep_mm();
 
 /// Inputs of a tick that all layers share.
 struct TickInputs {
@@ -93,7 +93,7 @@ struct UpdateProgress {
   int max_queries = 0;        ///< Surface queries after which no substep starts
 
   /// Maximum length of a substep in contact.
-  double substep_mm() const { return kProxyFeel.substep_mm() / steepest; }
+  double substep_mm() const { return kProxySettings.substep_mm() / steepest; }
 };
 
 /// Result of a position update.
@@ -114,18 +114,18 @@ bool is_slipping(const ProxyLayer& layer, const UpdateProgress& progress) {
 
 // whether the proxy is away from the tip although it has no contact (blocked_proxy.h)
 bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer) {
-  return layer.contacts == 0 && (in.tip - layer.position).norm() > kProxyFeel.arrived_mm;
+  return layer.contacts == 0 && (in.tip - layer.position).norm() > kProxySettings.arrived_mm;
 }
 
 // Gathers the surfaces within reach of the next part of the path. In free space this is the whole path. In
-// contact it is at most ProxyFeel::gathering_mm, because the proxy usually moves only a small fraction of the
-// distance to the tip and a shorter reach yields fewer pairs.
+// contact it is at most ProxySettings::gathering_mm, because the proxy usually moves only a small fraction of
+// the distance to the tip and a shorter reach yields fewer pairs.
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
                   UpdateWorkspace& work) {
   const double part_mm = layer.contacts == 0 ? progress.ungathered_mm
-                                             : std::min(progress.ungathered_mm, kProxyFeel.gathering_mm);
+                                             : std::min(progress.ungathered_mm, kProxySettings.gathering_mm);
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position,
-                    part_mm + kProxyFeel.substep_mm());
+                    part_mm + kProxySettings.substep_mm());
   work.friction.clear();
   progress.steepest = work.pairs.steepest();
   progress.left_mm = std::min(part_mm, work.pairs.reach_mm());
@@ -137,7 +137,7 @@ void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgres
 bool push_out(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress, UpdateWorkspace& work) {
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position, kMaxPushOut_mm);
   progress.steepest = work.pairs.steepest();
-  if (!project_out(work.pairs, kProxyFeel.max_corrections, progress.substep_mm(), layer.position))
+  if (!project_out(work.pairs, kProxySettings.max_corrections, progress.substep_mm(), layer.position))
     return false;
   progress.ungathered_mm += progress.left_mm;
   gather_pairs(in, layer, progress, work);
@@ -178,7 +178,7 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
   friction.begin_contact(layer.position);
   const auto solution = solve(in, layer, friction, work, cache.owners);
   if (solution && solution->nearest.count > 0 &&
-      (solution->goal - layer.position).norm() <= kProxyFeel.at_rest_mm) {
+      (solution->goal - layer.position).norm() <= kProxySettings.at_rest_mm) {
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.has_contacts = true;
@@ -213,11 +213,12 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
                   const UpdateWorkspace& work) {
   const Vector<Patient> to_tip = in.tip - layer.position;
   const double length_mm = to_tip.norm();
-  if (work.pairs.count() > 0 || layer.contacts > 0 || length_mm + kProxyFeel.at_rest_mm >= progress.left_mm)
+  if (work.pairs.count() > 0 || layer.contacts > 0 ||
+      length_mm + kProxySettings.at_rest_mm >= progress.left_mm)
     return false;
   progress.friction.anchored = progress.friction.sticking = false;
   layer.stretch_fraction = 1;
-  if (length_mm <= kProxyFeel.at_rest_mm) return true;
+  if (length_mm <= kProxySettings.at_rest_mm) return true;
   layer.position = in.tip;
   layer.last_displacement = to_tip;
   record_vertex(in, layer, layer.position);
@@ -238,7 +239,7 @@ bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& lay
   layer.last_displacement = displacement;
   record_vertex(in, layer, step.end);
   record_vertex(in, layer, step.position);
-  return displacement.norm() > kProxyFeel.at_rest_mm;
+  return displacement.norm() > kProxySettings.at_rest_mm;
 }
 
 // limit stage: end of a substep towards a goal
@@ -259,7 +260,7 @@ bool retry_shorter(const UpdateInputs& in, ProxyLayer& layer, OwnerCache& owners
   take_friction(in, *solution, progress);
   Vector<Patient> displacement =
       limited_end(solution->goal, progress.substep_mm(), layer, progress, work) - layer.position;
-  for (int halving = 0; halving < kProxyFeel.max_halvings; ++halving) {
+  for (int halving = 0; halving < kProxySettings.max_halvings; ++halving) {
     displacement = displacement * 0.5;
     const Point<Patient> end = layer.position + displacement;
     if (!penetrates_any(work.pairs, end)) return try_step(in, end, layer, progress, work);
@@ -276,7 +277,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
   progress.at_limit = false;
   // a discarded attempt must not release static friction: every attempt starts from this state
   const FrictionState friction = progress.friction;
-  for (int attempt = 0; attempt < kProxyFeel.max_attempts; ++attempt) {
+  for (int attempt = 0; attempt < kProxySettings.max_attempts; ++attempt) {
     progress.friction = friction;
     const auto solution = solve(in, layer, friction, work, cache.owners);
     if (!solution) {
@@ -286,7 +287,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.has_contacts = true;
-    if ((solution->goal - layer.position).norm() <= kProxyFeel.at_rest_mm) {
+    if ((solution->goal - layer.position).norm() <= kProxySettings.at_rest_mm) {
       const bool is_complete =
           attempt == 0 && layer.position == start && work.pairs.count() < kMaxPairs && !in.has_capsules;
       if (is_complete) cache_contacts_at_rest(in, layer, work, cache);
@@ -308,10 +309,10 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
 bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
                     UpdateWorkspace& work) {
   const SearchDirections search(in.tip - layer.position);
-  const double shortest_mm = kProxyFeel.substep_mm() / kProxyFeel.search_shortest_divisor;
+  const double shortest_mm = kProxySettings.substep_mm() / kProxySettings.search_shortest_divisor;
   for (double length_mm = std::min(progress.substep_mm(), progress.left_mm); length_mm > shortest_mm;
        length_mm *= 0.5)
-    for (int cone = 0; cone < kProxyFeel.search_cones; ++cone)
+    for (int cone = 0; cone < kProxySettings.search_cones; ++cone)
       for (int n = 0; n < SearchDirections::count(cone); ++n) {
         const Vector<Patient> displacement(length_mm * search.direction(cone, n));
         const Point<Patient> end = layer.position + displacement;
@@ -329,25 +330,26 @@ bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& p
 // whether a limit stopped a proxy that was still moving.
 bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, ProxyLayer& layer,
                       ProxyLayerCache& cache, UpdateProgress& progress, UpdateWorkspace& work) {
-  progress.max_queries =
-      work.pairs.queries() + (in.has_capsules ? kProxyFeel.max_queries_of_capsules : kProxyFeel.max_queries);
+  progress.max_queries = work.pairs.queries() + (in.has_capsules ? kProxySettings.max_queries_of_capsules
+                                                                 : kProxySettings.max_queries);
   int substeps = 0;
-  bool moves = true;
+  bool is_moving = true;
   layer.stretch_fraction = 1;
   for (int search = 0;; ++search) {
-    while (moves && substeps < kProxyFeel.max_substeps && work.pairs.queries() < progress.max_queries &&
-           progress.left_mm > kProxyFeel.at_rest_mm) {
-      moves = advance_substep(in, start, layer, cache, progress, work);
-      substeps += moves;
-      if (moves && progress.left_mm <= kProxyFeel.at_rest_mm) gather_pairs(in, layer, progress, work);
+    while (is_moving && substeps < kProxySettings.max_substeps &&
+           work.pairs.queries() < progress.max_queries && progress.left_mm > kProxySettings.at_rest_mm) {
+      is_moving = advance_substep(in, start, layer, cache, progress, work);
+      substeps += is_moving;
+      if (is_moving && progress.left_mm <= kProxySettings.at_rest_mm) gather_pairs(in, layer, progress, work);
     }
-    if (moves || progress.wedged || is_slipping(layer, progress) || !is_blocked_without_contact(in, layer))
+    if (is_moving || progress.wedged || is_slipping(layer, progress) ||
+        !is_blocked_without_contact(in, layer))
       break;
-    moves = search < kProxyFeel.max_direction_searches && search_substep(in, layer, progress, work);
-    if (!moves) break;
-    if (progress.left_mm <= kProxyFeel.at_rest_mm) gather_pairs(in, layer, progress, work);
+    is_moving = search < kProxySettings.max_direction_searches && search_substep(in, layer, progress, work);
+    if (!is_moving) break;
+    if (progress.left_mm <= kProxySettings.at_rest_mm) gather_pairs(in, layer, progress, work);
   }
-  return moves;
+  return is_moving;
 }
 
 // Replaces the contacts of a blocked proxy by the one with the surface that blocks it, and stretches the
@@ -383,16 +385,16 @@ void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool 
                    const ProxyContact& first_contact_before, ProxyLayer& layer) {
   const Vector<Patient> away = layer.position - in.tip;
   const double away_mm = away.norm();
-  if (!std::isfinite(progress.limit.length_mm) || away_mm <= kProxyFeel.arrived_mm) return;
-  const double wanted_mm = through_free_space || layer.contacts > 0 ? layer.stretch_fraction * away_mm : 0;
-  const double now_mm = limit_stretch_mm(away, wanted_mm, in.stretched_mm, progress.limit.length_mm);
+  if (!std::isfinite(progress.limit.length_mm) || away_mm <= kProxySettings.arrived_mm) return;
+  const double target_mm = through_free_space || layer.contacts > 0 ? layer.stretch_fraction * away_mm : 0;
+  const double now_mm = limit_stretch_mm(away, target_mm, in.stretched_mm, progress.limit.length_mm);
   if (now_mm <= 0) {
     layer.contacts = 0;
     return;
   }
   layer.stretch_fraction = now_mm / away_mm;
   for (int n = 0; n < layer.contacts; ++n)
-    layer.contact[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / wanted_mm;
+    layer.contact[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / target_mm;
   if (layer.contacts > 0) return;
   layer.contacts = 1;
   layer.contact[0] = first_contact_before;
@@ -410,7 +412,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
   progress.limit = in.limit;
   progress.ungathered_mm = in.max_mm;
   work.constraints.clear();
-  bool moves = false, through_free_space = false;
+  bool is_moving = false, through_free_space = false;
   if (stays_at_rest(in, layer, cache, progress, work)) {
     record_vertex(in, layer, layer.position);
   } else {
@@ -420,7 +422,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
       return {.wedged = true, .inside = true};
     }
     record_vertex(in, layer, layer.position);
-    moves =
+    is_moving =
         !moves_freely(in, layer, progress, work) && advance_substeps(in, start, layer, cache, progress, work);
     // also while the proxy is still advancing, because a single tick at zero force is perceptible
     const bool is_blocked = is_blocked_without_contact(in, layer);
@@ -432,7 +434,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
   // contacts from the last tick have been centred
   if (progress.has_contacts) centre_capsule_contacts(layer, work);
   limit_stretch(in, progress, through_free_space, first_contact_before, layer);
-  return {progress.wedged, moves || is_slipping(layer, progress), false};
+  return {progress.wedged, is_moving || is_slipping(layer, progress), false};
 }
 
 /// Result of advancing one layer's proxy by one tick.
@@ -468,16 +470,16 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 
   // Position. Without contact the path may be as long as the distance to the tip; in contact its length per
   // tick is limited.
-  const double to_tip_mm = (tip - layer.position).norm() + kProxyFeel.slack_mm;
-  const double max_mm = layer.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.max_path_mm);
+  const double to_tip_mm = (tip - layer.position).norm() + kProxySettings.slack_mm;
+  const double max_mm = layer.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxySettings.max_path_mm);
   const DisplacementLimit limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
   result.spring.tool_mm = tip_moved.norm() + turned_mm;
   result.spring.catch_up_mm = layer.catch_up_mm + result.spring.tool_mm;
   result.spring.max_change_mm = limit.length_mm;
   const bool capsules = has_capsules(spheres);
-  const double max_away = capsules
-                              ? std::min(tick.options.max_away, kProxyFeel.max_distance_increase_of_capsules)
-                              : tick.options.max_away;
+  const double max_away =
+      capsules ? std::min(tick.options.max_away, kProxySettings.max_distance_increase_of_capsules)
+               : tick.options.max_away;
   const PositionUpdate update =
       update_position({surfaces, held.spheres(), n, tip, max_mm, limit, result.spring.stretched_mm,
                        tick.options.friction, capsules, max_away, path},
@@ -485,11 +487,11 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 
   // A proxy is reset to a tip in free space at once if it is inside surfaces, and after lost_s if it has
   // stopped far from the tip without a contact.
-  const bool far = !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxyFeel.lost_mm;
+  const bool far = !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxySettings.lost_mm;
   const bool lost = layer.contacts == 0 && (update.inside || far) &&
                     is_free(surfaces, spheres, n, layer.punctured, {}, tip);
   layer.lost_s = lost ? layer.lost_s + tick.options.dt_s : 0;
-  if (lost && (update.inside || layer.lost_s > kProxyFeel.lost_s)) {
+  if (lost && (update.inside || layer.lost_s > kProxySettings.lost_s)) {
     layer.position = tip;
     layer.attitude = tick.hand.attitude;
   }
@@ -516,7 +518,7 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   }
   const Vector<Patient> displacement = hand.tip - layer.position;
   layer.attitude = hand.attitude;
-  if (!layer.coupled || displacement.norm() > kProxyFeel.at_rest_mm) {
+  if (!layer.coupled || displacement.norm() > kProxySettings.at_rest_mm) {
     layer.position = hand.tip;
     layer.last_displacement = displacement;
   }

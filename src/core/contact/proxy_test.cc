@@ -15,7 +15,7 @@ namespace {
 
 using testing::cube_grid;
 using testing::Distance;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::ProxyRun;
 using testing::random_direction;
 
@@ -29,7 +29,7 @@ double floor_mm(const Eigen::Vector3d& p) {
 
 ProxyRun on_floor(double friction_static = 0, double friction_dynamic = 0, double stiffness = 2) {
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), floor_mm)};
+  run.surfaces = {make_contact_surface(cube_grid(10, {0.5, 0.5, 0.5}), floor_mm)};
   run.surfaces[0].stiffness_N_per_mm = stiffness;
   run.surfaces[0].static_friction = friction_static;
   run.surfaces[0].friction = friction_dynamic;
@@ -89,7 +89,7 @@ TEST(Proxy, RendersTissueStiffnessForAnyRadius) {
       ASSERT_EQ(run.state.contacts, 1);
       EXPECT_EQ(run.state.contact[0].surface, 0);
     }
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+    EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
   }
 }
 
@@ -114,9 +114,9 @@ TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
     const double half_mm = 0.5 * thick(random);
     const auto turned = Eigen::AngleAxisd(2 * unit(random), random_direction(random).eigen());
     ProxyRun run;
-    run.surfaces = {
-        felt_surface(cube_grid(9, kKnee_mm, turned.toRotationMatrix()),
-                     [&](const Eigen::Vector3d& p) { return std::abs(across.eigen().dot(p)) - half_mm; })};
+    run.surfaces = {make_contact_surface(
+        cube_grid(9, kKnee_mm, turned.toRotationMatrix()),
+        [&](const Eigen::Vector3d& p) { return std::abs(across.eigen().dot(p)) - half_mm; })};
     const double radius_mm = n % 3 == 0 ? 0 : unit(random);
     run.spheres = {{{}, radius_mm}};
     const Point<Patient> start = Point<Patient>() + across * 4;
@@ -126,14 +126,14 @@ TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
     for (int settle = 0; settle < 10; ++settle) run.at(Point<Patient>() - across * 3);
     EXPECT_GT(run.state.position.eigen().dot(across.eigen()), 0);
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm) << n;
+    EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm) << n;
   }
 }
 
 // A tip that emerges from a plate on the negative side of x, with its proxy on the other side.
 ProxyRun held_behind_a_plate(const Point<Patient>& free_tip, double second_plate_mm) {
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) {
+  run.surfaces = {make_contact_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) {
     return std::min(std::abs(p.x()) - 1, std::abs(p.x() - second_plate_mm) - 0.6);
   })};
   run.at({3, 0, 0});
@@ -150,7 +150,7 @@ TEST(Proxy, ReleasesAToolThatReturnedToFreeSpace) {
   // the spring force at which the tip cleared the plate fades
   double force_N = run.result.release.force_N.norm();
   EXPECT_GT(force_N, 1.5);
-  const double slip_N = kProxyFeel.max_slip_N_per_s * run.dt_s;
+  const double slip_N = kProxySettings.max_slip_N_per_s * run.dt_s;
   for (; force_N > 0; force_N = run.result.force_N.norm()) {
     EXPECT_EQ(run.result.force_N, run.result.release.force_N);
     run.at({-2, 0, 0});
@@ -161,8 +161,8 @@ TEST(Proxy, ReleasesAToolThatReturnedToFreeSpace) {
 // the tip stays in place while the end of a lever rotates to the other side of a plate and back
 TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
   ProxyRun run;
-  run.surfaces = {
-      felt_surface(cube_grid(9, kKnee_mm), [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; })};
+  run.surfaces = {make_contact_surface(cube_grid(9, kKnee_mm),
+                                       [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; })};
   run.spheres = {{{}, 0.3}, {{5, 0, 0}, 0.5}};
   const Point<Patient> tip(-2, 0, 2);
   const auto turn = [&](double from_rad, double to_rad) {
@@ -171,7 +171,8 @@ TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
                       Eigen::AngleAxisd(from_rad + (to_rad - from_rad) * n / 200, Eigen::Vector3d::UnitY())));
   };
   turn(0, 0.95);
-  EXPECT_LT(tip.z() - 5 * std::sin(0.95) + 0.5, -1 - kProxyFeel.withdrawal_clearance_mm) << "it is through";
+  EXPECT_LT(tip.z() - 5 * std::sin(0.95) + 0.5, -1 - kProxySettings.withdrawal_clearance_mm)
+      << "it is through";
   EXPECT_GT(run.result.force_N.norm(), 1);
   EXPECT_GE(run.state.contacts, 1);
   turn(0.95, 0);
@@ -195,7 +196,7 @@ TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
     // a groove along y, open upwards: two walls of one structure
     const double half = 0.5 * degrees * M_PI / 180;
     ProxyRun run;
-    run.surfaces = {felt_surface(cube_grid(9, {0.3, 0.3, 0.3}), [&](const Eigen::Vector3d& p) {
+    run.surfaces = {make_contact_surface(cube_grid(9, {0.3, 0.3, 0.3}), [&](const Eigen::Vector3d& p) {
       return std::cos(half) * -std::abs(p.x()) + std::sin(half) * p.z();
     })};
     const double radius_mm = 0.6;
@@ -208,7 +209,7 @@ TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
     EXPECT_NEAR(run.state.position.z(), radius_mm / std::sin(half), 0.35);
     // one contact suffices where the notch is narrower than the voxels
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+    EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
     // it stays at rest
     const Point<Patient> before = run.state.position;
     for (int n = 0; n < 100; ++n) run.at({0.2, 0, -2});
@@ -219,8 +220,8 @@ TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
 TEST(Proxy, IsConstrainedByThreeStructures) {
   ProxyRun run;
   for (int axis = 0; axis < 3; ++axis)
-    run.surfaces.push_back(
-        felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [axis](const Eigen::Vector3d& p) { return p[axis]; }));
+    run.surfaces.push_back(make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                                [axis](const Eigen::Vector3d& p) { return p[axis]; }));
   run.at({3, 3, 3});
   run.lead({3, 3, 3}, {-1, -2, -0.5}, 0.2);
   EXPECT_LT((run.state.position - Point<Patient>()).norm(), 2e-3);
@@ -232,8 +233,8 @@ TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
   // tools whose spheres differ by micrometres, so that each touches each wall
   ProxyRun run;
   for (int axis = 0; axis < 3; ++axis)
-    run.surfaces.push_back(
-        felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [axis](const Eigen::Vector3d& p) { return p[axis]; }));
+    run.surfaces.push_back(make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                                [axis](const Eigen::Vector3d& p) { return p[axis]; }));
   run.spheres.clear();
   for (const double aside_mm : {0.0, 0.001, 0.002, 0.003})
     run.spheres.push_back({Vector<Patient>(aside_mm, aside_mm, aside_mm), 1});
@@ -248,16 +249,17 @@ TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
     multiplier_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
                      run.state.contact[static_cast<std::size_t>(n)].multiplier_mm;
   EXPECT_LT((multiplier_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
 
 TEST(Proxy, ToolWiderThanAGapStaysOutAndIsFlagged) {
   ProxyRun run;
   for (const double side : {-1.0, 1.0})
-    run.surfaces.push_back(felt_surface(cube_grid(9, {0.4, 0.4, 0.4}), [side](const Eigen::Vector3d& p) {
-      // two balls of 4 mm radius, 1.5 mm apart
-      return (p - Eigen::Vector3d(side * 4.75, 0, 0)).norm() - 4;
-    }));
+    run.surfaces.push_back(
+        make_contact_surface(cube_grid(9, {0.4, 0.4, 0.4}), [side](const Eigen::Vector3d& p) {
+          // two balls of 4 mm radius, 1.5 mm apart
+          return (p - Eigen::Vector3d(side * 4.75, 0, 0)).norm() - 4;
+        }));
   run.spheres = {{{}, 1.5}};
   run.at({0, 0, 7});
   run.lead({0, 0, 7}, {0, 0, -1}, 0.2);
@@ -265,15 +267,15 @@ TEST(Proxy, ToolWiderThanAGapStaysOutAndIsFlagged) {
   // centres of tool and balls are 5.5 mm apart
   EXPECT_NEAR(run.state.position.z(), std::sqrt(5.5 * 5.5 - 4.75 * 4.75), 0.08);
   EXPECT_GT(run.result.force_N.z(), 0);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
 
 TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
   // floor and ceiling 2 mm apart, and a tool that grows taller than the gap
   ProxyRun run;
-  run.surfaces = {
-      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
-      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
+  run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
+                  make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                       [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
   run.spheres = {{Vector<Patient>(0, 0, 0.5), 0.4}, {Vector<Patient>(0, 0, -0.5), 0.4}};
   run.at({0, 0, 1});
   EXPECT_TRUE(run.state.coupled);
@@ -289,14 +291,14 @@ TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
   run.at({0, 0, 1});
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, 1));
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
 
 TEST(Proxy, SlightPenetrationByATurnIsCorrectedWithoutANewConstraint) {
   ProxyRun run;
-  run.surfaces = {
-      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
-      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
+  run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
+                  make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                       [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
   run.spheres = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
   run.at({0, 0, 1});
   for (int n = 1; n <= 40; ++n) {
@@ -305,16 +307,16 @@ TEST(Proxy, SlightPenetrationByATurnIsCorrectedWithoutANewConstraint) {
     run.spheres[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
     run.at({0, 0, 0.7});
     ASSERT_FALSE(run.result.wedged) << n;
-    ASSERT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm) << n;
+    ASSERT_LT(run.deepest_mm, kProxySettings.max_penetration_mm) << n;
   }
 }
 
 TEST(Proxy, PuncturedLayerStaysOpenAroundTheProxy) {
   // cartilage of 2 mm on bone
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}),
-                               [](const Eigen::Vector3d& p) { return std::abs(p.z() - 1) - 1; }),
-                  felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm)};
+  run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                       [](const Eigen::Vector3d& p) { return std::abs(p.z() - 1) - 1; }),
+                  make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm)};
   run.surfaces[0].puncture_N = 1;
   for (const double radius_mm : {0.0, 0.5}) {
     run.spheres = {{{}, radius_mm}};
@@ -333,8 +335,8 @@ TEST(Proxy, PuncturedLayerStaysOpenAroundTheProxy) {
 // a membrane 1 mm thick with free space below
 ProxyRun on_membrane() {
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}),
-                               [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 0.5; })};
+  run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                       [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 0.5; })};
   run.surfaces[0].stiffness_N_per_mm = 2;
   run.surfaces[0].puncture_N = 1;
   run.surfaces[0].stays_open = true;
@@ -435,7 +437,7 @@ Bricks<LabelId> labelled(const GridGeometry& grid,
 }
 
 // A floor of two structures that meet at x = 0, 1 and 0.4 N/mm, with friction.
-ProxyRun two_feels() {
+ProxyRun two_settings() {
   const GridGeometry grid = cube_grid(9, {0.36, 0.36, 0.7});
   ProxyRun run;
   run.surfaces.resize(2);
@@ -443,7 +445,7 @@ ProxyRun two_feels() {
   run.surfaces[0].static_friction = run.surfaces[0].friction = 0.2;
   run.surfaces[1].stiffness_N_per_mm = 0.4;
   run.surfaces[1].static_friction = run.surfaces[1].friction = 0.1;
-  run.surfaces.push_back(felt_surface(grid, floor_mm));
+  run.surfaces.push_back(make_contact_surface(grid, floor_mm));
   run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
   run.surfaces[2].owners = std::make_shared<const Owners>(
       labelled(grid,
@@ -455,7 +457,7 @@ ProxyRun two_feels() {
 }
 
 TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
-  ProxyRun run = two_feels();
+  ProxyRun run = two_settings();
   for (const double radius_mm : {0.0, 1.5}) {
     run.spheres = {{{}, radius_mm}};
     run.state = {};
@@ -477,7 +479,7 @@ TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
         all += result.path[static_cast<std::size_t>(n)].share;
         all_mm += result.path[static_cast<std::size_t>(n)].depth_mm;
       }
-      EXPECT_NEAR(all, 1, kTouchFeel.min_share) << x;
+      EXPECT_NEAR(all, 1, kContactSettings.min_share) << x;
       EXPECT_NEAR(all_mm, (run.state.position - Point<Patient>(x, 0, radius_mm - 1)).norm(), 0.02) << x;
       EXPECT_GT(result.path_segments, 0) << x;
       before_N = result.force_N.norm();
@@ -486,7 +488,7 @@ TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
     ASSERT_EQ(run.result.path_segments, 1);
     EXPECT_EQ(run.result.path[0].structure, 1);
     EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+    EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
   }
 }
 
@@ -498,7 +500,8 @@ TEST(Proxy, PunctureOpensTheOuterSurfaceAboveAnInnerLayer) {
   };
   const auto skin_mm = [](const Eigen::Vector3d& p) { return std::max(std::abs(p.z() + 1) - 1, p.x() - 2); };
   ProxyRun run;
-  run.surfaces = {felt_surface(grid, skin_mm), felt_surface(grid, bone_mm), felt_surface(grid, floor_mm)};
+  run.surfaces = {make_contact_surface(grid, skin_mm), make_contact_surface(grid, bone_mm),
+                  make_contact_surface(grid, floor_mm)};
   run.surfaces[0].puncture_N = 1;
   run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
   run.surfaces[2].opened_by = {0};
@@ -545,7 +548,7 @@ TEST(Proxy, PunctureOpensTheOuterSurfaceAboveAnInnerLayer) {
 ProxyRun layered(double soft_N_per_mm, double hard_N_per_mm, const Distance& hard_mm) {
   const GridGeometry grid = cube_grid(20, {0.5, 0.5, 0.5});
   ProxyRun run;
-  run.surfaces = {felt_surface(grid, floor_mm), felt_surface(grid, hard_mm)};
+  run.surfaces = {make_contact_surface(grid, floor_mm), make_contact_surface(grid, hard_mm)};
   run.surfaces[0].stiffness_N_per_mm = run.surfaces[0].to_N_per_mm = soft_N_per_mm;
   run.surfaces[1].stiffness_N_per_mm = hard_N_per_mm;
   run.surfaces[1].from_N_per_mm = soft_N_per_mm;
@@ -577,7 +580,7 @@ TEST(ProxyLayers, IntegrateStiffnessAlongTheEntryPath) {
                     depth_mm > -0.01 && depth_mm < 0.01 ? 2 : 1e-9)
             << depth_mm;
       }
-      EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+      EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
       run.lead({0.1, 0.2, radius_mm - c.thick_mm - 5}, {0.1, 0.2, radius_mm + 1}, 0.05);
       EXPECT_EQ(run.result.force_N, Vector<Patient>());
     }
@@ -646,10 +649,10 @@ TEST(ProxyLayers, OnASlopeUnderFatForceIsTheGradientOfStoredEnergy) {
     hard += there.stiffness_N_per_mm > 1;
     constexpr double kApart = 0.02;
     for (int a = 0; a < 3; ++a) {
-      Eigen::Vector3d way = Eigen::Vector3d::Zero();
-      way[a] = kApart;
-      const double more = settled(tip + Vector<Patient>(way)).stored_mJ;
-      const double less = settled(tip - Vector<Patient>(way)).stored_mJ;
+      Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
+      displacement[a] = kApart;
+      const double more = settled(tip + Vector<Patient>(displacement)).stored_mJ;
+      const double less = settled(tip - Vector<Patient>(displacement)).stored_mJ;
       EXPECT_NEAR(there.force_N[a], (less - more) / (2 * kApart), 0.01 + 0.02 * there.force_N.norm()) << n;
     }
   }
@@ -729,23 +732,23 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   };
   ProxyRun run;
   run.surfaces.resize(3);
-  run.surfaces[0] = felt_surface(grid, skin_mm);  // layer 1, skin's own
+  run.surfaces[0] = make_contact_surface(grid, skin_mm);  // layer 1, skin's own
   run.surfaces[0].stiffness_N_per_mm = 0.3;
   run.surfaces[0].from_N_per_mm = 0.05;
   run.surfaces[0].to_N_per_mm = 0.3;
   run.surfaces[0].layer = 1;
   run.surfaces[0].puncture_N = 0.4;
   run.surfaces[1].stiffness_N_per_mm = 0.05;  // fat
-  run.surfaces[2] = felt_surface(grid, bone_mm);
+  run.surfaces[2] = make_contact_surface(grid, bone_mm);
   run.surfaces[2].stiffness_N_per_mm = 1.5;
   run.surfaces[2].from_N_per_mm = 0.05;
   run.surfaces[2].layer = 1;
-  const auto in_first_layer = [&](ContactSurface felt) {
-    felt.to_N_per_mm = 0.05;
-    felt.static_friction = felt.friction = 0;
-    return felt;
+  const auto in_first_layer = [&](ContactSurface surface) {
+    surface.to_N_per_mm = 0.05;
+    surface.static_friction = surface.friction = 0;
+    return surface;
   };
-  ContactSurface common = in_first_layer(felt_surface(grid, floor_mm));
+  ContactSurface common = in_first_layer(make_contact_surface(grid, floor_mm));
   common.owners = labels(true);
   common.opened_by = {0};
   run.surfaces.push_back(common);
@@ -755,7 +758,7 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   skin.structure = 0;
   skin.beneath = 3;
   run.surfaces.push_back(skin);
-  ContactSurface rest = in_first_layer(felt_surface(grid, inner_mm));
+  ContactSurface rest = in_first_layer(make_contact_surface(grid, inner_mm));
   rest.owners = labels(false);
   rest.beneath = 3;
   run.surfaces.push_back(rest);
@@ -793,17 +796,17 @@ void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip
   for (int n = 0; n < 50; ++n) run.at(tip_at(0));
   Vector<Patient> before = run.result.force_N;
   Point<Patient> proxy = run.state.position;
-  double max_mm = 0, max_N = 0, way_mm = 0;
+  double max_mm = 0, max_N = 0, path_mm = 0;
   const int ticks = 1500;
   for (int n = 1; n <= ticks; ++n) {
     run.at(tip_at(step * n));
     max_N = std::max(max_N, (run.result.force_N - before).norm());
     max_mm = std::max(max_mm, (run.state.position - proxy).norm());
-    way_mm += (run.state.position - proxy).norm();
+    path_mm += (run.state.position - proxy).norm();
     before = run.result.force_N;
     proxy = run.state.position;
   }
-  const double mean_mm = way_mm / ticks;
+  const double mean_mm = path_mm / ticks;
   EXPECT_GT(mean_mm, 1e-3) << "it slides";
   EXPECT_LT(max_mm, 4 * mean_mm + 1e-3) << "and does not leap";
   EXPECT_LT(max_N, 0.01 * 2) << "N, at 2 N/mm";
@@ -821,7 +824,7 @@ Slip slip_off_an_edge(double dt_s, double stiffness_N_per_mm, double radius_mm, 
   run.dt_s = dt_s;
   run.spheres = {{{}, radius_mm}};
   // a block with an edge rounded by 0.5 mm
-  run.surfaces = {felt_surface(cube_grid(8, {0.25, 0.25, 0.25}), [](const Eigen::Vector3d& p) {
+  run.surfaces = {make_contact_surface(cube_grid(8, {0.25, 0.25, 0.25}), [](const Eigen::Vector3d& p) {
     const double x = p.x() + 0.5, z = p.z() + 0.5;
     return std::hypot(std::max(x, 0.0), std::max(z, 0.0)) + std::min(std::max(x, z), 0.0) - 0.5;
   })};
@@ -832,12 +835,12 @@ Slip slip_off_an_edge(double dt_s, double stiffness_N_per_mm, double radius_mm, 
   double slips_s = 0;
   Vector<Patient> before_N = run.result.force_N;
   const double far_mm = radius_mm + 0.3;
-  for (double way_mm = 0, waited_s = 0; waited_s < 0.5;) {
-    if (-3 + way_mm < far_mm)
-      way_mm += step_mm;
+  for (double path_mm = 0, waited_s = 0; waited_s < 0.5;) {
+    if (-3 + path_mm < far_mm)
+      path_mm += step_mm;
     else
       waited_s += dt_s;
-    run.at({-3 + way_mm, 0, radius_mm - deep_mm});
+    run.at({-3 + path_mm, 0, radius_mm - deep_mm});
     const double moved_mm = waited_s > 0 ? 0 : step_mm;
     const double jump_N = (run.result.force_N - before_N).norm() - stiffness_N_per_mm * moved_mm;
     found.largest_N = std::max(found.largest_N, jump_N);
@@ -858,9 +861,9 @@ TEST(Proxy, SlipOffAnEdgeIsRateLimited) {
         const Slip slip = slip_off_an_edge(dt_s, stiffness, radius_mm, 20);
         EXPECT_LT(slip.largest_N, 20 * dt_s);
         EXPECT_LT(slip.left_N, 0.01);
-        EXPECT_LT(slip.deepest_mm, kProxyFeel.max_penetration_mm);
+        EXPECT_LT(slip.deepest_mm, kProxySettings.max_penetration_mm);
         // the displacement alone would take as long as the operator needs for it
-        EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.max_slip_N_per_s, 0.012);
+        EXPECT_NEAR(slip.half_s, 0.45 / kProxySettings.max_slip_N_per_s, 0.012);
       }
 }
 
@@ -880,8 +883,8 @@ double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<P
 // at a depth of 8 mm the change of shares per tick would change the force by 0.2 N
 TEST(Proxy, StiffnessChangeUnderLoadIsRateLimited) {
   for (const double towards : {1.0, -1.0}) {
-    ProxyRun run = two_feels();
-    for (ContactSurface& felt : run.surfaces) felt.static_friction = felt.friction = 0;
+    ProxyRun run = two_settings();
+    for (ContactSurface& surface : run.surfaces) surface.static_friction = surface.friction = 0;
     const Point<Patient> from(-5 * towards, 0, -8), to(5 * towards, 0, -8);
     run.at({from.x(), 0, 5});
     run.lead({from.x(), 0, 5}, from, 0.05);
@@ -896,7 +899,7 @@ TEST(Proxy, StiffnessChangeUnderLoadIsRateLimited) {
 
 // e.g. a proxy left behind without a path to the tip, which then finds one
 TEST(Proxy, DistantProxyMeetsAConstraintWithoutAForceStep) {
-  ProxyRun run = two_feels();
+  ProxyRun run = two_settings();
   const Point<Patient> tip(-5, 0, -3);
   run.at({-5, 0, 1});
   run.state.tip = tip;
@@ -911,7 +914,7 @@ TEST(Proxy, DistantProxyMeetsAConstraintWithoutAForceStep) {
 
 // the force of a tick is explained by the tip's displacement, at any depth
 TEST(Proxy, FastHandIsConstrainedInTheSameTick) {
-  ProxyRun run = two_feels();
+  ProxyRun run = two_settings();
   run.at({-5, 0, 1});
   run.at({-5, 0, -2});
   EXPECT_NEAR(run.result.force_N.z(), 2, 0.01);
@@ -937,14 +940,15 @@ TEST(ProxyLayers, UnusedSlipBudgetIsAvailableToInnerLayers) {
     EXPECT_LT((run.result.force_N - before_N).norm(), 0.02);
     ++ticks;
   }
-  EXPECT_NEAR(ticks * 1e-3, left_N / kProxyFeel.max_slip_N_per_s, 0.1 * left_N / kProxyFeel.max_slip_N_per_s);
+  EXPECT_NEAR(ticks * 1e-3, left_N / kProxySettings.max_slip_N_per_s,
+              0.1 * left_N / kProxySettings.max_slip_N_per_s);
   EXPECT_NEAR(run.result.force_N.z(), 0.5 * 5, 0.01);
 }
 
 TEST(Proxy, SlidesEvenlyUnderASlowTip) {
   const auto run_on = [](const testing::Distance& distance_mm) {
     ProxyRun run;
-    run.surfaces = {felt_surface(cube_grid(22, {0.5, 0.5, 0.5}), distance_mm)};
+    run.surfaces = {make_contact_surface(cube_grid(22, {0.5, 0.5, 0.5}), distance_mm)};
     run.surfaces[0].stiffness_N_per_mm = 2;
     run.at({0, 0, 21});
     return run;
@@ -953,11 +957,11 @@ TEST(Proxy, SlidesEvenlyUnderASlowTip) {
   ProxyRun plane = run_on([](const Eigen::Vector3d& p) { return p.z(); });
   plane.lead({0, 0, 21}, {0, 0, -3}, 0.5);
   expect_even(
-      plane, [](double way) { return Point<Patient>(way, 0.2 * way, -3); }, 0.003);
+      plane, [](double distance) { return Point<Patient>(distance, 0.2 * distance, -3); }, 0.003);
   ProxyRun ball = run_on([](const Eigen::Vector3d& p) { return p.norm() - 15; });
   ball.lead({0, 0, 21}, {0, 0, 12}, 0.5);
   expect_even(
-      ball, [](double way) { return Point<Patient>(12 * std::sin(way / 12), 0, 12 * std::cos(way / 12)); },
+      ball, [](double path) { return Point<Patient>(12 * std::sin(path / 12), 0, 12 * std::cos(path / 12)); },
       0.003);
   // a hollow whose radius of curvature is less than the depth
   ProxyRun hollow = run_on([](const Eigen::Vector3d& p) { return 5 - p.tail<2>().norm(); });
@@ -965,7 +969,7 @@ TEST(Proxy, SlidesEvenlyUnderASlowTip) {
   hollow.at({0, 0, 0});
   hollow.lead({0, 0, 0}, {0, 0, -8}, 0.2);
   expect_even(
-      hollow, [](double way) { return Point<Patient>(way, 0, -8); }, 0.003);
+      hollow, [](double travel) { return Point<Patient>(travel, 0, -8); }, 0.003);
 }
 
 TEST(Proxy, FrictionConeHasTheCoefficient) {
@@ -1007,14 +1011,14 @@ TEST(Proxy, FrictionConeHasTheCoefficientOnEveryPlane) {
     const double depth_mm = 0.5 + 2 * unit(random);
     SCOPED_TRACE("plane " + std::to_string(n));
     ProxyRun run;
-    run.surfaces = {
-        felt_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) { return up.eigen().dot(p); })};
+    run.surfaces = {make_contact_surface(cube_grid(9, kKnee_mm),
+                                         [&](const Eigen::Vector3d& p) { return up.eigen().dot(p); })};
     run.surfaces[0].static_friction = mu_static;
     run.surfaces[0].friction = mu_dynamic;
     run.spheres = {{{}, n % 2 == 0 ? 0 : 1.5 * unit(random)}};
     const double above_mm = run.spheres[0].radius_mm;
-    const auto tip = [&](double way_mm, double height_mm) {
-      return Point<Patient>() + along * way_mm + up * (above_mm + height_mm);
+    const auto tip = [&](double path_mm, double height_mm) {
+      return Point<Patient>() + along * path_mm + up * (above_mm + height_mm);
     };
     const auto ratio = [&] {
       const double normal_N = run.result.force_N.dot(up);
@@ -1023,15 +1027,15 @@ TEST(Proxy, FrictionConeHasTheCoefficientOnEveryPlane) {
     run.at(tip(0, 1));
     run.lead(tip(0, 1), tip(0, -depth_mm), 0.05);
     ASSERT_TRUE(run.state.sticking);
-    double way_mm = 0, max_ratio = 0;
+    double path_mm = 0, max_ratio = 0;
     const double stride_mm = mu_static * depth_mm / 1000;
-    while (run.state.sticking && way_mm < 5) {
+    while (run.state.sticking && path_mm < 5) {
       max_ratio = std::max(max_ratio, ratio());
-      run.at(tip(way_mm += stride_mm, -depth_mm));
+      run.at(tip(path_mm += stride_mm, -depth_mm));
     }
     EXPECT_NEAR(max_ratio, mu_static, 0.02 * mu_static);
     for (int slid = 0; slid < 300; ++slid) {
-      run.at(tip(way_mm += 0.003, -depth_mm));
+      run.at(tip(path_mm += 0.003, -depth_mm));
       ASSERT_NEAR(ratio(), mu_dynamic, 0.02 * mu_dynamic);
     }
   }
@@ -1040,7 +1044,7 @@ TEST(Proxy, FrictionConeHasTheCoefficientOnEveryPlane) {
 TEST(Proxy, DoesNotDriftWhileItSticks) {
   for (const bool curved : {false, true}) {
     ProxyRun run;
-    run.surfaces = {felt_surface(cube_grid(12, kKnee_mm), [&](const Eigen::Vector3d& p) {
+    run.surfaces = {make_contact_surface(cube_grid(12, kKnee_mm), [&](const Eigen::Vector3d& p) {
       return curved ? (p + Eigen::Vector3d(0, 0, 10)).norm() - 10 : p.z() + 0.2 * p.x();
     })};
     run.surfaces[0].static_friction = 0.6;
@@ -1065,7 +1069,7 @@ TEST(Proxy, NewConstraintOnThePathKeepsSticking) {
     SCOPED_TRACE(before_wall_mm);
     ProxyRun run = on_floor(0.8, 0.2);
     run.surfaces.push_back(
-        felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.x(); }));
+        make_contact_surface(cube_grid(10, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.x(); }));
     run.surfaces[1].static_friction = 0.8;
     run.surfaces[1].friction = 0.2;
     run.surfaces[1].stiffness_N_per_mm = 2;
@@ -1081,7 +1085,7 @@ TEST(Proxy, NewConstraintOnThePathKeepsSticking) {
 
 TEST(Proxy, TipStartingInsideIsUnconstrainedUntilFree) {
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), floor_mm)};
+  run.surfaces = {make_contact_surface(cube_grid(10, {0.5, 0.5, 0.5}), floor_mm)};
   for (int n = 0; n < 5; ++n) {
     run.at({0, 0, -2 + 0.3 * n});
     EXPECT_FALSE(run.state.coupled);
@@ -1096,8 +1100,8 @@ TEST(Proxy, TipStartingInsideIsUnconstrainedUntilFree) {
 
 TEST(Proxy, InitialisesAtTheNearestFreePositionOnRequest) {
   ProxyRun run;
-  run.surfaces = {
-      felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 8; })};
+  run.surfaces = {make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}),
+                                       [](const Eigen::Vector3d& p) { return p.norm() - 8; })};
   run.spheres = {{{}, 1}};
   ASSERT_TRUE(initialise_proxy(run.surfaces, run.spheres, Point<Patient>(5, 0, 0), run.state));
   EXPECT_NEAR(run.state.position.x(), 9, 0.03);
@@ -1163,7 +1167,7 @@ TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
   EXPECT_EQ(run.state.contact[0].axis_fraction, 1);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
 
 // between two balls of one surface, one beside each of its ends: a single contact would let it slide off
@@ -1172,12 +1176,12 @@ TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
     return std::min((p - Eigen::Vector3d(-4, -1, 0)).norm(), (p - Eigen::Vector3d(4, 1, 0)).norm()) - 2;
   };
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(12, {0.4, 0.4, 0.4}), balls, 4)};
+  run.surfaces = {make_contact_surface(cube_grid(12, {0.4, 0.4, 0.4}), balls, 4)};
   run.surfaces[0].stiffness_N_per_mm = 2;
   run.spheres = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
   run.at({0, 0.3, 6});
   run.lead({0, 0.3, 6}, {0, 0, -1}, 0.02);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm + kProxySettings.max_row_gap_mm);
   // its axis is 3 mm from both centres
   const double up_mm = std::sqrt(9.0 - 1.0);
   EXPECT_NEAR(run.state.position.y(), 0, 0.03);
@@ -1195,8 +1199,8 @@ TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
 TEST(Proxy, StiffnessIsWeightedByTheLoadOnEachStructure) {
   ProxyRun run;
   for (int axis = 0; axis < 2; ++axis)
-    run.surfaces.push_back(
-        felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [axis](const Eigen::Vector3d& p) { return p[axis]; }));
+    run.surfaces.push_back(make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                                                [axis](const Eigen::Vector3d& p) { return p[axis]; }));
   run.surfaces[0].stiffness_N_per_mm = 1;
   run.surfaces[1].stiffness_N_per_mm = 3;
   run.at({3, 3, 0});
@@ -1213,7 +1217,7 @@ TEST(Proxy, MoreSurfacesThanTheTickBudgetStillConstrain) {
   // a heap of overlapping balls, many of which the tool touches
   for (int s = 0; s < 40; ++s) {
     const Eigen::Vector3d centre = random_direction(random).eigen() * 1.5;
-    run.surfaces.push_back(felt_surface(
+    run.surfaces.push_back(make_contact_surface(
         cube_grid(7, {0.5, 0.5, 0.5}), [=](const Eigen::Vector3d& p) { return (p - centre).norm() - 2.0; },
         2));
   }
@@ -1224,7 +1228,7 @@ TEST(Proxy, MoreSurfacesThanTheTickBudgetStillConstrain) {
     run.at(Point<Patient>() + side * 8);
     run.lead(run.state.position, Point<Patient>() - side * 2, 0.4);
     for (int settle = 0; settle < 30; ++settle) run.at(Point<Patient>() - side * 2);
-    ASSERT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+    ASSERT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
     EXPECT_GT(run.result.force_N.norm(), 1);
   }
 }
@@ -1240,14 +1244,14 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
     for (int s = 0; s < 4; ++s) {
       const Eigen::Vector3d centre(2 * about(random), 2 * about(random), 2 * about(random));
       const double radius_mm = 1.5 + 2 * unit(random);
-      run.surfaces.push_back(felt_surface(
+      run.surfaces.push_back(make_contact_surface(
           cube_grid(9, {0.5, 0.5, 0.5}),
           [=](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 2));
-      ContactSurface& felt = run.surfaces.back();
-      felt.friction = 0.4 * unit(random);
-      felt.static_friction = felt.friction + 0.3 * unit(random);
-      felt.layer = s / 2;
-      if (scene % 3 == 0 && s == 0) felt.puncture_N = 1.5;
+      ContactSurface& surface = run.surfaces.back();
+      surface.friction = 0.4 * unit(random);
+      surface.static_friction = surface.friction + 0.3 * unit(random);
+      surface.layer = s / 2;
+      if (scene % 3 == 0 && s == 0) surface.puncture_N = 1.5;
     }
     // in some scenes friction and stiffness vary along the surface by ownership shares
     if (scene % 4 == 2) {
@@ -1272,13 +1276,13 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
     ProxyState without_cache;
     Holes holes;
     Point<Patient> tip(0, 0, 12);
-    Vector<Patient> way;
+    Vector<Patient> displacement;
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
     for (int n = 0; n < 1500; ++n) {
       // alternately held still with a tremor, and moving
       const bool held = n % 300 > 120;
-      way = way * 0.97 + random_direction(random) * 0.05 + (Point<Patient>() - tip) * 0.003;
-      tip += held ? random_direction(random) * 0.002 : way;
+      displacement = displacement * 0.97 + random_direction(random) * 0.05 + (Point<Patient>() - tip) * 0.003;
+      tip += held ? random_direction(random) * 0.002 : displacement;
       if (!held && scene % 2 == 1)
         attitude = Eigen::AngleAxisd(0.01, random_direction(random).eigen()) * attitude;
       const ToolPose hand(tip, attitude);
@@ -1333,23 +1337,23 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
 }
 
 TEST(Proxy, RestCacheIsKeyedByToolAndPlace) {
-  const Point<Patient> place(1, 2, 3);
+  const Point<Patient> position(1, 2, 3);
   const ToolSphere sphere{{0, 0, 1}, 0.5};
   const RestingContacts::Constraint plane{{0, 0, 1}, 2.5, 4, 0};
   RestingContacts touched;
-  EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
-  touched.store(place, {}, {&sphere, 1}, {&plane, 1});
-  ASSERT_EQ(touched.find(place, {}, {&sphere, 1}).size(), 1u);
-  EXPECT_EQ(touched.find(place, {}, {&sphere, 1})[0].surface, 4);
+  EXPECT_TRUE(touched.find(position, {}, {&sphere, 1}).empty());
+  touched.store(position, {}, {&sphere, 1}, {&plane, 1});
+  ASSERT_EQ(touched.find(position, {}, {&sphere, 1}).size(), 1u);
+  EXPECT_EQ(touched.find(position, {}, {&sphere, 1})[0].surface, 4);
   EXPECT_TRUE(touched.find({1, 2, 3.0000001}, {}, {&sphere, 1}).empty());
-  EXPECT_TRUE(touched.find(place, SurfaceSet(1), {&sphere, 1}).empty());
+  EXPECT_TRUE(touched.find(position, SurfaceSet(1), {&sphere, 1}).empty());
   const ToolSphere wider{{0, 0, 1}, 0.6}, turned{{0, 1, 0}, 0.5}, capsule{{0, 0, 1}, 0.5, {0, 0, 2}};
   for (const ToolSphere& other : {wider, turned, capsule})
-    EXPECT_TRUE(touched.find(place, {}, {&other, 1}).empty());
+    EXPECT_TRUE(touched.find(position, {}, {&other, 1}).empty());
   const std::array two{sphere, sphere};
-  EXPECT_TRUE(touched.find(place, {}, two).empty());
+  EXPECT_TRUE(touched.find(position, {}, two).empty());
   touched.forget();
-  EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
+  EXPECT_TRUE(touched.find(position, {}, {&sphere, 1}).empty());
 }
 
 // whatever is touched, the work of a tick is bounded and the penetration within tolerance
@@ -1366,7 +1370,7 @@ TEST(Proxy, RandomPathsOverRandomSurfacesStayOutside) {
       const Eigen::Vector3d axis = random_direction(random).eigen();
       const double radius_mm = 1 + 2 * unit(random);
       const double half_length_mm = unit(random) < 0.5 ? 3 : 0;
-      run.surfaces.push_back(felt_surface(
+      run.surfaces.push_back(make_contact_surface(
           cube_grid(14, kKnee_mm, turned.toRotationMatrix()),
           [=](const Eigen::Vector3d& p) {
             const Eigen::Vector3d v = p - centre;
@@ -1387,7 +1391,7 @@ TEST(Proxy, RandomPathsOverRandomSurfacesStayOutside) {
       tip += velocity_mm;
       run.at(tip);
       ASSERT_TRUE(run.result.force_N.all_finite());
-      ASSERT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm) << "scene " << scene << ", tick " << n;
+      ASSERT_LT(run.deepest_mm, kProxySettings.max_penetration_mm) << "scene " << scene << ", tick " << n;
     }
   }
 }

@@ -50,9 +50,9 @@ bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const 
   // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   Point<Patient> position = hand.tip;
   const auto is_out = [&] { return is_free(surfaces, spheres, layer, punctured, {}, position); };
-  for (int search = 0; search < kProxyFeel.max_initial_searches && !is_out(); ++search) {
-    PairSet pairs(surfaces, spheres, layer, punctured, position, kProxyFeel.initial_reach_mm);
-    if (!project_out(pairs, kProxyFeel.max_initial_steps, kProxyFeel.initial_reach_mm, position))
+  for (int search = 0; search < kProxySettings.max_initial_searches && !is_out(); ++search) {
+    PairSet pairs(surfaces, spheres, layer, punctured, position, kProxySettings.initial_reach_mm);
+    if (!project_out(pairs, kProxySettings.max_initial_steps, kProxySettings.initial_reach_mm, position))
       return false;
   }
   if (!is_out()) return false;

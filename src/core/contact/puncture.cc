@@ -95,7 +95,8 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
       return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
         const ContactPair pair{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
         int queries = 0;
-        return pair.clearance(at, kProxyFeel.closing_mm, pair.steps / 2, queries).mm > kProxyFeel.closing_mm;
+        return pair.clearance(at, kProxySettings.closing_mm, pair.steps / 2, queries).mm >
+               kProxySettings.closing_mm;
       });
     };
     if (has_left(spheres, hand.tip) && has_left(held.spheres(), layer.position)) punctured[s] = false;

@@ -10,8 +10,8 @@
 namespace palpate {
 
 /// Punctured surfaces of a layer that are still open. A surface closes when the tool is farther than
-/// ProxyFeel::closing_mm from it both in the operator's pose and in the proxy's: a tip may have emerged from
-/// the surface while its proxy is still inside.
+/// ProxySettings::closing_mm from it both in the operator's pose and in the proxy's: a tip may have emerged
+/// from the surface while its proxy is still inside.
 SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                       const ToolPose& hand, const ProxyLayer& layer);
 

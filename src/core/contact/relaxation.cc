@@ -113,9 +113,9 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
   const double free_N = lost_N / (1 - lost_part);
   state.presses = elastic_N > near * free_N;
   state.elastic_N = state.presses ? elastic_N : free_N;
-  const double kept = state.presses ? near : 1;
+  const double retained = state.presses ? near : 1;
   for (std::size_t n = 0; n < times.count; ++n)
-    state.lagging_N[n] = kept * past[n] + now[n] * state.elastic_N;
+    state.lagging_N[n] = retained * past[n] + now[n] * state.elastic_N;
   if (state.presses) {
     if (contact != nullptr) state.at = contact->at;
     return std::max(0.0, elastic_N - lost_part * elastic_N - near * lost_N);

@@ -17,7 +17,7 @@ namespace {
 
 using test::test_seed;
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::ProxyRun;
 
 constexpr Relaxation kTwoTerms{{{{0.3, 0.5}, {0.2, 8}}}};
@@ -123,9 +123,9 @@ TEST(AdvanceRelaxation, HeldRampIsExactForAnyTickLength) {
     const double dt_s = std::min(dt(random), ends_s);
     time_s += dt_s;
     const double force_N = tissue.at(kRate_N_per_s * std::min(time_s, kRamp_s), dt_s);
-    const double wanted_N = kRate_N_per_s * (ramped_N(kTwoTerms, time_s) -
+    const double target_N = kRate_N_per_s * (ramped_N(kTwoTerms, time_s) -
                                              (time_s > kRamp_s ? ramped_N(kTwoTerms, time_s - kRamp_s) : 0));
-    ASSERT_NEAR(force_N / wanted_N, 1, 1e-11) << time_s;
+    ASSERT_NEAR(force_N / target_N, 1, 1e-11) << time_s;
   }
 }
 
@@ -298,10 +298,10 @@ TEST(AdvanceRelaxation, IsPassiveOnRandomPaths) {
         goal_mm = 6 * unit(random) - 1.5;
         speed_mm_s = unit(random) < 0.3 ? 0 : std::pow(10, 2.5 * unit(random) - 0.5);
       }
-      const double way_mm =
+      const double distance_mm =
           std::clamp(goal_mm - sphere.depth_mm, -speed_mm_s * kShort_s, speed_mm_s * kShort_s);
       const double before_mJ = sphere.stored_mJ();
-      const double in_mJ = sphere.to(sphere.depth_mm + way_mm, kShort_s);
+      const double in_mJ = sphere.to(sphere.depth_mm + distance_mm, kShort_s);
       work_mJ += in_mJ;
       max_mJ = std::max(max_mJ, work_mJ);
       lost_mJ = std::min(lost_mJ, in_mJ - (sphere.stored_mJ() - before_mJ));
@@ -340,7 +340,7 @@ TEST(AdvanceRelaxation, IsAtMostAsStiffAsTheInstantaneousLaw) {
 struct RelaxingFloor {
   explicit RelaxingFloor(const Relaxation& relaxation) : times(times_of(relaxation)) {
     run.surfaces = {
-        felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
+        make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
     run.surfaces[0].yield_modulus_N_per_mm2 = kModulus_N_per_mm2;
     run.surfaces[0].relaxed.add(relaxation, times, 1);
     run.spheres[0].radius_mm = 3;
@@ -363,8 +363,8 @@ TEST(ProxyOnWhatRelaxes, ForceDecaysFromTickToTick) {
     floor.wait({0, 0, 1}, time_s);
     waited_s += time_s;
     // at the middle of the five ticks of the approach
-    const double wanted_N = law_N * left_of(kTwoTerms, waited_s + 0.002);
-    EXPECT_NEAR(floor.run.result.force_N.z() / wanted_N, 1, 0.01) << waited_s;
+    const double target_N = law_N * left_of(kTwoTerms, waited_s + 0.002);
+    EXPECT_NEAR(floor.run.result.force_N.z() / target_N, 1, 0.01) << waited_s;
   }
   // the recoverable energy is less than the work of pressing
   const YieldForce law = yield_force({0, {}, kModulus_N_per_mm2}, 2, 3);

@@ -19,12 +19,12 @@ ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Po
                             const StepConditions& conditions, const DisplacementLimit& limit) {
   const double substep_mm = conditions.substep_mm;
   ValidatedStep step{false, false, end, end};
-  if (!project_out(pairs, kProxyFeel.max_corrections, substep_mm, step.position)) return step;
+  if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, step.position)) return step;
   // the projection may have moved the point beyond the displacement limit
   if (limit.is_outside(step.position)) {
     step.end = from + (end - from) * limit.fraction_within(from, step.position - from);
     step.position = step.end;
-    if (!project_out(pairs, kProxyFeel.max_corrections, substep_mm, step.position)) return step;
+    if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, step.position)) return step;
     step.at_limit = true;
   }
   // the ends of a longer projection do not bound the penetration between them

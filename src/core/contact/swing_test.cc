@@ -12,17 +12,17 @@ namespace {
 
 constexpr double kSwingStep_mm = 0.03;
 
-struct SeenSwing {
+struct ObservedSwing {
   double found_s = -1;       ///< time of detection since the beginning
   double extra_delay_s = 0;  ///< estimate at the end
 };
 
 // a tip on a prescribed path, quantised to encoder steps, and a force along x that depends on its position
-SeenSwing look_at(const std::function<Vector<World>(double)>& tip_at,
-                  const std::function<double(const Vector<World>&)>& force_N_at, double time_s,
-                  double rate_hz = 1000) {
+ObservedSwing look_at(const std::function<Vector<World>(double)>& tip_at,
+                      const std::function<double(const Vector<World>&)>& force_N_at, double time_s,
+                      double rate_hz = 1000) {
   OscillationState state;
-  SeenSwing seen;
+  ObservedSwing observed;
   const auto read = [&](double at_s) {
     const Vector<World> tip = tip_at(at_s);
     return Vector<World>((tip / kSwingStep_mm).eigen().array().floor().matrix() * kSwingStep_mm);
@@ -31,10 +31,10 @@ SeenSwing look_at(const std::function<Vector<World>(double)>& tip_at,
     const Vector<World> tip = read(n / rate_hz);
     const Vector<World> force_N(std::max(0.0, force_N_at(tip)), 0, 0);
     detect_oscillation(force_N, tip - read((n - 1) / rate_hz), kSwingStep_mm, 1 / rate_hz, state);
-    if (state.extra_delay_s > 0 && seen.found_s < 0) seen.found_s = n / rate_hz;
+    if (state.extra_delay_s > 0 && observed.found_s < 0) observed.found_s = n / rate_hz;
   }
-  seen.extra_delay_s = state.extra_delay_s;
-  return seen;
+  observed.extra_delay_s = state.extra_delay_s;
+  return observed;
 }
 
 double wall_N(const Vector<World>& tip) {
@@ -42,7 +42,7 @@ double wall_N(const Vector<World>& tip) {
 }
 
 // an oscillation about 1 mm below a wall
-SeenSwing watch_swing(double frequency_hz, double peak_to_peak_mm, double rate_hz = 1000) {
+ObservedSwing watch_swing(double frequency_hz, double peak_to_peak_mm, double rate_hz = 1000) {
   return look_at(
       [=](double t) {
         return Vector<World>(-1 + 0.5 * peak_to_peak_mm * std::sin(2 * std::numbers::pi * frequency_hz * t),
@@ -58,11 +58,12 @@ TEST(Swing, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
   for (const auto& [frequency_hz, peak_to_peak_mm] : cycles)
     for (const double rate_hz : {500.0, 1000.0, 4000.0}) {
       SCOPED_TRACE(std::to_string(frequency_hz) + " Hz, at " + std::to_string(rate_hz));
-      const SeenSwing seen = watch_swing(frequency_hz, peak_to_peak_mm, rate_hz);
-      EXPECT_GT(seen.found_s, 0);
+      const ObservedSwing observed = watch_swing(frequency_hz, peak_to_peak_mm, rate_hz);
+      EXPECT_GT(observed.found_s, 0);
       // the first quarter is not a half cycle, and a reversal is detected only after some displacement back
-      EXPECT_LT(seen.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
-      EXPECT_GT(seen.extra_delay_s, kSwingFeel.max_extra_delay_s - kSwingFeel.delay_increment_s)
+      EXPECT_LT(observed.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
+      EXPECT_GT(observed.extra_delay_s,
+                kOscillationSettings.max_extra_delay_s - kOscillationSettings.delay_increment_s)
           << "as long as it goes on";
     }
 }
@@ -74,8 +75,8 @@ TEST(Swing, IsDetectedAtTheEndOfItsLastHalfPeriod) {
     return Vector<World>(-2 + kLeg_mm * (phase < 1 ? phase : 2 - phase), 0, 0);
   };
   const double found_s = look_at(to_and_fro, wall_N, 1).found_s;
-  EXPECT_GT(found_s, kSwingFeel.min_half_cycles * kLeg_s);
-  EXPECT_LT(found_s, (kSwingFeel.min_half_cycles + 0.25) * kLeg_s);
+  EXPECT_GT(found_s, kOscillationSettings.min_half_cycles * kLeg_s);
+  EXPECT_LT(found_s, (kOscillationSettings.min_half_cycles + 0.25) * kLeg_s);
 }
 
 TEST(Swing, HandMotionIsNoLimitCycle) {

@@ -41,7 +41,7 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
   cartilage.rests_on = {0};
   Tissue fat;
   fat.name = "fat";
-  fat.felt = false;
+  fat.touchable = false;
   model.tissues = {bone, cartilage, fat};
   model.segments = {
       {kBone, "ball", {}, 0, kBone}, {kCartilage, "shell", {}, 0, kCartilage}, {kFat, "fat", {}, 0, kFat}};
@@ -137,24 +137,25 @@ inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
 /// surface where x > 0, so the seam is at the origin, where tips often are.
 inline Model as_one_body(Model model, double cartilage_mm) {
   model = with_exact_surfaces(std::move(model), cartilage_mm);
-  Volume<LabelId> seen = model.labels->dense();
-  const auto X_PatientVoxel = seen.geometry().X_PatientVoxel();
-  const auto& dims = seen.geometry().dims;
+  Volume<LabelId> observed = model.labels->dense();
+  const auto X_PatientVoxel = observed.geometry().X_PatientVoxel();
+  const auto& dims = observed.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) {
-        LabelId& label = seen.at(i, j, k);
+        LabelId& label = observed.at(i, j, k);
         if (label == kCartilage && (X_PatientVoxel * Point<Voxel>(i, j, k)).x() > 0) label = kBone;
       }
   std::vector<std::int16_t> structure_of_label(
-      *std::max_element(seen.voxels().begin(), seen.voxels().end()) + 1u, -1);
+      *std::max_element(observed.voxels().begin(), observed.voxels().end()) + 1u, -1);
   structure_of_label[kBone] = 0;
   structure_of_label[kCartilage] = 1;
   const SignedField field = sampled_distance(
-      seen.geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm - cartilage_mm; }, 4);
+      observed.geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm - cartilage_mm; },
+      4);
   ContactSurface outer;
   outer.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
-  outer.owners = std::make_shared<const Owners>(*label_bricks(seen), structure_of_label);
+  outer.owners = std::make_shared<const Owners>(*label_bricks(observed), structure_of_label);
   outer.to_N_per_mm = model.surfaces[1].stiffness_N_per_mm;
   model.surfaces[0].from_N_per_mm = outer.to_N_per_mm;
   model.surfaces[0].layer = 1;

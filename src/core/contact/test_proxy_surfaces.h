@@ -67,13 +67,13 @@ inline double steepest_of(const SignedField& field) {
   return steepest;
 }
 
-inline ContactSurface felt_surface(const GridGeometry& grid, const Distance& distance_mm,
-                                   double reach_mm = 6) {
+inline ContactSurface make_contact_surface(const GridGeometry& grid, const Distance& distance_mm,
+                                           double reach_mm = 6) {
   const SignedField field = sampled_distance(grid, distance_mm, reach_mm);
-  ContactSurface felt;
-  felt.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
-  felt.set_friction(0);
-  return felt;
+  ContactSurface surface;
+  surface.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
+  surface.set_friction(0);
+  return surface;
 }
 
 /// A tool moved through a sequence of poses, and the results of its proxy.
@@ -92,18 +92,18 @@ struct ProxyRun {
   const ProxyResult& at(const Point<Patient>& tip,
                         const Eigen::Quaterniond& attitude = Eigen::Quaterniond::Identity()) {
     const ToolPose hand(tip, attitude);
-    ProxyPath way;
+    ProxyPath path;
     const ProxyState before = state;
     result = advance_proxy(
         surfaces, turned(hand.attitude).spheres(), hand, state,
-        {.dt_s = dt_s, .compliance = yields, .relaxation_times = relaxation_times, .holes = &holes}, &way);
+        {.dt_s = dt_s, .compliance = yields, .relaxation_times = relaxation_times, .holes = &holes}, &path);
     // a released proxy is reset to the tip
     const bool let_go =
         before.contacts > 0 && state.contacts == 0 && result.release.force_N != Vector<Patient>();
-    if (before.coupled && way.count > 0 && !let_go)
-      look_along({before.position, before.attitude}, {way.corner[0], way.attitude[0]});
-    for (std::size_t n = 1; n < way.count; ++n)
-      look_along({way.corner[n - 1], way.attitude[n - 1]}, {way.corner[n], way.attitude[n]});
+    if (before.coupled && path.count > 0 && !let_go)
+      look_along({before.position, before.attitude}, {path.corner[0], path.attitude[0]});
+    for (std::size_t n = 1; n < path.count; ++n)
+      look_along({path.corner[n - 1], path.attitude[n - 1]}, {path.corner[n], path.attitude[n]});
     if (state.coupled && !result.wedged)
       look_along({state.position, state.attitude}, {state.position, state.attitude});
     return result;
@@ -127,8 +127,8 @@ struct ProxyRun {
     for (const ToolSphere& sphere : spheres)
       farthest_mm =
           std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
-    const double way_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
-    const int pieces = static_cast<int>(way_mm / kEvery_mm) + 1;
+    const double path_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
+    const int pieces = static_cast<int>(path_mm / kEvery_mm) + 1;
     for (int n = 0; n <= pieces;) {
       const double part = static_cast<double>(n) / pieces;
       const Point<Patient> p = a.tip + (b.tip - a.tip) * part;
@@ -157,14 +157,14 @@ struct ProxyRun {
     const double length_mm = sphere.along_mm.norm();
     const int places = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
     double free_mm = 1e3;
-    for (int place = 0; place <= places;) {
-      const double part = places > 0 ? static_cast<double>(place) / places : 0;
+    for (int index = 0; index <= places;) {
+      const double part = places > 0 ? static_cast<double>(index) / places : 0;
       const double outside_mm =
           surface.distance_mm(tip + sphere.offset_mm + sphere.along_mm * part) - sphere.radius_mm;
       deepest_mm = std::max(deepest_mm, -outside_mm);
       const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.steepest());
       free_mm = std::min(free_mm, its_mm);
-      place += std::max(1, static_cast<int>(its_mm / kAlong_mm));
+      index += std::max(1, static_cast<int>(its_mm / kAlong_mm));
     }
     return free_mm;
   }

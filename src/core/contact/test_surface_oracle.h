@@ -42,8 +42,8 @@ class SurfaceOracle {
   /// Unsigned distance; infinite if there is no surface.
   double distance_mm(const Point<Patient>& x) const {
     double nearest2 = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& place : places_)
-      nearest2 = std::min(nearest2, (place - x.eigen()).squaredNorm());
+    for (const Eigen::Vector3d& position : places_)
+      nearest2 = std::min(nearest2, (position - x.eigen()).squaredNorm());
     // a corner cut off by the surface may lie between the sampled lines
     double best_mm = std::sqrt(nearest2);
     const double half_mm = 0.5 * voxels_.geometry().spacing_mm.norm();

@@ -15,7 +15,7 @@ std::string text_of(const Parts&... parts) {
 }
 
 SupportValues support_values(const Tissue& tissue) {
-  return {tissue.name, tissue.stiffness_N_per_mm, tissue.felt};
+  return {tissue.name, tissue.stiffness_N_per_mm, tissue.touchable};
 }
 
 }  // namespace
@@ -28,7 +28,7 @@ std::optional<TissueFault> friction_fault(const ContactProperties& properties) {
 }
 
 std::optional<TissueFault> support_fault(const SupportValues& tissue, const SupportValues& support) {
-  if (!support.felt)
+  if (!support.touchable)
     return TissueFault{
         text_of("tissue \"", tissue.name, "\" rests on \"", support.name, "\", which is not felt"),
         "the force would point inward where they meet; let both be felt, or remove it from rests_on"};
@@ -57,7 +57,7 @@ Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t
   if (auto fault = friction_fault(changed))
     return error(*std::move(fault), contact_property(&ContactProperties::static_friction).name);
   for (const Tissue& tissue : tissues) {
-    if (!tissue.felt) continue;
+    if (!tissue.touchable) continue;
     for (const int support : tissue.rests_on)
       if (auto fault = support_fault(support_values(tissue),
                                      support_values(tissues[static_cast<std::size_t>(support)])))

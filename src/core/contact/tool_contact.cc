@@ -7,7 +7,7 @@
 #include "contact/proxy_spheres.h"
 #include "palpate/base/insertion_sort.h"
 #include "palpate/contact/feel.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 
 namespace palpate {
 namespace {
@@ -27,7 +27,7 @@ LabelId label_at(const Model& model, const Point<Patient>& at) {
 // site of a felt label; empty for other labels
 ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
   ContactSite site;
-  if (!model.is_felt(label)) return site;
+  if (!model.is_touchable(label)) return site;
   site.label = label;
   site.tissue = model.tissue_of_label[label];
   site.level = model.level_of_label[label];
@@ -43,7 +43,7 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
   // a tissue softer than the layer's lower bound belongs to an outer layer
   const ContactSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
-  if (model.is_felt(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
+  if (model.is_touchable(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
     return label;
   const int structure = owners.at(model.surfaces, contact.surface, at).largest();
   return model.label_of_surface[static_cast<std::size_t>(structure)];
@@ -88,8 +88,8 @@ std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<
   std::size_t n = 0;
   for (; n < std::min(count, reported.size()); ++n) {
     const ProxyContact& contact = *order[n];
-    const Point<Patient> place = place_of(contact, on.layer, on.spheres);
-    reported[n] = {label_under(model, contact, place, on.owners), contact.sphere, place,
+    const Point<Patient> position = place_of(contact, on.layer, on.spheres);
+    reported[n] = {label_under(model, contact, position, on.owners), contact.sphere, position,
                    std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
   }
   return n;
@@ -141,9 +141,10 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
   }
   double& rendered = state.stiffness_N_per_mm;
   // deformable tissue stiffens with depth, without a filter
-  rendered = rendered > 0 && !spring.deformable
-                 ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kTouchFeel.stiffness_filter_s)
-                 : stiffness;
+  rendered =
+      rendered > 0 && !spring.deformable
+          ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kContactSettings.stiffness_filter_s)
+          : stiffness;
   const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
   const double force_N = rendered * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
@@ -153,7 +154,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
 
 bool PointContact::is_touch() const {
   const bool inside = sample.value >= 0.5 * site.level;
-  return site.label != 0 && (inside || force_N.norm() >= kTouchFeel.min_N);
+  return site.label != 0 && (inside || force_N.norm() >= kContactSettings.min_N);
 }
 
 double DeviceContext::max_stiffness_N_per_mm() const {
@@ -171,7 +172,7 @@ double max_deformable_stiffness_N_per_mm(const Model& model) {
   if (!is_elastic(model.tissue_law)) return kUnlimited;
   const Tissue* stiffest = nullptr;
   for (const Tissue& tissue : model.tissues)
-    if (tissue.felt && (stiffest == nullptr || tissue.stiffness_N_per_mm > stiffest->stiffness_N_per_mm))
+    if (tissue.path && (stiffest == nullptr || tissue.stiffness_N_per_mm > stiffest->stiffness_N_per_mm))
       stiffest = &tissue;
   return stiffest == nullptr || model.is_deformable(*stiffest) ? kUnlimited : stiffest->stiffness_N_per_mm;
 }
@@ -195,7 +196,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   options.max_stiffness_N_per_mm =
       std::fmin(hand.max_stiffness_N_per_mm(), max_deformable_stiffness_N_per_mm(tick.model));
   options.dt_s = tick.dt_s;
-  options.max_slip_N_per_s = kProxyFeel.max_slip_N_per_s / hand.device.force_gain;
+  options.max_slip_N_per_s = kProxySettings.max_slip_N_per_s / hand.device.force_gain;
   options.compliance = tick.compliance;
   options.device = hand.number;
   options.relaxation_times = times.any() ? &times : nullptr;
@@ -234,15 +235,15 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
                                 result.force_N - outermost.force_N * less);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any())
-    site = site_of(model, label_at(model, hand.tip), kTouchFeel.full_viscosity_mm);
+    site = site_of(model, label_at(model, hand.tip), kContactSettings.full_viscosity_mm);
   if (tick.viscosity && site.tissue >= 0)
-    tool.strongest.force_N +=
-        viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
-                      site.depth_mm / kTouchFeel.full_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
-  tool.felt = path_of_proxy(model, result, tool.strongest);
-  tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
-  tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
-                          (gains.force_gain / gains.scale);
+    tool.strongest.force_N += viscous_force(
+        model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
+        site.depth_mm / kContactSettings.full_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
+  tool.path = path_of_proxy(model, result, tool.strongest);
+  tool.requested.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
+  tool.requested.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
+                              (gains.force_gain / gains.scale);
   const double stored_mJ = outermost.deformable
                                ? outermost.stored_mJ
                                : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();

@@ -93,8 +93,8 @@ TEST(ToolContact, NotchGivesTwoContactsStrongestFirst) {
   EXPECT_LT((floor.place - Point<Patient>(0, 1, 0)).norm(), 0.02);
   EXPECT_LT((wall.place - Point<Patient>(0, 1, 0)).norm(), 0.02);
   // their sum is the force
-  EXPECT_NEAR(contact.asked.force_N.x(), wall.force_N, 0.01);
-  EXPECT_NEAR(contact.asked.force_N.z(), floor.force_N, 0.01);
+  EXPECT_NEAR(contact.requested.force_N.x(), wall.force_N, 0.01);
+  EXPECT_NEAR(contact.requested.force_N.z(), floor.force_N, 0.01);
   EXPECT_EQ(contact.strongest.site.label, floor.label);
 }
 
@@ -107,7 +107,7 @@ TEST(ToolContact, EachToolPartReportsItsContact) {
   const ToolContact contact = run.lead({3, 0, 3}, {0.2, 0, 0.1});
   ASSERT_EQ(count(contact), 3);
   double floor_N = 0, wall_N = 0;
-  bool seen[2] = {false, false};
+  bool observed[2] = {false, false};
   for (int n = 0; n < 3; ++n) {
     const ContactPoint& one = contact.contacts[static_cast<std::size_t>(n)];
     if (n > 0) {
@@ -121,12 +121,12 @@ TEST(ToolContact, EachToolPartReportsItsContact) {
     }
     EXPECT_EQ(one.label, kFloor);
     ASSERT_LT(one.part, 2);
-    seen[one.part] = true;
+    observed[one.part] = true;
     EXPECT_LT((one.place - (one.part == 0 ? Point<Patient>(0.5, 0, 0) : Point<Patient>(4.5, 2, 0))).norm(),
               0.02);
     floor_N += one.force_N;
   }
-  EXPECT_TRUE(seen[0] && seen[1]);
+  EXPECT_TRUE(observed[0] && observed[1]);
   EXPECT_NEAR(wall_N, kNotchStiffness_N_per_mm * 0.3, 0.01);
   EXPECT_NEAR(floor_N, kNotchStiffness_N_per_mm * 0.4, 0.01);
 }
@@ -146,7 +146,8 @@ TEST(ToolContact, InnerLayersFollowTheOutermostStructure) {
   const double shell = model.tissues[1].stiffness_N_per_mm, bone = model.tissues[0].stiffness_N_per_mm;
   EXPECT_NEAR(contact.contacts[0].force_N, shell * kDeep_mm, 0.1);
   EXPECT_NEAR(contact.contacts[1].force_N, (bone - shell) * (kDeep_mm - kShell_mm), 0.1);
-  EXPECT_NEAR(contact.asked.force_N.norm(), contact.contacts[0].force_N + contact.contacts[1].force_N, 0.05);
+  EXPECT_NEAR(contact.requested.force_N.norm(), contact.contacts[0].force_N + contact.contacts[1].force_N,
+              0.05);
   EXPECT_LT((contact.contacts[1].place - (Point<Patient>() + out * kBoneRadius_mm)).norm(), 0.1);
 }
 

@@ -19,13 +19,13 @@
 ///
 ///     (L (a r + p) - clearance) / 2
 ///
-/// A step is accepted if that is at most half a stride, which is less than ProxyFeel::max_penetration_mm;
+/// A step is accepted if that is at most half a stride, which is less than ProxySettings::max_penetration_mm;
 /// otherwise it is retried with half the angle.
 namespace palpate {
 namespace {
 
 // arc length that a step advances beyond the clearance: the push of a perpendicularly hit surface is as long
-constexpr double kArc_mm = kToolTurnFeel.arc_substeps * kProxyFeel.substep_mm();
+constexpr double kArc_mm = kToolRotationSettings.arc_substeps * kProxySettings.substep_mm();
 
 class Turn {
  public:
@@ -37,13 +37,13 @@ class Turn {
         attitude_(attitude),
         state_(state),
         path_(path),
-        left_queries_(has_capsules(spheres) ? kToolTurnFeel.max_queries_of_capsules
-                                            : kToolTurnFeel.max_queries) {}
+        left_queries_(has_capsules(spheres) ? kToolRotationSettings.max_queries_of_capsules
+                                            : kToolRotationSettings.max_queries) {}
 
   /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
   ToolTurn run() {
     record_pose();
-    for (int leg = 0; leg < kToolTurnFeel.max_legs && left_steps_ > 0; ++leg)
+    for (int leg = 0; leg < kToolRotationSettings.max_legs && left_steps_ > 0; ++leg)
       if (!run_leg()) return result_;
     result_.lagging = true;
     return result_;
@@ -64,19 +64,20 @@ class Turn {
       farthest_mm_ = std::max(farthest_mm_, radius_mm_[k]);
     }
     const double whole_mm = rest.angle() * farthest_mm_;
-    if (whole_mm <= kProxyFeel.outside_mm) return arrive();
+    if (whole_mm <= kProxySettings.outside_mm) return arrive();
 
     const double leg_rad =
-        whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
-    PairSet pairs(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
-                  kToolTurnFeel.gathering_legs * leg_rad * farthest_mm_ + kProxyFeel.substep_mm());
+        whole_mm > kToolRotationSettings.leg_mm ? kToolRotationSettings.leg_mm / farthest_mm_ : rest.angle();
+    PairSet pairs(
+        surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
+        kToolRotationSettings.gathering_legs * leg_rad * farthest_mm_ + kProxySettings.substep_mm());
     // the push of a step is at most a stride and is added to the arc
-    reach_mm_ = pairs.reach_mm() - kProxyFeel.substep_mm();
+    reach_mm_ = pairs.reach_mm() - kProxySettings.substep_mm();
     double done_rad = 0;
     // beyond the work limit, the next tick continues
     max_queries_ = pairs.queries() + left_queries_;
     while (left_steps_ > 0 && pairs.queries() < max_queries_ && done_rad < leg_rad &&
-           reach_mm_ > kProxyFeel.outside_mm) {
+           reach_mm_ > kProxySettings.outside_mm) {
       --left_steps_;
       const double step_rad = step(pairs, rest, begun, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
@@ -105,12 +106,12 @@ class Turn {
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double slope =
           pairs[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)];
-      clearance_mm_[n] =
-          std::max(0.0, pairs.clearance(n, state_.position, std::max(kProxyFeel.skin_mm, slope * angle_rad)));
+      clearance_mm_[n] = std::max(
+          0.0, pairs.clearance(n, state_.position, std::max(kProxySettings.skin_mm, slope * angle_rad)));
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
     }
-    const double stride_mm = kProxyFeel.substep_mm() / pairs.steepest();
-    for (int tries = 0; tries <= kToolTurnFeel.max_halvings; ++tries, angle_rad *= 0.5) {
+    const double stride_mm = kProxySettings.substep_mm() / pairs.steepest();
+    for (int tries = 0; tries <= kToolRotationSettings.max_halvings; ++tries, angle_rad *= 0.5) {
       // the first step of a tick is always completed, so that the rotation progresses however many surfaces
       // are near
       if (tries > 0 && has_turned_ && pairs.queries() >= max_queries_) return 0;
@@ -118,7 +119,7 @@ class Turn {
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
       pairs.turn(TurnedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
-      if (!project_out(pairs, kProxyFeel.max_corrections, stride_mm, there)) continue;
+      if (!project_out(pairs, kProxySettings.max_corrections, stride_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();
       if (!is_safe(pairs, angle_rad, push_mm)) continue;
       reach_mm_ -= angle_rad * farthest_mm_ + push_mm;
@@ -134,7 +135,8 @@ class Turn {
   bool is_safe(const PairSet& pairs, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double length_mm = angle_rad * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)] + push_mm;
-      if (pairs[n].surface->steepest() * length_mm > clearance_mm_[n] + kProxyFeel.substep_mm()) return false;
+      if (pairs[n].surface->steepest() * length_mm > clearance_mm_[n] + kProxySettings.substep_mm())
+        return false;
     }
     return true;
   }
@@ -154,7 +156,7 @@ class Turn {
   double farthest_mm_ = 0;                           // maximum of radius_mm_
   double reach_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
   std::array<double, kMaxPairs> clearance_mm_{};
-  int left_steps_ = kToolTurnFeel.max_steps;
+  int left_steps_ = kToolRotationSettings.max_steps;
   int left_queries_;     // queries left in this tick after the current leg
   int max_queries_ = 0;  // query count at which the current leg stops
   bool has_turned_ = false;

@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::ProxyRun;
 using testing::random_direction;
 
@@ -24,10 +24,10 @@ Eigen::Quaterniond about_y(double angle_rad) {
 
 // a plate of 2 mm in the plane z = 0
 ContactSurface plate() {
-  ContactSurface felt = felt_surface(cube_grid(14, {0.5, 0.5, 0.5}),
-                                     [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; });
-  felt.stiffness_N_per_mm = 2;
-  return felt;
+  ContactSurface surface = make_contact_surface(cube_grid(14, {0.5, 0.5, 0.5}),
+                                                [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; });
+  surface.stiffness_N_per_mm = 2;
+  return surface;
 }
 
 // a lever with a sphere at its end, from the tip on the left to above the plate
@@ -55,7 +55,7 @@ TEST(ToolTurn, LeverPassesNoPlateAndGivesTorque) {
       run.at(tip, about_y(angle));
     for (int n = 0; n < 40; ++n) run.at(tip, about_y(end_rad));
     EXPECT_FALSE(run.result.lagging);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+    EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 
     // the sphere lies on the plate in the operator's attitude, and the tip is pushed up by the difference
     const double pushed_mm = 3.25 + 1 + turned.radius_mm;
@@ -104,8 +104,9 @@ TEST(ToolTurn, BlockedAttitudeLagsBehind) {
   // a floor, a ceiling 2 mm above it, and a bar whose ends both touch at asin(0.5 / 2)
   ProxyRun run;
   run.surfaces = {
-      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); }),
-      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
+      make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); }),
+      make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                           [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
   run.spheres = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
   const Point<Patient> tip(0, 0, 1);
   run.at(tip);
@@ -113,7 +114,7 @@ TEST(ToolTurn, BlockedAttitudeLagsBehind) {
   for (double angle = 0; angle < 1.4; angle += 0.02) run.at(tip, about_y(angle));
   EXPECT_TRUE(run.result.wedged);
   EXPECT_NEAR(run.state.attitude.angularDistance(about_y(0)), max_rad, 0.01);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
   // the operator's tool is free there, but the proxy's does not jump out of the gap
   for (int n = 0; n < 20; ++n) run.at({0, 0, 30}, about_y(1.4));
   EXPECT_LT(run.state.position.z(), 2);
@@ -122,7 +123,7 @@ TEST(ToolTurn, BlockedAttitudeLagsBehind) {
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, tip);
   EXPECT_EQ(run.state.attitude.angularDistance(about_y(0)), 0);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
 
 TEST(ToolTurn, PointToolIgnoresTurns) {
@@ -144,7 +145,7 @@ TEST(ToolTurn, PointToolIgnoresTurns) {
 TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   const double reach_mm = 4;
   ProxyRun run;
-  run.surfaces = {felt_surface(
+  run.surfaces = {make_contact_surface(
       cube_grid(9, {0.4, 0.4, 0.4}), [](const Eigen::Vector3d& p) { return p.norm() - 2; }, reach_mm)};
   run.surfaces[0].stiffness_N_per_mm = 2;
   run.spheres = {{{}, 1, Vector<Patient>(60, 0, 0)}};
@@ -156,7 +157,7 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   // the rotation pushes it farther than necessary in the end; the excess is released by slip
   for (int n = 0; n < 60 || (run.result.lagging && n < 1000); ++n) run.at(tip, about_y(end_rad));
   EXPECT_FALSE(run.result.lagging);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm + kProxySettings.max_row_gap_mm);
   EXPECT_EQ(run.state.attitude.coeffs(), about_y(end_rad).normalized().coeffs());
 
   // it touches the ball from above, one radius from it, and is pushed along its own normal
@@ -181,7 +182,7 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   run.lead(tip, {-20, 0, -5}, 0.05);
   EXPECT_NEAR(run.state.position.z(), 3, 0.02);
   EXPECT_NEAR(run.result.force_N.z(), 2 * 8, 0.1);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm);
+  EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm + kProxySettings.max_row_gap_mm);
 }
 
 // surfaces met on the arcs of one to four spheres
@@ -199,7 +200,7 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
       const double x = 3 * about(random), y = 3 * about(random), z = 3 * about(random);
       const Eigen::Vector3d centre(x, y, z), axis = random_direction(random).eigen();
       const double radius_mm = 1 + 2 * unit(random), half_length_mm = s == 0 ? 3 : 0;
-      run.surfaces.push_back(felt_surface(
+      run.surfaces.push_back(make_contact_surface(
           cube_grid(14, {0.277, 0.277, 1.0}, turn),
           [=](const Eigen::Vector3d& p) {
             const Eigen::Vector3d v = p - centre;
@@ -232,8 +233,8 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
       run.at(middle - Vector<Patient>(lever_mm, 0, 0), attitude);
       ASSERT_TRUE(run.result.force_N.all_finite());
       const double max_mm = scene < kWithoutCapsules
-                                ? kProxyFeel.max_penetration_mm
-                                : kProxyFeel.max_penetration_mm + kProxyFeel.max_row_gap_mm;
+                                ? kProxySettings.max_penetration_mm
+                                : kProxySettings.max_penetration_mm + kProxySettings.max_row_gap_mm;
       ASSERT_LT(run.deepest_mm, max_mm) << "scene " << scene << ", tick " << n;
       in_contact += run.state.contacts > 0;
       blocked += run.result.wedged;

@@ -10,7 +10,7 @@ void VelocityWindow::push(const Vector<Patient>& displacement_mm, double dt_s, d
     --count_;
   };
   if (count_ == kCapacity) drop_oldest();
-  now_.way_mm += displacement_mm;
+  now_.displacement_mm += displacement_mm;
   now_.time_s += dt_s;
   sums_[(first_ + count_) % kCapacity] = now_;
   ++count_;
@@ -23,7 +23,7 @@ void VelocityWindow::push(const Vector<Patient>& displacement_mm, double dt_s, d
 
 Vector<Patient> VelocityWindow::velocity_mm_s() const {
   const double time_s = now_.time_s - before_window_.time_s;
-  return time_s > 0 ? (now_.way_mm - before_window_.way_mm) / time_s : Vector<Patient>();
+  return time_s > 0 ? (now_.displacement_mm - before_window_.displacement_mm) / time_s : Vector<Patient>();
 }
 
 void VelocityWindow::hash_into(std::uint64_t& hash) const {

@@ -17,7 +17,7 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
   const Vector<Patient> displacement_mm = to.tip - hand.tip;
   const double arc_mm = arc_of_rotation_mm(spheres, hand.attitude, to.attitude);
   const double length_mm = displacement_mm.norm() + arc_mm,
-               reach_mm = std::max(length_mm, kProxyFeel.withdrawal_clearance_mm);
+               reach_mm = std::max(length_mm, kProxySettings.withdrawal_clearance_mm);
   PairSet pairs(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
   if (pairs.reach_mm() < reach_mm) return false;
   const auto clearance_mm = [&](const Point<Patient>& at) {
@@ -26,11 +26,11 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
     return min_mm;
   };
   double free_mm = clearance_mm(hand.tip);
-  if (free_mm < kProxyFeel.withdrawal_clearance_mm) return false;
+  if (free_mm < kProxySettings.withdrawal_clearance_mm) return false;
   double traced_mm = 0;
-  for (int sample = 0; sample < kProxyFeel.max_withdrawal_samples; ++sample) {
-    if (!(free_mm + kProxyFeel.substep_penetration_mm > 0)) return false;
-    traced_mm += (free_mm + kProxyFeel.substep_penetration_mm) / pairs.steepest();
+  for (int sample = 0; sample < kProxySettings.max_withdrawal_samples; ++sample) {
+    if (!(free_mm + kProxySettings.substep_penetration_mm > 0)) return false;
+    traced_mm += (free_mm + kProxySettings.substep_penetration_mm) / pairs.steepest();
     if (traced_mm >= length_mm) return true;
     const double fraction = traced_mm / length_mm;
     if (arc_mm > 0)
@@ -44,14 +44,14 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
 
 bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                    const ToolPose& hand, ProxyState& state) {
-  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxyFeel.withdrawal_pitch_mm)
+  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxySettings.withdrawal_pitch_mm)
     return false;
   state.last_search_tip = hand.tip;
   // early-out: the tip usually lies below the surface in contact
   const ProxyContact& contact = state.contact[0];
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
   const Surface& surface = *surfaces[static_cast<std::size_t>(contact.surface)].surface;
-  const double enough_mm = sphere.radius_mm + kProxyFeel.withdrawal_clearance_mm;
+  const double enough_mm = sphere.radius_mm + kProxySettings.withdrawal_clearance_mm;
   if (nearest_part(surface, sphere, hand.tip, enough_mm).distance_mm < enough_mm) return false;
   return is_path_free(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
 }

@@ -11,7 +11,7 @@ namespace palpate {
 /// Whether the layer's proxy coincides with the operator's pose without contact.
 inline bool follows(const ProxyLayer& layer, const ToolPose& hand) {
   return layer.contacts == 0 && layer.attitude.coeffs() == hand.attitude.coeffs() &&
-         (hand.tip - layer.position).norm() <= kProxyFeel.arrived_mm;
+         (hand.tip - layer.position).norm() <= kProxySettings.arrived_mm;
 }
 
 /// Whether the tool is back in free space on the side from which contact began. The remaining contacts then

@@ -11,15 +11,16 @@ namespace palpate {
 namespace {
 
 double min_compliance_mm_per_N(double max_N_per_mm) {
-  return std::max(1 / max_N_per_mm, kYieldFeel.min_compliance_mm_per_N);
+  return std::max(1 / max_N_per_mm, kYieldSettings.min_compliance_mm_per_N);
 }
 
 // Integrals of SphereLaw over the force, where the law is linear in the force beyond s.
-SphereLaw::Integrals integrals_to(const SphereLaw& law, double s, double force_N, double min_give) {
+SphereLaw::Integrals integrals_to(const SphereLaw& law, double s, double force_N,
+                                  double min_compliance_ratio) {
   SphereLaw::Integrals sum = law.integrals(s);
   const double more_N = force_N - s * s * s;
   if (!(more_N > 0)) return sum;
-  sum.depth_mJ += more_N * (law.at(s).mm + 0.5 * min_give * more_N);
+  sum.depth_mJ += more_N * (law.at(s).mm + 0.5 * min_compliance_ratio * more_N);
   sum.of_surroundings_N2 += more_N * law.per_surroundings_N(s);
   sum.of_stiffening_N3 += more_N * law.per_stiffening_N2(s);
   return sum;
@@ -30,8 +31,9 @@ SphereLaw::Integrals integrals_of(const ContactLaw& tissue, double force_N, doub
                                   double max_N_per_mm) {
   if (!(force_N > 0)) return {0, 0, 0};
   const SphereLaw law(tissue, radius_mm);
-  const double min_give = min_compliance_mm_per_N(max_N_per_mm), s = cube_root(force_N);
-  return integrals_to(law, std::min(s, law.first_limited(s, min_give)), force_N, min_give);
+  const double min_compliance_ratio = min_compliance_mm_per_N(max_N_per_mm), s = cube_root(force_N);
+  return integrals_to(law, std::min(s, law.first_limited(s, min_compliance_ratio)), force_N,
+                      min_compliance_ratio);
 }
 
 }  // namespace
@@ -92,18 +94,18 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   ContactLaw tissue;
   tissue.modulus_N_per_mm2 = modulus_N_per_mm2;
   if (spot.is_known()) {
-    const double told = spot.compliance_mm_per_N;
-    const double on = told + spot.slope_per_N.dot(at - spot.at);
-    const double carried =
-        std::clamp(on, kYieldFeel.min_extrapolation * told, kYieldFeel.max_extrapolation * told);
+    const double reported = spot.compliance_mm_per_N;
+    const double on = reported + spot.slope_per_N.dot(at - spot.at);
+    const double carried = std::clamp(on, kYieldSettings.min_extrapolation * reported,
+                                      kYieldSettings.max_extrapolation * reported);
     const double per_compliance = spot.surroundings_per_compliance;
-    tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N + per_compliance * (carried - told);
+    tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N + per_compliance * (carried - reported);
     if (carried == on) tissue.slope_per_N = spot.slope_per_N * per_compliance;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
     tissue.poissons_ratio = spot.poissons_ratio;
     if (spot.is_finite()) {
       const double c = spot.stiffening_mm_per_N2, there = c + spot.stiffening_slope.dot(at - spot.at);
-      const double most = kYieldFeel.max_stiffening * told / spot.finite_N;
+      const double most = kYieldSettings.max_stiffening * reported / spot.finite_N;
       tissue.stiffening_mm_per_N2 = std::clamp(there, std::min(-most, c), std::max(most, c));
       tissue.finite_N = spot.finite_N;
       if (tissue.stiffening_mm_per_N2 == there) tissue.stiffening_slope = spot.stiffening_slope;
@@ -122,8 +124,8 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
     state.elapsed_s = 0;
   }
   state.frame = frame;
-  state.elapsed_s = std::min(kYieldFeel.blend_s, state.elapsed_s + dt_s);
-  const double left = 1 - state.elapsed_s / kYieldFeel.blend_s;
+  state.elapsed_s = std::min(kYieldSettings.blend_s, state.elapsed_s + dt_s);
+  const double left = 1 - state.elapsed_s / kYieldSettings.blend_s;
   tissue.surroundings_mm_per_N += left * state.left_mm_per_N;
   tissue.modulus_N_per_mm2 *= 1 + left * state.left_modulus;
   tissue.stiffening_mm_per_N2 += left * state.left_mm_per_N2;
@@ -141,21 +143,22 @@ YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_
   YieldForce force;
   if (!(depth_mm > 0)) return force;
   const SphereLaw law(tissue, radius_mm);
-  const double min_give = min_compliance_mm_per_N(max_N_per_mm);
+  const double min_compliance_ratio = min_compliance_mm_per_N(max_N_per_mm);
   double s = law.root(depth_mm);
   const double give = law.compliance_mm_per_N(s);
   // without a C term the compliance is least at the greatest force
-  const bool never_limited = tissue.stiffening_mm_per_N2 == 0 && give >= min_give;
-  const double limited_s = never_limited ? s : law.first_limited(s, min_give);
+  const bool never_limited = tissue.stiffening_mm_per_N2 == 0 && give >= min_compliance_ratio;
+  const double limited_s = never_limited ? s : law.first_limited(s, min_compliance_ratio);
   if (limited_s < s) {
     s = limited_s;
-    force.force_N = s * s * s + std::max(0.0, depth_mm - law.at(s).mm) / min_give;
-    force.tangent_N_per_mm = 1 / min_give;
+    force.force_N = s * s * s + std::max(0.0, depth_mm - law.at(s).mm) / min_compliance_ratio;
+    force.tangent_N_per_mm = 1 / min_compliance_ratio;
   } else {
     force.force_N = s * s * s;
     force.tangent_N_per_mm = 1 / give;
   }
-  const auto [depth_mJ, of_surroundings_N2, of_stiffening_N3] = integrals_to(law, s, force.force_N, min_give);
+  const auto [depth_mJ, of_surroundings_N2, of_stiffening_N3] =
+      integrals_to(law, s, force.force_N, min_compliance_ratio);
   force.stored_mJ = force.force_N * depth_mm - depth_mJ;
   force.tangential_force_N =
       tissue.slope_per_N * of_surroundings_N2 - tissue.stiffening_slope * of_stiffening_N3;

@@ -16,7 +16,7 @@ namespace {
 
 using test::test_seed;
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::ProxyRun;
 
 constexpr double kModulus = 0.0125;  // E = 10 kPa, nu = 0.45
@@ -24,15 +24,15 @@ constexpr double kModulus = 0.0125;  // E = 10 kPa, nu = 0.45
 // ratio of the depth of a sphere to that of a paraboloid in a half-space (Sneddon 1965), by bisection for the
 // contact's radius
 double sphere_ratio(double force_N, double modulus, double radius_mm) {
-  const double wanted = force_N / (modulus * radius_mm * radius_mm);
+  const double requested = force_N / (modulus * radius_mm * radius_mm);
   double low = 0, high = 1;
   for (int n = 0; n < 200; ++n) {
     const double a = 0.5 * (low + high);
     // the difference of two nearly equal terms where a is small
     const double force = a < 1e-3 ? 4.0 / 3 * a * a * a * (1 + 0.4 * a * a) : (a * a + 1) * std::atanh(a) - a;
-    (force < wanted ? low : high) = a;
+    (force < requested ? low : high) = a;
   }
-  const double hertz = std::cbrt(0.75 * wanted);
+  const double hertz = std::cbrt(0.75 * requested);
   return low * std::atanh(low) / (hertz * hertz);
 }
 
@@ -47,24 +47,24 @@ double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm)
 }
 
 // force by bisection, linear from where the compliance is first below the minimum
-double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double min_give) {
+double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double min_compliance_ratio) {
   constexpr double kSmallest_N = 1e-7, kGrowth = 1.02;
   constexpr int kForces = 1400;
   double first_N = kSmallest_N;
   int step = 0;
   while (step < kForces && depth_mm(tissue, first_N, radius_mm) < depth &&
-         give_mm_per_N(tissue, first_N, radius_mm) >= min_give) {
+         give_mm_per_N(tissue, first_N, radius_mm) >= min_compliance_ratio) {
     first_N *= kGrowth;
     ++step;
   }
   double low = step > 0 ? first_N / kGrowth : 0, high = first_N;
-  if (give_mm_per_N(tissue, high, radius_mm) < min_give) {
+  if (give_mm_per_N(tissue, high, radius_mm) < min_compliance_ratio) {
     for (int n = 0; n < 60; ++n) {
       const double middle = 0.5 * (low + high);
-      (give_mm_per_N(tissue, middle, radius_mm) > min_give ? low : high) = middle;
+      (give_mm_per_N(tissue, middle, radius_mm) > min_compliance_ratio ? low : high) = middle;
     }
     const double at_mm = depth_mm(tissue, low, radius_mm);
-    if (depth >= at_mm) return low + (depth - at_mm) / min_give;
+    if (depth >= at_mm) return low + (depth - at_mm) / min_compliance_ratio;
     low = 0;
   }
   for (int n = 0; n < 60; ++n) {
@@ -104,7 +104,7 @@ TEST(YieldForce, MatchesSneddonsSphereOnAHalfSpace) {
   EXPECT_EQ(yield_force(half_space, std::nan(""), 3).force_N, 0);
   // a point counts as a small sphere
   EXPECT_EQ(yield_force(half_space, 1, 0).force_N,
-            yield_force(half_space, 1, kYieldFeel.min_radius_mm).force_N);
+            yield_force(half_space, 1, kYieldSettings.min_radius_mm).force_N);
 }
 
 TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
@@ -121,16 +121,17 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const double min_give = std::max(1 / most, kYieldFeel.min_compliance_mm_per_N);
+    const double min_compliance_ratio = std::max(1 / most, kYieldSettings.min_compliance_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
-    if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_give) tissue.stiffening_mm_per_N2 = -per_N;
+    if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_compliance_ratio)
+      tissue.stiffening_mm_per_N2 = -per_N;
     tissue.finite_N = 3 * unit(random) / own;
     const double depth = std::pow(10, 3 * unit(random) - 2);
     const YieldForce force = yield_force(tissue, depth, radius_mm, most);
-    const double slow_N = slow_force_N(tissue, depth, radius_mm, min_give);
+    const double slow_N = slow_force_N(tissue, depth, radius_mm, min_compliance_ratio);
     // the slope of the exhaustive search is a difference
     ASSERT_NEAR(force.force_N / slow_N, 1, 1e-5) << n;
-    ASSERT_LE(force.tangent_N_per_mm, 1 / min_give * (1 + 1e-9)) << n;
+    ASSERT_LE(force.tangent_N_per_mm, 1 / min_compliance_ratio * (1 + 1e-9)) << n;
     const double step = 1e-4 * depth;
     const YieldForce less = yield_force(tissue, depth - step, radius_mm, most),
                      more = yield_force(tissue, depth + step, radius_mm, most);
@@ -171,20 +172,20 @@ TEST(YieldForce, TangentialForceIsTheEnergyGradientAlongTheSurface) {
   ContactLaw tissue{3, {-0.8, 0.3, 0}, kModulus};
   tissue.stiffening_mm_per_N2 = 12;
   tissue.stiffening_slope = {2, -5, 0};
-  constexpr double kWay_mm = 1e-4;
+  constexpr double kDistance_mm = 1e-4;
   // above F1, where the C term is linear, and below
   for (int n = 0; n < 4; ++n) {
     tissue.finite_N = n < 2 ? 0.02 : 1;
     const int axis = n % 2;
     const YieldForce at = yield_force(tissue, 3, 3);
     ASSERT_EQ(at.force_N > tissue.finite_N, n < 2);
-    const auto stored_at = [&](double way_mm) {
+    const auto stored_at = [&](double distance_mm) {
       ContactLaw there = tissue;
-      there.surroundings_mm_per_N += way_mm * tissue.slope_per_N[axis];
-      there.stiffening_mm_per_N2 += way_mm * tissue.stiffening_slope[axis];
+      there.surroundings_mm_per_N += distance_mm * tissue.slope_per_N[axis];
+      there.stiffening_mm_per_N2 += distance_mm * tissue.stiffening_slope[axis];
       return yield_force(there, 3, 3).stored_mJ;
     };
-    const double lost = (stored_at(-kWay_mm) - stored_at(kWay_mm)) / (2 * kWay_mm);
+    const double lost = (stored_at(-kDistance_mm) - stored_at(kDistance_mm)) / (2 * kDistance_mm);
     EXPECT_NEAR(at.tangential_force_N[axis], lost, 1e-6 * at.force_N);
   }
 }
@@ -208,7 +209,7 @@ ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<P
   return frame;
 }
 
-TEST(FeelYield, IsAHalfSpaceWithoutAFrame) {
+TEST(YieldHaptics, IsAHalfSpaceWithoutAFrame) {
   ComplianceState state;
   const ContactLaw tissue = blend_compliance(0, {}, {1, 2, 3}, kModulus, 0.001, state);
   EXPECT_EQ(tissue.surroundings_mm_per_N, 0);
@@ -216,7 +217,7 @@ TEST(FeelYield, IsAHalfSpaceWithoutAFrame) {
   EXPECT_EQ(tissue.slope_per_N, Vector<Patient>());
 }
 
-TEST(FeelYield, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
+TEST(YieldHaptics, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
   const ComplianceFrame frame = frame_of(1, 20, {0.5, 0, 0});
   const double half_space = 0.6 / (3 * kModulus);
   const auto beyond_at = [&](double x) {
@@ -232,7 +233,7 @@ TEST(FeelYield, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
   EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
 }
 
-TEST(FeelYield, NewFrameBlendsInWithoutAForceStep) {
+TEST(YieldHaptics, NewFrameBlendsInWithoutAForceStep) {
   ComplianceState state;
   const ComplianceFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
   const auto force_N = [&](const ComplianceFrame& frame) {
@@ -261,7 +262,7 @@ TEST(FeelYield, NewFrameBlendsInWithoutAForceStep) {
               1e-12);
 }
 
-TEST(FeelYield, RemainingFrameNeverMakesTheModulusNegative) {
+TEST(YieldHaptics, RemainingFrameNeverMakesTheModulusNegative) {
   // from a known soft spot to unknown tissue, first stiff and then, before the blending ends, soft
   ComplianceFrame known = frame_of(1, 16, {});
   known.spot[0].modulus_N_per_mm2 = 0.01;
@@ -277,7 +278,7 @@ TEST(FeelYield, RemainingFrameNeverMakesTheModulusNegative) {
   }
 }
 
-TEST(FeelYield, NeoHookeanTermBlendsInWithoutAForceStep) {
+TEST(YieldHaptics, NeoHookeanTermBlendsInWithoutAForceStep) {
   ComplianceFrame frame = frame_of(1, 12);
   const std::uint64_t linear = frame.hash();
   frame.spot[0].stiffening_mm_per_N2 = 8;
@@ -301,7 +302,7 @@ TEST(FeelYield, NeoHookeanTermBlendsInWithoutAForceStep) {
   for (const double x : {0.5, 100.0}) {
     ComplianceState fresh;
     const ContactLaw tissue = blend_compliance(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
-    const double most = kYieldFeel.max_stiffening * 12 / 0.2;
+    const double most = kYieldSettings.max_stiffening * 12 / 0.2;
     EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, most));
     EXPECT_EQ(tissue.stiffening_slope, x < 1 ? frame.spot[0].stiffening_slope : Vector<Patient>());
   }
@@ -311,7 +312,7 @@ TEST(FeelYield, NeoHookeanTermBlendsInWithoutAForceStep) {
 ProxyRun on_soft_floor(double friction = 0) {
   ProxyRun run;
   run.surfaces = {
-      felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
+      make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
   run.surfaces[0].yield_modulus_N_per_mm2 = kModulus;
   run.surfaces[0].static_friction = run.surfaces[0].friction = friction;
   run.spheres[0].radius_mm = 3;
@@ -379,8 +380,8 @@ TEST(ProxyOnWhatYields, PuncturesAtItsForceForAnyDeviceStiffness) {
 
 TEST(ProxyOnWhatYields, BoneInsideKeepsItsFullStiffness) {
   ProxyRun run = on_soft_floor();
-  ContactSurface bone =
-      felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z() + 4; });
+  ContactSurface bone = make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}),
+                                             [](const Eigen::Vector3d& p) { return p.z() + 4; });
   bone.stiffness_N_per_mm = 5;
   bone.layer = 1;
   bone.from_N_per_mm = 0;

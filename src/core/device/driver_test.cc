@@ -170,13 +170,13 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
   running.stop();
 
   // only a request already in flight when halt() returned may still arrive
-  int given = 0, halted = 0;
+  int supplied = 0, halted = 0;
   for (const Delivery& delivery : rig.delivered()) {
     if (delivery.at_ns <= halted_ns || delivery.at_ns >= resumed_ns) continue;
     ++halted;
-    given += delivery.command.force_N.norm() > 0;
+    supplied += delivery.command.force_N.norm() > 0;
   }
-  EXPECT_LE(given, rig.peer ? 1 : 0);
+  EXPECT_LE(supplied, rig.peer ? 1 : 0);
   // minimum number of samples for which the tip has rested
   EXPECT_TRUE(halted > 5 || (!rig.vendor && !rig.peer)) << halted;
 }
@@ -309,8 +309,8 @@ TEST(ExchangeDriver, ARequestAnswersTheReplyBefore) {
   // while settling, when the previous reply asked for another force; a busy machine omits some
   int answered = 0;
   for (std::size_t n = 2; n < requests.size(); ++n) {
-    const auto asked_N = [&](std::size_t reply) { return wall(requests[reply].sample).force_N; };
-    answered += asked_N(n - 1) != asked_N(n - 2) && requests[n].command.force_N == asked_N(n - 1);
+    const auto requested_N = [&](std::size_t reply) { return wall(requests[reply].sample).force_N; };
+    answered += requested_N(n - 1) != requested_N(n - 2) && requests[n].command.force_N == requested_N(n - 1);
   }
   EXPECT_GT(answered, 3);
 }

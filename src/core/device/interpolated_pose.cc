@@ -11,7 +11,7 @@ constexpr std::int64_t kMinInterval_ns = 4'000'000, kMaxInterval_ns = 40'000'000
 
 }  // namespace
 
-void InterpolatedPose::tell(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool,
+void InterpolatedPose::push(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool,
                             std::int64_t at_ns) noexcept {
   PALPATE_CHECK(tip.all_finite() && R_DeviceTool.coeffs().allFinite());
   messages_.post({{tip, R_DeviceTool}, at_ns, true});
@@ -38,8 +38,8 @@ void InterpolatedPose::take_message(std::int64_t now_ns) noexcept {
   from_ns_ = now_ns;
   to_ = message.held ? message.place : from_;
   const std::int64_t interval_ns = std::clamp(message.at_ns - last_.at_ns, kMinInterval_ns, kMaxInterval_ns);
-  const double way_ns = (to_.tip - from_.tip).norm() / kMaxSpeed_mm_s * 1e9;
-  to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(way_ns, 1e18)));
+  const double path_ns = (to_.tip - from_.tip).norm() / kMaxSpeed_mm_s * 1e9;
+  to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(path_ns, 1e18)));
   last_ = message;
 }
 

@@ -18,7 +18,7 @@ constexpr double kMaxTick_s = 0.004;
 }  // namespace
 
 PointerDriver::PointerDriver(const Point<Device>& tip, TimeSource now)
-    : now_(now ? now : monotonic_ns), info_(info()), told_(tip, kHeld_s) {}
+    : now_(now ? now : monotonic_ns), info_(info()), reported_(tip, kHeld_s) {}
 
 DeviceInfo PointerDriver::info() {
   DeviceInfo info;
@@ -32,14 +32,15 @@ Result<void> PointerDriver::move(const Point<Device>& tip, const Press& press) {
   if (!tip.all_finite())
     return Error{ErrorKind::kBadInput, "is not finite", "position", "give three finite coordinates in mm"};
   if (!press.into.all_finite() || !std::isfinite(press.force_N))
-    return Error{ErrorKind::kBadInput, "is not finite", "press", "give a finite direction, and a finite force in N"};
+    return Error{ErrorKind::kBadInput, "is not finite", "press",
+                 "give a finite direction, and a finite force in N"};
   presses_.post(press);
-  told_.tell(tip, Eigen::Quaterniond::Identity(), now_());
+  reported_.push(tip, Eigen::Quaterniond::Identity(), now_());
   return {};
 }
 
 void PointerDriver::release() noexcept {
-  told_.let_go();
+  reported_.let_go();
   presses_.post({});
 }
 
@@ -55,8 +56,8 @@ void PointerDriver::press(DeviceSample& sample, double rendered_N, double dt_s) 
     into_ = (into_ + (wanted_.into - into_) * std::min(1.0, dt_s / kTurn_s)).normalized();
     const double by_mm = kPressRate_mm_s_N * (wanted_.force_N - rendered_N) * dt_s;
     const double max_mm = rendered_N < kWithheld * wanted_.force_N ? kMaxSearch_mm : kMaxPress_mm;
-    const double wanted_mm = std::clamp(depth_mm_ + by_mm, kMinPress_mm, max_mm);
-    depth_mm_ += std::clamp(wanted_mm - depth_mm_, -most_mm, most_mm);
+    const double target_mm = std::clamp(depth_mm_ + by_mm, kMinPress_mm, max_mm);
+    depth_mm_ += std::clamp(target_mm - depth_mm_, -most_mm, most_mm);
   } else {
     depth_mm_ -= std::clamp(depth_mm_, -most_mm, most_mm);
     if (depth_mm_ == 0) into_ = {};
@@ -70,7 +71,7 @@ void PointerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   std::int64_t before_ns = now_();
   while (clock.wait()) {
     const std::int64_t now_ns = now_();
-    told_.fill(samples[0], now_ns);
+    reported_.fill(samples[0], now_ns);
     press(samples[0], commands[0].force_N.norm(),
           std::min(static_cast<double>(now_ns - before_ns) * 1e-9, kMaxTick_s));
     before_ns = now_ns;

@@ -22,7 +22,7 @@ using testing::virtual_time;
 constexpr std::int64_t kMs_ns = 1'000'000;
 
 // samples that the servo received, with their times
-struct Seen {
+struct Observed {
   std::int64_t at_ns;
   Point<Device> tip;
   double age_s;
@@ -31,7 +31,7 @@ struct Seen {
 // runs for a number of 1 ms ticks, every 21st of them late by three; calls `act` before each, as a page's
 // thread would
 // @param force_N  rendered force at a position of the tip
-std::vector<Seen> run(
+std::vector<Observed> run(
     PointerDriver& driver, int ticks, const std::function<void(int tick)>& act,
     const std::function<double(const Point<Device>&)>& force_N = [](const auto&) { return 1e3; }) {
   class Servo final : public ServoFunction, public ServoClock {
@@ -51,7 +51,7 @@ std::vector<Seen> run(
       seen.push_back({now_ns, samples[0].tip, static_cast<double>(now_ns - samples[0].taken_ns) * 1e-9});
       commands[0].force_N = Vector<Device>(force_N_(samples[0].tip), 0, 0);
     }
-    std::vector<Seen> seen;
+    std::vector<Observed> seen;
 
    private:
     const int ticks_;
@@ -75,26 +75,26 @@ TEST(PointerDriver, KnowsNothingOfForces) {
 
 TEST(PointerDriver, UntilItIsMovedItsPoseIsOld) {
   PointerDriver driver(Point<Device>(1, 2, 3), virtual_time);
-  for (const Seen& seen : run(driver, 20, [](int) {})) {
-    EXPECT_EQ(seen.tip, Point<Device>(1, 2, 3));
-    EXPECT_GT(seen.age_s, 0.01);
+  for (const Observed& observed : run(driver, 20, [](int) {})) {
+    EXPECT_EQ(observed.tip, Point<Device>(1, 2, 3));
+    EXPECT_GT(observed.age_s, 0.01);
   }
 }
 
 TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
   // a stroke back and forth, one message every eighth tick: 0, 4, 8, ... 40, 36, ... 0 mm
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  const auto said_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
+  const auto stated_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
   // plus the longest possible interpolation, 40 ms
-  const auto seen = run(driver, 220, [&](int tick) {
+  const auto observed = run(driver, 220, [&](int tick) {
     if (tick % 8 == 0 && tick / 8 <= 20)
-      EXPECT_TRUE(driver.move(Point<Device>(said_mm(tick / 8), 0, 0)).ok());
+      EXPECT_TRUE(driver.move(Point<Device>(stated_mm(tick / 8), 0, 0)).ok());
   });
   double farthest_mm = 0;
   int between = 0;
-  for (std::size_t n = 1; n < seen.size(); ++n) {
-    const double x = seen[n].tip.x(), step_mm = std::abs(x - seen[n - 1].tip.x());
-    const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
+  for (std::size_t n = 1; n < observed.size(); ++n) {
+    const double x = observed[n].tip.x(), step_mm = std::abs(x - observed[n - 1].tip.x());
+    const double dt_s = static_cast<double>(observed[n].at_ns - observed[n - 1].at_ns) * 1e-9;
     farthest_mm = std::max(farthest_mm, x);
     EXPECT_GE(x, 0);
     // 4 mm within the interval between two messages, at least 8 ms, and after a late tick additionally the
@@ -105,20 +105,20 @@ TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
   EXPECT_LE(farthest_mm, 40 + 1e-12) << "an overshoot";
   EXPECT_GT(farthest_mm, 38) << "the way back began before it was there";
   EXPECT_GT(between, 100) << "it went in steps";
-  EXPECT_EQ(seen.back().tip.x(), 0);
+  EXPECT_EQ(observed.back().tip.x(), 0);
 }
 
 TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   std::int64_t moved_ns = 0;
-  const auto seen = run(driver, 1000, [&](int tick) {
+  const auto observed = run(driver, 1000, [&](int tick) {
     if (tick != 5 && tick != 900) return;
     EXPECT_TRUE(driver.move(Point<Device>(tick == 5 ? 1 : 2, 0, 0)).ok());
     if (tick == 5) moved_ns = virtual_ns;
   });
   int fresh = 0, old = 0;
-  for (std::size_t n = 5; n < seen.size(); ++n) {
-    const Seen& at = seen[n];
+  for (std::size_t n = 5; n < observed.size(); ++n) {
+    const Observed& at = observed[n];
     // correct age: time since the last message minus the time for which it is valid
     const double after_s = static_cast<double>(at.at_ns - moved_ns) * 1e-9;
     const double expected_s = n < 900 ? std::max(0.0, after_s - PointerDriver::kHeld_s) : 0;
@@ -135,16 +135,16 @@ TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
 
 TEST(PointerDriver, LetGoItIsOldAtOnceAndRestsWhereItIs) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  const auto seen = run(driver, 60, [&](int tick) {
+  const auto observed = run(driver, 60, [&](int tick) {
     if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0)).ok());
     if (tick == 5) EXPECT_TRUE(driver.move(Point<Device>(30'000, 0, 0)).ok());
     if (tick == 12) driver.release();
   });
-  const Seen& last = seen.back();
+  const Observed& last = observed.back();
   EXPECT_GT(last.age_s, 1) << "older than anything that could count";
   EXPECT_GT(last.tip.x(), 0);
   EXPECT_LT(last.tip.x(), 30'000);
-  EXPECT_EQ(last.tip, seen[seen.size() - 20].tip);
+  EXPECT_EQ(last.tip, observed[observed.size() - 20].tip);
 }
 
 TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
@@ -152,31 +152,31 @@ TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
   for (const bool let_go : {true, false}) {
     SCOPED_TRACE(let_go);
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-    const auto seen = run(driver, 700, [&](int tick) {
+    const auto observed = run(driver, 700, [&](int tick) {
       if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
       if (tick == 20 && let_go) driver.release();
       if (tick == 670) EXPECT_TRUE(driver.move(Point<Device>(90, 0, 0)).ok());
     });
-    for (const Seen& at : seen) {
+    for (const Observed& at : observed) {
       const double x = at.tip.x();
       EXPECT_TRUE(x == 0 || x == 10 || x == 90) << x;
     }
-    EXPECT_EQ(seen.front().tip.x(), 0);
-    EXPECT_EQ(seen.back().tip.x(), 90);
+    EXPECT_EQ(observed.front().tip.x(), 0);
+    EXPECT_EQ(observed.back().tip.x(), 90);
   }
 }
 
 TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  const auto seen = run(driver, 350, [&](int tick) {
+  const auto observed = run(driver, 350, [&](int tick) {
     if (tick % 10 == 0) EXPECT_TRUE(driver.move(Point<Device>(tick < 50 ? 0 : 300, 0, 0)).ok());
   });
-  for (std::size_t n = 1; n < seen.size(); ++n) {
-    const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
-    const double step_mm = (seen[n].tip - seen[n - 1].tip).norm();
+  for (std::size_t n = 1; n < observed.size(); ++n) {
+    const double dt_s = static_cast<double>(observed[n].at_ns - observed[n - 1].at_ns) * 1e-9;
+    const double step_mm = (observed[n].tip - observed[n - 1].tip).norm();
     EXPECT_LE(step_mm, InterpolatedPose::kMaxSpeed_mm_s * (dt_s + 1e-3)) << n;
   }
-  EXPECT_EQ(seen.back().tip.x(), 300);
+  EXPECT_EQ(observed.back().tip.x(), 300);
 }
 
 // a page's main thread is blocked 200 times for 50 to 400 ms, between keep-alive messages every 33 ms
@@ -188,7 +188,7 @@ TEST(PointerDriver, StallsOfAPageDoNotDropTheHold) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   std::int64_t next_ns = virtual_ns;
   int stalls = 0, left = beats(random);
-  const auto seen = run(driver, 70'000, [&](int) {
+  const auto observed = run(driver, 70'000, [&](int) {
     if (virtual_ns < next_ns || stalls == 200) return;
     EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
     const bool stalled = --left == 0;
@@ -199,8 +199,8 @@ TEST(PointerDriver, StallsOfAPageDoNotDropTheHold) {
   });
   ASSERT_EQ(stalls, 200);
   // from the first message to the last stall, whose hold may expire after the test's end
-  const auto dropped = std::ranges::find_if(seen, [](const Seen& at) { return at.age_s > 1e-9; });
-  ASSERT_NE(dropped, seen.end()) << "the last message expires";
+  const auto dropped = std::ranges::find_if(observed, [](const Observed& at) { return at.age_s > 1e-9; });
+  ASSERT_NE(dropped, observed.end()) << "the last message expires";
   EXPECT_GT(dropped->at_ns, next_ns - 400 * kMs_ns);
 }
 
@@ -209,12 +209,12 @@ TEST(PointerDriver, ALongStallReleasesInTime) {
   for (const int stall_ms : {1000, 2000, 10'000}) {
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
     std::int64_t last_ns = 0;
-    const auto seen = run(driver, stall_ms, [&](int tick) {
+    const auto observed = run(driver, stall_ms, [&](int tick) {
       if (tick > 3) return;
       EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
       last_ns = virtual_ns;
     });
-    for (const Seen& at : seen)
+    for (const Observed& at : observed)
       EXPECT_EQ(at.age_s > 0.01, at.at_ns - last_ns > 560 * kMs_ns) << stall_ms << " " << at.age_s;
   }
 }
@@ -223,32 +223,32 @@ TEST(PointerDriver, ALongStallReleasesInTime) {
 // tip moves
 TEST(PointerDriver, APressHasItsForceWhateverTheStiffness) {
   for (const double stiffness_N_per_mm : {0.2, 1.0, 3.0, 10.0}) {
-    for (const double wanted_N : {0.3, 1.0, 2.0}) {
-      if (wanted_N / stiffness_N_per_mm > PointerDriver::kMaxPress_mm - 1) continue;
-      SCOPED_TRACE(std::to_string(stiffness_N_per_mm) + " N/mm, " + std::to_string(wanted_N) + " N");
+    for (const double target_N : {0.3, 1.0, 2.0}) {
+      if (target_N / stiffness_N_per_mm > PointerDriver::kMaxPress_mm - 1) continue;
+      SCOPED_TRACE(std::to_string(stiffness_N_per_mm) + " N/mm, " + std::to_string(target_N) + " N");
       PointerDriver driver(Point<Device>(0, 0, 1), virtual_time);
       // the rendered surface is an undulation about z = 0 that the page does not know
       const auto force_N = [&](const Point<Device>& tip) {
         const double surface_mm = 0.5 * std::sin(tip.x() / 5);
         return std::clamp(stiffness_N_per_mm * (surface_mm - tip.z()), 0.0, 6.0);
       };
-      const auto seen = run(
+      const auto observed = run(
           driver, 3000,
           [&](int tick) {
             if (tick % 16 != 0) return;
             const Point<Device> tip(0.03 * std::max(0, tick - 500), 0, 0);
-            EXPECT_TRUE(driver.move(tip, {{0, 0, -1}, wanted_N}).ok());
+            EXPECT_TRUE(driver.move(tip, {{0, 0, -1}, target_N}).ok());
           },
           force_N);
       int outside = 0;
       double most_N = 0;
-      for (std::size_t n = 500; n < seen.size(); ++n) {
-        const double at_N = force_N(seen[n].tip);
+      for (std::size_t n = 500; n < observed.size(); ++n) {
+        const double at_N = force_N(observed[n].tip);
         most_N = std::max(most_N, at_N);
-        outside += std::abs(at_N - wanted_N) > 0.3 * wanted_N;
+        outside += std::abs(at_N - target_N) > 0.3 * target_N;
       }
       EXPECT_LE(outside, 25) << "ticks of 2500";
-      EXPECT_LE(most_N, 2 * wanted_N);
+      EXPECT_LE(most_N, 2 * target_N);
     }
   }
 }
@@ -256,7 +256,7 @@ TEST(PointerDriver, APressHasItsForceWhateverTheStiffness) {
 TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   // nothing to press against, then the press ends
-  const auto seen = run(
+  const auto observed = run(
       driver, 800,
       [&](int tick) {
         if (tick % 16 != 0) return;
@@ -264,31 +264,32 @@ TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
         EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0), press).ok());
       },
       [](const auto&) { return 0.0; });
-  EXPECT_NEAR(seen[399].tip.z(), -PointerDriver::kMaxSearch_mm, 1e-9);
-  EXPECT_EQ(seen.back().tip, Point<Device>(0, 0, 0));
-  for (std::size_t n = 1; n < seen.size(); ++n)
-    EXPECT_LE((seen[n].tip - seen[n - 1].tip).norm(), 4 * PointerDriver::kMaxPressSpeed_mm_s * 1e-3 + 1e-9);
+  EXPECT_NEAR(observed[399].tip.z(), -PointerDriver::kMaxSearch_mm, 1e-9);
+  EXPECT_EQ(observed.back().tip, Point<Device>(0, 0, 0));
+  for (std::size_t n = 1; n < observed.size(); ++n)
+    EXPECT_LE((observed[n].tip - observed[n - 1].tip).norm(),
+              4 * PointerDriver::kMaxPressSpeed_mm_s * 1e-3 + 1e-9);
 }
 
 TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  std::atomic<int> said{0};
+  std::atomic<int> stated{0};
   std::atomic<bool> ended{false};
   std::thread page([&] {
-    for (; !ended; ++said) {
+    for (; !ended; ++stated) {
       // a torn read would leave the diagonal
-      const double x = 5 * std::sin(0.01 * said);
+      const double x = 5 * std::sin(0.01 * stated);
       EXPECT_TRUE(driver.move(Point<Device>(x, x, x)).ok());
       std::this_thread::yield();
     }
   });
   // until both threads have alternated several hundred times
-  const auto seen = run(driver, 500, [&](int tick) {
-    while (said < tick) std::this_thread::yield();
+  const auto observed = run(driver, 500, [&](int tick) {
+    while (stated < tick) std::this_thread::yield();
   });
   ended = true;
   page.join();
-  for (const Seen& at : seen) {
+  for (const Observed& at : observed) {
     EXPECT_NEAR(at.tip.x(), at.tip.y(), 1e-12);
     EXPECT_NEAR(at.tip.x(), at.tip.z(), 1e-12);
     EXPECT_LE(std::abs(at.tip.x()), 5);
@@ -297,7 +298,7 @@ TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
 
 TEST(PointerDriver, RefusesAPositionThatIsNotFiniteAndKeepsTheEarlierOne) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  const auto seen = run(driver, 40, [&](int tick) {
+  const auto observed = run(driver, 40, [&](int tick) {
     if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
     if (tick < 5) return;
     for (const auto& refused : {driver.move(Point<Device>(0, std::nan(""), 0)),
@@ -306,26 +307,26 @@ TEST(PointerDriver, RefusesAPositionThatIsNotFiniteAndKeepsTheEarlierOne) {
       EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
     }
   });
-  EXPECT_EQ(seen.back().tip.eigen(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(observed.back().tip.eigen(), Eigen::Vector3d(1, 2, 3));
 }
 
 // half of the path has half of the rotation, along the shorter arc
 TEST(InterpolatedPose, TurnsEvenly) {
-  InterpolatedPose told{Point<Device>()};
+  InterpolatedPose pose{Point<Device>()};
   const auto about_z = [](double rad) {
     return Eigen::Quaterniond(Eigen::AngleAxisd(rad, Eigen::Vector3d::UnitZ()));
   };
   DeviceSample sample;
-  told.tell({0, 0, 0}, about_z(0.2), 100 * kMs_ns);
-  told.fill(sample, 100 * kMs_ns);
+  pose.push({0, 0, 0}, about_z(0.2), 100 * kMs_ns);
+  pose.fill(sample, 100 * kMs_ns);
   Eigen::Quaterniond far = about_z(0.4);
   far.coeffs() *= -1;  // the same rotation
-  told.tell({10, 0, 0}, far, 120 * kMs_ns);
-  told.fill(sample, 120 * kMs_ns);
-  told.fill(sample, 130 * kMs_ns);
+  pose.push({10, 0, 0}, far, 120 * kMs_ns);
+  pose.fill(sample, 120 * kMs_ns);
+  pose.fill(sample, 130 * kMs_ns);
   EXPECT_NEAR(sample.tip.x(), 5, 1e-9);
   EXPECT_NEAR(sample.R_DeviceTool.angularDistance(about_z(0.3)), 0, 1e-7);
-  told.fill(sample, 140 * kMs_ns);
+  pose.fill(sample, 140 * kMs_ns);
   EXPECT_NEAR(sample.R_DeviceTool.angularDistance(about_z(0.4)), 0, 1e-7);
 }
 

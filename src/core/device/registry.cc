@@ -5,14 +5,14 @@
 
 namespace palpate {
 
-void DeviceRegistry::add(DeviceVendor maker) {
-  PALPATE_CHECK(!maker.name.empty() && find(maker.name) == nullptr);
-  makers_.push_back(std::move(maker));
+void DeviceRegistry::add(DeviceVendor vendor) {
+  PALPATE_CHECK(!vendor.name.empty() && find(vendor.name) == nullptr);
+  vendors_.push_back(std::move(vendor));
 }
 
 const DeviceVendor* DeviceRegistry::find(const std::string& name) const {
-  const auto found = std::ranges::find(makers_, name, &DeviceVendor::name);
-  return found == makers_.end() ? nullptr : &*found;
+  const auto found = std::ranges::find(vendors_, name, &DeviceVendor::name);
+  return found == vendors_.end() ? nullptr : &*found;
 }
 
 }  // namespace palpate

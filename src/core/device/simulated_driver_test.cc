@@ -144,16 +144,16 @@ TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
   Ticks clock(30, 10, 130 * kMillisecond_ns);
   driver.run(servo, clock);
   // the first command acts from the first tick on
-  double felt_s = 0, stalled_s = 0;
+  double contact_s = 0, stalled_s = 0;
   for (std::size_t n = 1; n < servo.samples().size(); ++n) {
     const double dt_s =
         static_cast<double>(servo.samples()[n].taken_ns - servo.samples()[n - 1].taken_ns) * 1e-9;
-    felt_s += std::min(dt_s, SimulatedDriver::kMaxAdvance_s);
+    contact_s += std::min(dt_s, SimulatedDriver::kMaxAdvance_s);
     stalled_s += std::max(0.0, dt_s - SimulatedDriver::kMaxAdvance_s);
   }
   EXPECT_GT(stalled_s, 0.025);
   const double speed_mm_s = driver.device().true_velocity_mm_s().y();
-  EXPECT_NEAR(speed_mm_s, 0.02 / 0.1 * felt_s * 1e3, 1e-6);
+  EXPECT_NEAR(speed_mm_s, 0.02 / 0.1 * contact_s * 1e3, 1e-6);
 }
 
 TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
@@ -171,12 +171,12 @@ TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
 
 TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
-  std::atomic<int> said{0};
+  std::atomic<int> stated{0};
   std::atomic<bool> ended{false};
   std::thread hand([&] {
-    for (; !ended; ++said) {
+    for (; !ended; ++stated) {
       // a torn read would leave the diagonal
-      const double x = 5 * std::sin(0.01 * said);
+      const double x = 5 * std::sin(0.01 * stated);
       driver.intend(Point<Device>(x, x, x), virtual_ns + kMillisecond_ns);
       std::this_thread::yield();
     }
@@ -184,7 +184,7 @@ TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
   // until both threads have alternated several hundred times
   int ticks = 0;
   Servo servo([&](const DeviceSample&) {
-    for (++ticks; said < ticks;) std::this_thread::yield();
+    for (++ticks; stated < ticks;) std::this_thread::yield();
     return DeviceCommand{};
   });
   Ticks clock(500);

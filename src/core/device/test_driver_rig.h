@@ -59,7 +59,7 @@ class DriverRig {
       return trouble && trouble->what.find(words) != std::string::npos && !trouble->remedy.empty();
     });
   }
-  std::string said() const {
+  std::string stated() const {
     const auto trouble = driver->trouble();
     return trouble ? trouble->what : "nothing";
   }
@@ -127,8 +127,8 @@ class BegunFaults {
 
 /// Number of fault sequences; PALPATE_TEST_FAULTS overrides the default.
 inline int fault_sequences(int by_default) {
-  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
-  return asked ? std::atoi(asked) : by_default;
+  const char* value = std::getenv("PALPATE_TEST_FAULTS");
+  return value ? std::atoi(value) : by_default;
 }
 
 /// Random faults, in sequence and combined, with halts in between: no force while one is active, and full
@@ -141,7 +141,7 @@ void outlive_any(DriverRig<Driver>& rig, Side& side, const std::vector<DriverFau
   std::mt19937 random(seed);
   for (int n = 0; n < fault_sequences(by_default); ++n) {
     SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.presses()) << rig.said();
+    ASSERT_TRUE(rig.presses()) << rig.stated();
     BegunFaults<Side> there(side, faults);
     there.begin_any(random, [&] {
       if (meanwhile) meanwhile(random);
@@ -151,7 +151,7 @@ void outlive_any(DriverRig<Driver>& rig, Side& side, const std::vector<DriverFau
     there.end_all(random);
     rig.driver->resume(0);
   }
-  ASSERT_TRUE(rig.presses()) << rig.said();
+  ASSERT_TRUE(rig.presses()) << rig.stated();
   rig.end();
   EXPECT_TRUE(rig.lets_go());
   EXPECT_FALSE(rig.wall.twice_at_once);

@@ -67,12 +67,12 @@ std::vector<DeviceCheck> usb_checks(const std::vector<UsbDevice>& plugged, const
     checks.push_back({name + " by USB", device.may_use,
                       device.may_use ? "plugged in (" + device.node.string() + ")"
                                      : "plugged in, but this account may not use " + device.node.string(),
-                      device.may_use ? "" : udev_cure()});
+                      device.may_use ? "" : udev_remedy()});
   }
   return checks;
 }
 
-std::string udev_cure() {
+std::string udev_remedy() {
   return "an administrator installs the rules included with palpate, once:\n"
          "  sudo groupadd -f haptics\n"
          "  sudo usermod -aG haptics NAME (the account that palpate is started from)\n"

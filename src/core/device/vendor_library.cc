@@ -46,9 +46,9 @@ Result<void> load_vendor_library(const std::filesystem::path& file, std::span<co
   const std::string name = printable_name(file.string());
   void* const library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (!library) {
-    const char* said = ::dlerror();
+    const char* message = ::dlerror();
     return Error{ErrorKind::kUnavailable,
-                 "cannot be loaded: " + printable(said ? said : "the system gives no reason"), name,
+                 "cannot be loaded: " + printable(message ? message : "the system gives no reason"), name,
                  "install the missing library, or install " + whose + " again"};
   }
   std::string missing;

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "palpate/device/device_parameters.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/device/workspace.h"
 
@@ -80,23 +80,23 @@ TEST(Workspace, MakersAxesBecomeRightForwardUp) {
     Rotation<World, Device> R_WorldDevice;
     Vector<Device> right, away, up;
   };
-  const std::array<Maker, 3> makers{
+  const std::array<Maker, 3> vendors{
       {{openhaptics_axes(), {1, 0, 0}, {0, 0, -1}, {0, 1, 0}},      // right, up, towards the user
        {force_dimension_axes(), {0, 1, 0}, {-1, 0, 0}, {0, 0, 1}},  // towards the user, right, up
        {haply_axes(), {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};           // right, forward, up
   const auto near = [](const Vector<World>& a, const Vector<World>& b) { return (a - b).norm() < 1e-15; };
-  for (const Maker& maker : makers) {
+  for (const Maker& vendor : vendors) {
     DeviceInfo info;
-    info.R_WorldDevice = maker.R_WorldDevice;
+    info.R_WorldDevice = vendor.R_WorldDevice;
     WorkspaceMapping mapping(info, {});
     const auto led = [&](const Vector<Device>& v) {
       return mapping.to_world(at(Point<Device>() + v), 0).tip - Point<World>();
     };
-    EXPECT_TRUE(near(led(maker.right), {1, 0, 0}));
-    EXPECT_TRUE(near(led(maker.away), {0, 1, 0}));
-    EXPECT_TRUE(near(led(maker.up), {0, 0, 1}));
+    EXPECT_TRUE(near(led(vendor.right), {1, 0, 0}));
+    EXPECT_TRUE(near(led(vendor.away), {0, 1, 0}));
+    EXPECT_TRUE(near(led(vendor.up), {0, 0, 1}));
     // an upward force pushes the hand up
-    EXPECT_LT((mapping.to_device(Wrench{Vector<World>(0, 0, 2), {}}).force_N - maker.up * 2).norm(), 1e-14);
+    EXPECT_LT((mapping.to_device(Wrench{Vector<World>(0, 0, 2), {}}).force_N - vendor.up * 2).norm(), 1e-14);
   }
   // as documented in device.h
   const Vector<Device> v(1, 2, 3);
@@ -194,9 +194,9 @@ double measured_stiffness_N_per_mm(const PlantDevice& device, const PlantHand& h
     if (i <= kSettled) continue;
     // the force is the stretch of the hand's spring; the slope of the regression line is independent of
     // friction, which is constant on the way in
-    const double way_mm = (plant.true_tip() - start).dot(inward);
+    const double distance_mm = (plant.true_tip() - start).dot(inward);
     const double force_N = hand.stiffness_N_per_m * 1e-3 * (plant.intention() - plant.true_tip()).dot(inward);
-    n += 1, sx += way_mm, sy += force_N, sxx += way_mm * way_mm, sxy += way_mm * force_N;
+    n += 1, sx += distance_mm, sy += force_N, sxx += distance_mm * distance_mm, sxy += distance_mm * force_N;
   }
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }

@@ -17,7 +17,7 @@ constexpr double kDirections[14][3] = {{1, 0, 0},      {-1, 0, 0},     {0, 1, 0}
                                        {-kD, -kD, kD}, {-kD, -kD, -kD}};
 
 // felt label of the voxel at a point; 0 if none is felt
-LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
+LabelId touchable_label_at(const Model& model, const Point<Voxel>& p) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto& dims = labels.geometry().dims;
   int index[3];
@@ -26,7 +26,7 @@ LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
     index[axis] = std::min(static_cast<int>(p[axis] + 0.5), dims[axis] - 1);
   }
   const LabelId label = labels.at(index[0], index[1], index[2]);
-  return model.is_felt(label) ? label : LabelId{0};
+  return model.is_touchable(label) ? label : LabelId{0};
 }
 
 // ray marching through the labels in steps of half a voxel
@@ -38,7 +38,7 @@ class LabelRay {
         step_mm_(0.5 * model.labels->geometry().min_spacing_mm()),
         steps_(static_cast<int>(model.reach_mm / step_mm_)) {}
 
-  LabelId here() const { return felt_label_at(model_, start_); }
+  LabelId here() const { return touchable_label_at(model_, start_); }
   double step_mm() const { return step_mm_; }
 
   // first felt label along a unit direction, including that at x itself
@@ -46,7 +46,7 @@ class LabelRay {
     const Vector<Voxel> step = model_.labels->X_VoxelPatient() * (direction * step_mm_);
     Point<Voxel> p = start_;
     for (int n = 0; n <= steps_; ++n, p += step)
-      if (const LabelId label = felt_label_at(model_, p)) return label;
+      if (const LabelId label = touchable_label_at(model_, p)) return label;
     return 0;
   }
 
@@ -59,7 +59,7 @@ class LabelRay {
     }
     for (int n = 0; n <= steps_ / 2; ++n)
       for (const Vector<Voxel>& s : step)
-        if (const LabelId label = felt_label_at(model_, start_ + s * n)) return label;
+        if (const LabelId label = touchable_label_at(model_, start_ + s * n)) return label;
     return 0;
   }
 
@@ -68,8 +68,8 @@ class LabelRay {
   double depth_in(LabelId own, const Vector<Patient>& outward) const {
     const bool inside = here() == own;
     const Vector<Voxel> per_mm = model_.labels->X_VoxelPatient() * (inside ? outward : -outward);
-    const auto is_beyond = [&](double way_mm) {
-      return (felt_label_at(model_, start_ + per_mm * way_mm) == own) != inside;
+    const auto is_beyond = [&](double distance_mm) {
+      return (touchable_label_at(model_, start_ + per_mm * distance_mm) == own) != inside;
     };
     for (int n = 1; n <= steps_; ++n) {
       if (!is_beyond(n * step_mm_)) continue;
@@ -88,7 +88,7 @@ class LabelRay {
     const Vector<Voxel> step = model_.labels->X_VoxelPatient() * (outward * step_mm_);
     Point<Voxel> p = start_;
     for (int n = 0; n <= steps_; ++n, p += step)
-      if (const LabelId label = felt_label_at(model_, p); label != own) return label;
+      if (const LabelId label = touchable_label_at(model_, p); label != own) return label;
     return 0;
   }
 
@@ -107,11 +107,11 @@ double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<
   const bool inside = value >= level;
   const Vector<Patient> direction = inside ? outward : -outward;
   double previous = value;
-  for (double way = step_mm; way <= model.reach_mm; way += step_mm) {
-    const double here = sample_value(*model.field, x + direction * way);
+  for (double distance = step_mm; distance <= model.reach_mm; distance += step_mm) {
+    const double here = sample_value(*model.field, x + direction * distance);
     if ((here >= level) != inside) {
       const double part = (level - previous) / (here - previous);
-      const double crossing = way - step_mm + part * step_mm;
+      const double crossing = distance - step_mm + part * step_mm;
       return inside ? crossing : -crossing;
     }
     previous = here;
@@ -123,13 +123,13 @@ double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<
 
 ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample) {
   if (sample.value == 0) return {};
-  const LabelRay walk(model, x);
+  const LabelRay ray(model, x);
   const Vector<Patient> outward = -sample.gradient.normalized();
   const bool has_direction = outward != Vector<Patient>();
 
   ContactSite site;
-  site.label = has_direction ? walk.first_along(-outward) : walk.here();
-  if (site.label == 0) site.label = walk.nearest();
+  site.label = has_direction ? ray.first_along(-outward) : ray.here();
+  if (site.label == 0) site.label = ray.nearest();
   if (site.label == 0) {
     site.depth_mm = std::numeric_limits<double>::quiet_NaN();
     return site;
@@ -139,18 +139,18 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
 
   // ramps begin at the boundary of the structure's own voxels
   if (model.ramp_width_mm > 0) {
-    site.level *= std::min(1.0, kTouchFeel.full_viscosity_mm / model.ramp_width_mm);
+    site.level *= std::min(1.0, kContactSettings.full_viscosity_mm / model.ramp_width_mm);
     site.depth_mm =
-        has_direction ? walk.depth_in(site.label, outward) : std::numeric_limits<double>::quiet_NaN();
+        has_direction ? ray.depth_in(site.label, outward) : std::numeric_limits<double>::quiet_NaN();
     return site;
   }
 
   // the surface of a smoothed label is midway between its level and that of its cover
   const LabelId cover =
-      has_direction && walk.here() == site.label ? walk.cover_of(site.label, outward) : LabelId{0};
+      has_direction && ray.here() == site.label ? ray.cover_of(site.label, outward) : LabelId{0};
   const double cover_level = cover ? model.level_of_label[cover] : 0;
   site.depth_mm = has_direction
-                      ? depth_of_level(model, x, outward, 0.5 * (cover_level + site.level), walk.step_mm())
+                      ? depth_of_level(model, x, outward, 0.5 * (cover_level + site.level), ray.step_mm())
                       : std::numeric_limits<double>::quiet_NaN();
   return site;
 }

@@ -13,9 +13,9 @@ namespace {
 // random direction.
 constexpr double kFlat_per_mm = 1e-6;
 
-Error nothing_felt() {
+Error nothing_touchable() {
   return {ErrorKind::kBadInput, "no structure is felt, so the method has nothing to sample", "",
-          "set felt = true on a tissue"};
+          "set touchable = true on a tissue"};
 }
 
 Result<GaussianSphere> gaussian_of(const Model& model, LabelVoxels voxels) {
@@ -54,7 +54,7 @@ Result<LevelledSphere<Sphere>> make_levelled(const Model& model, const Make& mak
     parts.push_back({level->first - below, *std::move(sphere)});
     below = level->first;
   }
-  if (parts.empty()) return nothing_felt();
+  if (parts.empty()) return nothing_touchable();
   return LevelledSphere<Sphere>(std::move(parts));
 }
 
@@ -164,7 +164,7 @@ Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, F
 
 Result<void> check_force_field(const Model& model, ForceMethod method) {
   if (method != ForceMethod::kGaussianSphere && method != ForceMethod::kSmoothSphere) return {};
-  if (labels_by_level(model).empty()) return nothing_felt();
+  if (labels_by_level(model).empty()) return nothing_touchable();
   const auto fits = [](const auto& sphere) { return sphere ? Result<void>() : Result<void>(sphere.error()); };
   LabelVoxels any(model.labels, LabelSet{1});
   return method == ForceMethod::kGaussianSphere ? fits(gaussian_of(model, std::move(any)))

@@ -210,8 +210,8 @@ TEST(ForceField, NonFinitePositionIsFreeSpace) {
 
 TEST(WithMethods, PreparesMissingMethodsAndSharesTheOthers) {
   const auto model = std::make_shared<const Model>(ball_model({1, 1, 1}));
-  const std::array wanted{ForceMethod::kTrilinear, ForceMethod::kSpline};
-  const auto more = with_methods(model, wanted);
+  const std::array requested{ForceMethod::kTrilinear, ForceMethod::kSpline};
+  const auto more = with_methods(model, requested);
   ASSERT_TRUE(more.ok());
   EXPECT_FALSE(model->has(ForceMethod::kSpline));
   EXPECT_TRUE((*more)->has(ForceMethod::kSpline));
@@ -219,7 +219,7 @@ TEST(WithMethods, PreparesMissingMethodsAndSharesTheOthers) {
   EXPECT_EQ((*more)->field, model->field);
   EXPECT_EQ((*more)->methods[0], model->methods[0]);
   EXPECT_EQ((*more)->content_hash, model->content_hash);
-  EXPECT_EQ(*with_methods(*more, wanted), *more) << "nothing to add";
+  EXPECT_EQ(*with_methods(*more, requested), *more) << "nothing to add";
   // an unprepared method falls back to the trilinear one
   EXPECT_EQ(model->force_field(ForceMethod::kSpline).method(), ForceMethod::kTrilinear);
 }

@@ -3,7 +3,7 @@
 #include <span>
 
 #include "palpate/base/insertion_sort.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/direct/direct_methods.h"
 
 namespace palpate {
@@ -22,15 +22,15 @@ struct PointForce {
 PointForce touch(const TickContext& tick, double full_force_N, double max_N_s_per_mm, const Point<Patient>& x,
                  const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = tick.model.force_field(tick.method);
-  PointForce met;
-  PointContact& contact = met.contact;
+  PointForce encountered;
+  PointContact& contact = encountered.contact;
   contact.proxy = x;
   contact.sample = field.sample(x);
   const Vector<Patient> normal_N = normal_force(contact.sample, full_force_N);
-  met.normal_N = normal_N.norm();
+  encountered.normal_N = normal_N.norm();
   contact.force_N = normal_N;
   contact.site = find_contact_site(tick.model, x, contact.sample);
-  if (contact.site.tissue < 0) return met;
+  if (contact.site.tissue < 0) return encountered;
 
   const Tissue& tissue = tick.model.tissues[static_cast<std::size_t>(contact.site.tissue)];
   const double left_N_s_per_mm =
@@ -39,7 +39,7 @@ PointForce touch(const TickContext& tick, double full_force_N, double max_N_s_pe
   if (tick.viscosity)
     contact.force_N +=
         viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, max_N_s_per_mm);
-  return met;
+  return encountered;
 }
 
 }  // namespace
@@ -69,21 +69,21 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   std::size_t reported = 0;
   for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
     const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
-    const PointForce met = touch(tick, full_force_N, max_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
-                                 hand.velocity_mm_s);
-    const Vector<World> force_N = tick.X_WorldPatient * met.contact.force_N;
-    tool.asked.force_N += force_N * gains.force_gain;
-    tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
-    if (part == 0 || met.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
-      tool.strongest = met.contact;
-    if (!met.contact.is_touch()) continue;
+    const PointForce encountered = touch(tick, full_force_N, max_N_s_per_mm,
+                                         hand.tip + tick.X_PatientWorld * arm_mm, hand.velocity_mm_s);
+    const Vector<World> force_N = tick.X_WorldPatient * encountered.contact.force_N;
+    tool.requested.force_N += force_N * gains.force_gain;
+    tool.requested.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
+    if (part == 0 || encountered.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
+      tool.strongest = encountered.contact;
+    if (!encountered.contact.is_touch()) continue;
     static_assert(kMaxContactsReported >= kMaxToolParts);
-    tool.contacts[reported++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy,
-                                 met.normal_N};
+    tool.contacts[reported++] = {encountered.contact.site.label, static_cast<int>(part),
+                                 encountered.contact.proxy, encountered.normal_N};
   }
   insertion_sort(std::span(tool.contacts).first(reported),
                  [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
-  tool.felt[0] = {tool.strongest.site.label, tool.strongest.site.depth_mm, 1};
+  tool.touchable[0] = {tool.strongest.site.label, tool.strongest.site.depth_mm, 1};
   return tool;
 }
 

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
+void apply_to_surfaces(int index, const Tissue& tissue, Model& model) {
   for (std::size_t s = 0; s < model.label_of_surface.size(); ++s) {
     if (model.tissue_of_label[model.label_of_surface[s]] != index) continue;
     static_cast<ContactProperties&>(model.surfaces[s]) = tissue;
@@ -20,15 +20,16 @@ void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
 }
 
 // scales the existing trilinear field down if the stiffest tissue is now softer than when it was computed
-std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model& made) {
-  const double part = std::min(1.0, felt.greatest_stiffness_N_per_mm() / made.greatest_stiffness_N_per_mm());
-  const double full_force_N = made.force_field(ForceMethod::kTrilinear).full_force_N() * part;
-  return std::make_shared<const ForceField>(made.field, full_force_N);
+std::shared_ptr<const ForceField> trilinear_left(const Model& current, const Model& prepared) {
+  const double part =
+      std::min(1.0, current.greatest_stiffness_N_per_mm() / prepared.greatest_stiffness_N_per_mm());
+  const double full_force_N = prepared.force_field(ForceMethod::kTrilinear).full_force_N() * part;
+  return std::make_shared<const ForceField>(prepared.field, full_force_N);
 }
 
 // sets the hashes of the version after a change
-void hash_after(const Model& felt, const ModelChange& change, Model& next) {
-  std::uint64_t hash = felt.hash_before_removal;
+void hash_after(const Model& current, const ModelChange& change, Model& next) {
+  std::uint64_t hash = current.hash_before_removal;
   hash_word(hash, change.tissue);
   for (const ContactProperty& property : kContactProperties)
     hash_double(hash, change.contact.*property.value);
@@ -37,16 +38,16 @@ void hash_after(const Model& felt, const ModelChange& change, Model& next) {
                                               : next.hash_before_removal;
 }
 
-Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
+Result<std::shared_ptr<const Model>> next_law(const Model& current, const ModelChange& change,
                                               const Preparing& preparing, const Progress& progress) {
   // a file may contain any value
   const double coarsened = change.contact.stiffness_N_per_mm;
   if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
     return Error{ErrorKind::kBadInput, "cells cannot be " + std::to_string(coarsened) + " times as long", "",
                  ""};
-  auto under = under_law(felt, law_of(change), preparing, progress);
+  auto under = under_law(current, law_of(change), preparing, progress);
   if (!under) return under.error();
-  return with_law(felt, **under, change);
+  return with_law(current, **under, change);
 }
 
 // whether a cut can be applied: a device, a path and a head of finite size
@@ -61,7 +62,8 @@ bool is_cut(const Cut& cut) {
 }
 
 Result<void> check_versions(const ModelVersions& now, std::span<const Cut> cuts) {
-  if (now.felt == nullptr || now.made == nullptr || now.felt->tissues.size() != now.made->tissues.size())
+  if (now.current == nullptr || now.prepared == nullptr ||
+      now.current->tissues.size() != now.prepared->tissues.size())
     return Error{ErrorKind::kBadInput, "there is no version of a model to change", "",
                  "give the current version, and the one for which its fields were made"};
   if (!std::all_of(cuts.begin(), cuts.end(), is_cut))
@@ -77,41 +79,41 @@ ModelChange unchanged(const Model& model, std::size_t tissue) {
   return {model.version + 1, static_cast<std::uint32_t>(tissue), model.tissues[tissue]};
 }
 
-bool fields_match(const Model& felt, const Model& made) {
-  return std::equal(felt.tissues.begin(), felt.tissues.end(), made.tissues.begin(), made.tissues.end(),
-                    [](const Tissue& a, const Tissue& b) {
-                      return !a.felt || a.stiffness_N_per_mm == b.stiffness_N_per_mm;
+bool fields_match(const Model& current, const Model& prepared) {
+  return std::equal(current.tissues.begin(), current.tissues.end(), prepared.tissues.begin(),
+                    prepared.tissues.end(), [](const Tissue& a, const Tissue& b) {
+                      return !a.touchable || a.stiffness_N_per_mm == b.stiffness_N_per_mm;
                     });
 }
 
-Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Model& made,
+Result<std::shared_ptr<const Model>> changed_model(const Model& current, const Model& prepared,
                                                    const ModelChange& change) {
-  if (change.version != felt.version + 1)
+  if (change.version != current.version + 1)
     return Error{ErrorKind::kBadInput,
                  "version " + std::to_string(change.version) + " of the model does not follow version " +
-                     std::to_string(felt.version),
+                     std::to_string(current.version),
                  "", ""};
-  if (change.tissue >= felt.tissues.size())
+  if (change.tissue >= current.tissues.size())
     return Error{ErrorKind::kBadInput,
                  "there is no tissue " + std::to_string(change.tissue) + ": the scene has " +
-                     std::to_string(felt.tissues.size()),
+                     std::to_string(current.tissues.size()),
                  "tissue", "tissues are numbered from 0, in the order of the scene"};
 
-  auto next = std::make_shared<Model>(felt);
+  auto next = std::make_shared<Model>(current);
   next->version = change.version;
   Tissue& tissue = next->tissues[change.tissue];
   static_cast<ContactProperties&>(tissue) = change.contact;
   if (auto fine = check_tissue_values(next->tissues, change.tissue); !fine) return fine.error();
-  give_to_surfaces(static_cast<int>(change.tissue), tissue, *next);
-  if (fields_match(*next, made)) {
-    next->methods = made.methods;
+  apply_to_surfaces(static_cast<int>(change.tissue), tissue, *next);
+  if (fields_match(*next, prepared)) {
+    next->methods = prepared.methods;
   } else {
     next->methods = {};
-    if (made.has(ForceMethod::kTrilinear))
-      next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, made);
+    if (prepared.has(ForceMethod::kTrilinear))
+      next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, prepared);
   }
 
-  hash_after(felt, change, *next);
+  hash_after(current, change, *next);
   return std::shared_ptr<const Model>(std::move(next));
 }
 
@@ -119,16 +121,16 @@ bool can_make_fields(const Model& model) {
   return model.ramp_width_mm > 0;
 }
 
-Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
+Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& current, const Model& prepared,
                                                          const Progress& progress) {
-  if (!can_make_fields(felt))
+  if (!can_make_fields(current))
     return Error{ErrorKind::kBadInput,
                  "a union Gaussian is prepared only once, for the stiffness values of the scene", "", ""};
-  auto field = with_ramp_field(felt, {}, progress);
+  auto field = with_ramp_field(current, {}, progress);
   if (!field) return field.error();
   std::shared_ptr<const Model> ready = std::move(field->model);
   for (const ForceMethodInfo& info : kDirectMethods) {
-    if (!made.has(info.method)) continue;
+    if (!prepared.has(info.method)) continue;
     auto more = with_methods(ready, {&info.method, 1}, progress);
     if (!more && more.error().kind == ErrorKind::kInterrupted) return more.error();
     if (more) ready = *std::move(more);
@@ -136,81 +138,81 @@ Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, cons
   return ready;
 }
 
-std::shared_ptr<const Model> with_fields(const Model& felt, const Model& fields) {
-  PALPATE_CHECK(fields_match(felt, fields));
-  auto next = std::make_shared<Model>(felt);
-  next->version = felt.version + 1;
+std::shared_ptr<const Model> with_fields(const Model& current, const Model& fields) {
+  PALPATE_CHECK(fields_match(current, fields));
+  auto next = std::make_shared<Model>(current);
+  next->version = current.version + 1;
   next->field = fields.field;
   next->level_of_label = fields.level_of_label;
   next->methods = fields.methods;
-  hash_after(felt, {next->version, ModelChange::kFieldsRebuilt}, *next);
+  hash_after(current, {next->version, ModelChange::kFieldsRebuilt}, *next);
   return next;
 }
 
-std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts) {
+std::shared_ptr<const Carving> carved_by(const Model& current, std::span<const Cut> cuts) {
   const std::shared_ptr<const Carving> before =
-      felt.carving != nullptr ? felt.carving : std::make_shared<const Carving>(felt);
+      current.carving != nullptr ? current.carving : std::make_shared<const Carving>(current);
   return before->with(cuts);
 }
 
-ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
-  return {felt.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
+ModelChange change_of_stroke(const Model& current, StrokeAction action) {
+  return {current.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
 }
 
-ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened) {
-  ModelChange change{felt.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
+ModelChange change_of_law(const Model& current, TissueLaw law, double coarsened) {
+  ModelChange change{current.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
   change.contact.stiffness_N_per_mm = coarsened;
   return change;
 }
 
-bool has_other_surfaces(const Model& felt, TissueLaw law) {
-  return is_elastic(law) != is_elastic(felt.tissue_law);
+bool has_other_surfaces(const Model& current, TissueLaw law) {
+  return is_elastic(law) != is_elastic(current.tissue_law);
 }
 
-Result<void> check_law(const Model& felt, TissueLaw law) {
+Result<void> check_law(const Model& current, TissueLaw law) {
   const bool is_soft = std::ranges::any_of(
-      felt.tissues, [](const Tissue& tissue) { return tissue.felt && tissue.elastic.has_value(); });
+      current.tissues, [](const Tissue& tissue) { return tissue.touchable && tissue.elastic.has_value(); });
   if (!is_soft)
     return Error{ErrorKind::kBadInput, "no tissue that is felt has a Young's modulus", "",
                  "give one `youngs_modulus`, or a preset that has one"};
-  if (has_other_surfaces(felt, law)) {
-    const bool yields = is_elastic(law);
-    if (!felt.has(ForceMethod::kProxy))
+  if (has_other_surfaces(current, law)) {
+    const bool is_deformable = is_elastic(law);
+    if (!current.has(ForceMethod::kProxy))
       return Error{ErrorKind::kBadInput,
                    "tissue yields only with the proxy, and no surfaces are prepared for it", "",
                    "set the law in the scene's [yielding], and method = \"proxy\" in [force]"};
-    if (felt.carving != nullptr)
+    if (current.carving != nullptr)
       return Error{ErrorKind::kBadInput,
                    std::string("tissue was cut, and tissue that ") +
-                       (yields ? "yields" : "is felt by layers") +
+                       (is_deformable ? "yields" : "is felt by layers") +
                        " has other surfaces, which are prepared from uncut tissue",
                    "", "start with that law, or change to it before cutting"};
   }
-  if (is_moving(law) && felt.carving != nullptr && !felt.carving->records_fractions())
+  if (is_moving(law) && current.carving != nullptr && !current.carving->records_fractions())
     return Error{ErrorKind::kBadInput, "volume cut from fixed tissue was not counted in fractions of voxels",
                  "", "start with a law under which it moves, or change to it before cutting"};
   return {};
 }
 
-Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law, const Preparing& preparing,
-                                               const Progress& progress) {
-  if (auto fine = check_law(felt, law); !fine) return fine.error();
-  auto next = std::make_shared<Model>(felt);
+Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw law,
+                                               const Preparing& preparing, const Progress& progress) {
+  if (auto fine = check_law(current, law); !fine) return fine.error();
+  auto next = std::make_shared<Model>(current);
   next->tissue_law = law;
-  if (!has_other_surfaces(felt, law)) return std::shared_ptr<const Model>(std::move(next));
-  auto times = relaxation_times_of(felt.tissues, law);
+  if (!has_other_surfaces(current, law)) return std::shared_ptr<const Model>(std::move(next));
+  auto times = relaxation_times_of(current.tissues, law);
   if (!times) return times.error();
   next->relaxation_times = *times;
   return with_surfaces(std::move(next), preparing, progress);
 }
 
-std::shared_ptr<const Model> with_law(const Model& felt, const Model& under, const ModelChange& change) {
+std::shared_ptr<const Model> with_law(const Model& current, const Model& under, const ModelChange& change) {
   auto next = std::make_shared<Model>(under);
   next->version = change.version;
   // set by change_of_law()
   if (const double coarsened = change.contact.stiffness_N_per_mm; coarsened != 0)
     next->tissue_coarsened = coarsened;
-  hash_after(felt, change, *next);
+  hash_after(current, change, *next);
   return next;
 }
 
@@ -229,29 +231,29 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
                                    const Preparing& preparing) {
   if (auto fine = check_versions(now, cuts); !fine) return fine.error();
   if (change.tissue == ModelChange::kCut) {
-    if (!now.felt->has(ForceMethod::kProxy))
+    if (!now.current->has(ForceMethod::kProxy))
       return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model has none", "", ""};
-    return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
+    return ModelVersions{carved_by(*now.current, cuts)->taken_from(*now.current), now.prepared};
   }
   if (change.is_of_stroke()) {
-    const auto carving = carving_after(now.felt->carving.get(), change);
+    const auto carving = carving_after(now.current->carving.get(), change);
     if (carving == nullptr) return Error{ErrorKind::kBadInput, "there is no stroke to undo or redo", "", ""};
-    return ModelVersions{carving->taken_from(*now.felt), now.made};
+    return ModelVersions{carving->taken_from(*now.current), now.prepared};
   }
   if (change.is_of_law()) {
-    auto felt = next_law(*now.felt, change, preparing, progress);
-    if (!felt) return felt.error();
-    return ModelVersions{*std::move(felt), now.made};
+    auto next = next_law(*now.current, change, preparing, progress);
+    if (!next) return next.error();
+    return ModelVersions{*std::move(next), now.prepared};
   }
   if (change.tissue != ModelChange::kFieldsRebuilt) {
-    auto felt = changed_model(*now.felt, *now.made, change);
-    if (!felt) return felt.error();
-    return ModelVersions{*std::move(felt), now.made};
+    auto next_model = changed_model(*now.current, *now.prepared, change);
+    if (!next_model) return next_model.error();
+    return ModelVersions{*std::move(next_model), now.prepared};
   }
-  const auto fields = with_rebuilt_fields(*now.felt, *now.made, progress);
+  const auto fields = with_rebuilt_fields(*now.current, *now.prepared, progress);
   if (!fields) return fields.error();
-  const auto felt = with_fields(*now.felt, **fields);
-  return ModelVersions{felt, felt};
+  const auto rebuilt = with_fields(*now.current, **fields);
+  return ModelVersions{rebuilt, rebuilt};
 }
 
 }  // namespace palpate

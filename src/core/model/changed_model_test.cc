@@ -26,11 +26,11 @@ std::shared_ptr<const Model> ball() {
 
 constexpr std::size_t kBoneTissue = 0, kCartilageTissue = 1;
 
-std::shared_ptr<const Model> stiffened(const Model& felt, const Model& made, std::size_t tissue,
+std::shared_ptr<const Model> stiffened(const Model& current, const Model& prepared, std::size_t tissue,
                                        double stiffness) {
-  ModelChange change = unchanged(felt, tissue);
+  ModelChange change = unchanged(current, tissue);
   change.contact.stiffness_N_per_mm = stiffness;
-  auto next = changed_model(felt, made, change);
+  auto next = changed_model(current, prepared, change);
   PALPATE_CHECK(next.ok());
   return *next;
 }
@@ -122,16 +122,16 @@ TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
     device.tip = Point<World>(testing::kBoneRadius_mm - 1 + 7 * std::max(0.0, 1 - n / 400.0), 0, 0);
     if (n >= 1200 && n % 200 == 0) {
       const std::size_t tissue = n % 400 == 0 ? kCartilageTissue : kBoneTissue;
-      ModelChange change = unchanged(*now.felt, tissue);
+      ModelChange change = unchanged(*now.current, tissue);
       change.contact.stiffness_N_per_mm -= 0.02;
       now = next_version(now, change).value();
     }
-    tick(*now.felt, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
+    tick(*now.current, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
     if (n < 1200) continue;
     ASSERT_FALSE(record.device[0].flags & (kFlagInside | kFlagRuptured)) << n;
     min_N = std::min(min_N, wrench.force_N.x());
   }
-  EXPECT_EQ(now.felt->version, 10u);
+  EXPECT_EQ(now.current->version, 10u);
   EXPECT_GT(min_N, 0.95) << "1.5 N/mm less some, a millimetre deep, at most 3 N and never let go";
 }
 
@@ -159,7 +159,7 @@ std::shared_ptr<const Model> built(double left, double right, double shell, cons
   };
   const auto scene = parse_scene(tissue("left", left, "") + tissue("right", right, "") +
                                      tissue("shell", shell, "rests_on = [\"left\", \"right\"]\n") +
-                                     tissue("fat", 0.2, "felt = false\n") + more,
+                                     tissue("fat", 0.2, "touchable = false\n") + more,
                                  "test.toml");
   PALPATE_CHECK(scene.ok());
   const LabelMap labels = shelled_balls();
@@ -178,31 +178,31 @@ TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
     SCOPED_TRACE(more);
     const auto made = built(1.5, 1.2, 0.5, more), oracle = built(0.9, 1.3, 0.7, more);
     ModelVersions now{made, made};
-    const double wanted[] = {0.9, 1.3, 0.7};
+    const double requested[] = {0.9, 1.3, 0.7};
     for (std::size_t tissue = 0; tissue < 3; ++tissue) {
-      ModelChange change = unchanged(*now.felt, tissue);
-      change.contact.stiffness_N_per_mm = wanted[tissue];
+      ModelChange change = unchanged(*now.current, tissue);
+      change.contact.stiffness_N_per_mm = requested[tissue];
       auto next = next_version(now, change);
       ASSERT_TRUE(next.ok()) << next.error().message();
       now = *std::move(next);
-      EXPECT_EQ(now.made, made);
+      EXPECT_EQ(now.prepared, made);
     }
-    ASSERT_TRUE(can_make_fields(*now.felt));
-    const auto last = next_version(now, {now.felt->version + 1, ModelChange::kFieldsRebuilt});
+    ASSERT_TRUE(can_make_fields(*now.current));
+    const auto last = next_version(now, {now.current->version + 1, ModelChange::kFieldsRebuilt});
     ASSERT_TRUE(last.ok()) << last.error().message();
-    const Model &felt = *(*last).felt, &expected = *oracle;
-    EXPECT_EQ((*last).made, (*last).felt);
-    EXPECT_EQ(felt.version, 5u);
-    EXPECT_EQ(felt.level_of_label, expected.level_of_label);
-    EXPECT_EQ(felt.field->bytes_per_voxel(), expected.field->bytes_per_voxel());
-    EXPECT_EQ(felt.field->values().voxels(), expected.field->values().voxels());
+    const Model &current = *(*last).current, &expected = *oracle;
+    EXPECT_EQ((*last).prepared, (*last).current);
+    EXPECT_EQ(current.version, 5u);
+    EXPECT_EQ(current.level_of_label, expected.level_of_label);
+    EXPECT_EQ(current.field->bytes_per_voxel(), expected.field->bytes_per_voxel());
+    EXPECT_EQ(current.field->values().voxels(), expected.field->values().voxels());
     const unsigned seed = 20;
     SCOPED_TRACE("seed " + std::to_string(seed));
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> x(-1, 60), y(-1, 36);
     for (const ForceMethodInfo& info : kDirectMethods) {
-      ASSERT_TRUE(felt.has(info.method)) << info.name;
-      const ForceField &a = felt.force_field(info.method), &b = expected.force_field(info.method);
+      ASSERT_TRUE(current.has(info.method)) << info.name;
+      const ForceField &a = current.force_field(info.method), &b = expected.force_field(info.method);
       EXPECT_EQ(a.full_force_N(), b.full_force_N()) << info.name;
       for (int n = 0; n < 300; ++n) {
         const Point<Patient> at(x(random), y(random), y(random));
@@ -234,13 +234,13 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
     EXPECT_FALSE(has_other_surfaces(*from, to));
     const auto next = next_version({from, from}, change);
     ASSERT_TRUE(next.ok()) << next.error().message();
-    EXPECT_EQ(next->felt->tissue_law, to);
-    EXPECT_EQ(next->felt->tissue_coarsened, 1);
-    EXPECT_EQ(next->felt->version, from->version + 1);
-    EXPECT_NE(next->felt->content_hash, from->content_hash);
-    EXPECT_EQ(next->felt->field, from->field);
-    EXPECT_EQ(next->felt->surfaces[0].surface, from->surfaces[0].surface);
-    EXPECT_EQ(next->made, from);
+    EXPECT_EQ(next->current->tissue_law, to);
+    EXPECT_EQ(next->current->tissue_coarsened, 1);
+    EXPECT_EQ(next->current->version, from->version + 1);
+    EXPECT_NE(next->current->content_hash, from->content_hash);
+    EXPECT_EQ(next->current->field, from->field);
+    EXPECT_EQ(next->current->surfaces[0].surface, from->surfaces[0].surface);
+    EXPECT_EQ(next->prepared, from);
   }
   const auto rigid = ball();
   EXPECT_FALSE(under_law(*rigid, TissueLaw::kChainMail).ok());
@@ -253,16 +253,16 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
   // the coarser cells of a slower machine are part of the change
   const auto coarser = next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, 1.6));
   ASSERT_TRUE(coarser.ok());
-  EXPECT_EQ(coarser->felt->tissue_coarsened, 1.6);
+  EXPECT_EQ(coarser->touchable->tissue_coarsened, 1.6);
   for (const double none : {-1.0, 0.5, 2.5, std::nan(""), 1e300})
     EXPECT_FALSE(
         next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, none)).ok());
 
   LawHistory laws(TissueLaw::kElastic, 1.25);
-  laws.hear({2, 0});
-  laws.hear({5, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kNeoHookean), 1.6});
-  laws.hear({3, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kLayers)});
-  laws.hear({7, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kElastic), 7});
+  laws.on_event({2, 0});
+  laws.on_event({5, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kNeoHookean), 1.6});
+  laws.on_event({3, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kLayers)});
+  laws.on_event({7, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kElastic), 7});
   EXPECT_EQ(laws.coarsened_at(4), 1.25);
   EXPECT_EQ(laws.coarsened_at(5), 1.6);
   EXPECT_EQ(laws.coarsened_at(9), 1.6) << "no machine asks for that";

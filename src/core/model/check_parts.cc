@@ -37,7 +37,7 @@ Result<void> check_tissue(const std::vector<Tissue>& tissues, std::size_t index)
     if (!is_amount(tissue.*property.value))
       return bad_part(where, "give a finite number, at least 0", property.words, " of ",
                       tissue.*property.value);
-  if (tissue.felt && tissue.stiffness_N_per_mm == 0)
+  if (tissue.touchable && tissue.stiffness_N_per_mm == 0)
     return bad_part(where, "give a stiffness above 0, or let the tissue not be felt",
                     "a tissue that is felt has no stiffness");
   if (!(tissue.puncture_N > 0))

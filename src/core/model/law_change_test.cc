@@ -93,7 +93,7 @@ class LedTip {
   Result<void> go_by(TissueLaw law) {
     auto next = next_version({model_, model_}, change_of_law(*model_, law));
     if (!next) return next.error();
-    model_ = next->felt;
+    model_ = next->current;
     return {};
   }
   const TickRecord& record() const { return record_; }
@@ -105,8 +105,9 @@ class LedTip {
 
  private:
   void tick() {
-    const bool yields = ticked_ != nullptr && is_elastic(ticked_->tissue_law);
-    if (yields ? yields_.advance(*ticked_, &record_) : yields_.rest()) parameters_.yields = yields_.frame();
+    const bool is_deformable = ticked_ != nullptr && is_elastic(ticked_->tissue_law);
+    if (is_deformable ? yields_.advance(*ticked_, &record_) : yields_.rest())
+      parameters_.yields = yields_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(0, 0, z_);
     Wrench wrench;
@@ -256,17 +257,17 @@ TEST(LawChange, WhoWasInsideWithoutForceStaysSo) {
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
   TickRecord record;
-  const auto tick_of = [&](const Model& felt) {
+  const auto tick_of = [&](const Model& current) {
     DeviceState device;
-    device.tip = felt.X_WorldPatient * Point<Patient>(0, 0, -5);
+    device.tip = current.X_WorldPatient * Point<Patient>(0, 0, -5);
     Wrench wrench;
-    palpate::tick(felt, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
+    palpate::tick(current, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
   };
   tick_of(*model);
   ASSERT_NE(record.device[0].flags & kFlagInside, 0u);
   const auto next = next_version({model, model}, change_of_law(*model, TissueLaw::kElastic));
   ASSERT_TRUE(next.ok());
-  for (int n = 0; n < 600; ++n) tick_of(*next->felt);
+  for (int n = 0; n < 600; ++n) tick_of(*next->current);
   EXPECT_NE(record.device[0].flags & kFlagInside, 0u);
   EXPECT_EQ(Eigen::Map<const Eigen::Vector3d>(record.device[0].force_N.data()).norm(), 0);
 }

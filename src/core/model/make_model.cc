@@ -47,9 +47,9 @@ void hash_value(std::uint64_t& hash, const Relaxation& relaxation) {
 }
 void hash_value(std::uint64_t& hash, const FixedProperties& properties) {
   // opacity is only displayed
-  const auto& [felt, puncture_N, stays_open, friction_damping_N_s_per_mm, friction_max_N,
+  const auto& [touchable, puncture_N, stays_open, friction_damping_N_s_per_mm, friction_max_N,
                cutting_energy_mJ_per_mm3, protection, elastic, relaxation, opacity] = properties;
-  hash_values(hash, felt, puncture_N, stays_open, friction_damping_N_s_per_mm, friction_max_N,
+  hash_values(hash, touchable, puncture_N, stays_open, friction_damping_N_s_per_mm, friction_max_N,
               cutting_energy_mJ_per_mm3, protection, elastic, relaxation);
 }
 void hash_value(std::uint64_t& hash, const Tissue& tissue) {
@@ -228,7 +228,7 @@ Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, Tis
       error.what = "tissue \"" + tissue.name + "\" has " + error.what;
       return error;
     }
-    if (tissue.elastic && tissue.felt && !times.add(tissue.relaxation))
+    if (tissue.elastic && tissue.touchable && !times.add(tissue.relaxation))
       return Error{
           ErrorKind::kBadInput,
           "the tissues relax with more than " + std::to_string(kMaxRelaxationTimes) + " different times", "",

@@ -38,7 +38,7 @@ struct LabelFigures {
   std::vector<Box> box = std::vector<Box>(65536);
   std::map<std::pair<LabelId, LabelId>, double> faces_mm2;  // key: the smaller label first
 
-  void see(LabelId label, int i, int count, int j, int k) {
+  void observe(LabelId label, int i, int count, int j, int k) {
     voxels[label] += count;
     Box& b = box[label];
     const std::array<int, 3> first{i, j, k}, last{i + count - 1, j, k};
@@ -67,12 +67,12 @@ void see_slice(const Bricks<LabelId>& labels, int k, LabelFigures& figures) {
   constexpr std::array<std::ptrdiff_t, 3> kNext{1, L::kRow, L::kSlice};
   const auto look = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) {
-      figures.see(*piece.voxels, piece.i, piece.count, piece.j, k);
+      figures.observe(*piece.voxels, piece.i, piece.count, piece.j, k);
       return;
     }
     for (int i = 0; i < piece.count; ++i) {
       const LabelId* const here = piece.voxels + i;
-      figures.see(*here, piece.i + i, 1, piece.j, k);
+      figures.observe(*here, piece.i + i, 1, piece.j, k);
       for (std::size_t a = 0; a < 3; ++a)
         if (const LabelId there = here[kNext[a]]; there != *here)
           figures.faces_mm2[std::minmax(*here, there)] += face_mm2[a];
@@ -103,20 +103,22 @@ struct Body {
 // yet, and each thread's surroundings of its piece. The coefficients were measured on knees of 1.5 to 1007
 // million voxels with two threads.
 double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
-  constexpr double kSlices = 24, kSeen_bytes = 6, kMaxSeen_bytes = 1300 << 20;
+  constexpr double kSlices = 24, kBorder_bytes = 6, kMaxBorder_bytes = 1300 << 20;
   const double threads = processors();
   const auto around = [&](int a, double voxels) {
     return std::min(body.box[static_cast<std::size_t>(a)], voxels) + 2 * margin_mm / spacing_mm[a];
   };
-  const double seen = kSeen_bytes * around(0, body.box[0]) * around(1, body.box[1]) * around(2, kSlices);
+  const double observed =
+      kBorder_bytes * around(0, body.box[0]) * around(1, body.box[1]) * around(2, kSlices);
   const double slices = std::min(body.box[2], 2 * kSlices * threads);
-  return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) + std::min(threads * seen, kMaxSeen_bytes);
+  return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) +
+         std::min(threads * observed, kMaxBorder_bytes);
 }
 
 // Adds the program itself and the freed memory that malloc retains: measured.
 double with_heap(double bytes) {
-  constexpr double kProgram_bytes = 24 << 20, kMaxKept_bytes = 150 << 20, kPartKept = 0.8;
-  return bytes + kProgram_bytes + std::min(kMaxKept_bytes, kPartKept * bytes);
+  constexpr double kProgram_bytes = 24 << 20, kMaxStored_bytes = 150 << 20, kStoredFraction = 0.8;
+  return bytes + kProgram_bytes + std::min(kMaxStored_bytes, kStoredFraction * bytes);
 }
 
 class Estimate {
@@ -216,10 +218,10 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
   const GridGeometry& grid = model.labels->geometry();
   const double voxels = static_cast<double>(grid.voxel_count());
   const double full_N = model.greatest_stiffness_N_per_mm() * ramp_width_mm;
-  std::vector<LabelId> felt;
+  std::vector<LabelId> touchable;
   double rising_mm3 = 0, position = 0;
   for (const RampStructure& structure : ramp_structures(model, *model.labels)) {
-    felt.push_back(structure.label);
+    touchable.push_back(structure.label);
     const Body body = estimate.body({structure.label}, 0);
     const double depth_mm = std::min(full_N / structure.stiffness_N_per_mm, kDeepestRamp_mm);
     rising_mm3 += std::min(body.volume_mm3, body.surface_mm2 * depth_mm);
@@ -229,7 +231,7 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
         std::max(position, making_bytes(body, grid.spacing_mm, depth_mm + kBeyond_mm) +
                                estimate.band_bytes(body, body.box_voxels(), grid.spacing_mm, depth_mm, 0, 0));
   }
-  Body all = estimate.body(felt, 0);
+  Body all = estimate.body(touchable, 0);
   all.volume_mm3 = rising_mm3;
   const double reach_mm = all.surface_mm2 > 0 ? rising_mm3 / all.surface_mm2 : 0;
   const double field = estimate.band_bytes(all, voxels, grid.spacing_mm, reach_mm, 0, 0);
@@ -265,7 +267,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
   double trees = 0;
   for (const LabelId label : tracked) trees += tree_bytes(estimate, label);
   const bool has_surfaces = options.proxy || !tracked.empty();
-  const auto of_surfaces = has_surfaces ? felt_surface_options(model.tools, grid) : SurfaceOptions();
+  const auto of_surfaces = has_surfaces ? touchable_surface_options(model.tools, grid) : SurfaceOptions();
   if (!of_surfaces) return of_surfaces.error();
   if (options.proxy) {
     const auto groups = surfaces_needed(model, preparing, progress);
@@ -301,7 +303,7 @@ Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& pr
   const auto groups = surfaces_needed(model, preparing, progress);
   if (!groups) return groups.error();
   const Estimate estimate(model.labels->geometry(), figures_of(*model.labels));
-  const auto options = felt_surface_options(model.tools, model.labels->geometry());
+  const auto options = touchable_surface_options(model.tools, model.labels->geometry());
   if (!options) return options.error();
   const SurfaceBytes bytes =
       bytes_of_all(estimate, *groups, *options, static_cast<double>(model.labels->bytes()));

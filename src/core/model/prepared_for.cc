@@ -18,13 +18,13 @@ namespace palpate {
 namespace {
 
 // felt labels that have voxels, ascending
-std::vector<LabelId> felt_structures(const Model& model) {
+std::vector<LabelId> touchable_structures(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
-  std::vector<LabelId> felt;
+  std::vector<LabelId> touchable;
   for (std::size_t label = 1; label < voxels.size(); ++label)
-    if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label)))
-      felt.push_back(static_cast<LabelId>(label));
-  return felt;
+    if (voxels[label] > 0 && model.is_touchable(static_cast<LabelId>(label)))
+      touchable.push_back(static_cast<LabelId>(label));
+  return touchable;
 }
 
 Error too_many(std::size_t structures, std::size_t common) {
@@ -32,7 +32,7 @@ Error too_many(std::size_t structures, std::size_t common) {
                      " surfaces, but the scene has " + std::to_string(structures) + " felt structures";
   if (common > 0) what += " and " + std::to_string(common) + " surfaces shared by structures in contact";
   return {ErrorKind::kBadInput, what, "",
-          "set felt = false on tissues that are not touched, or choose another method"};
+          "set touchable = false on tissues that are not touched, or choose another method"};
 }
 
 // Upper stiffness bounds of a group's layers, softest first; a structure belongs to the first bound not below
@@ -50,35 +50,35 @@ std::vector<double> layer_bounds(std::vector<double> stiffnesses) {
 // common surface.
 class SurfacesNeeded {
  public:
-  SurfacesNeeded(const Model& model, const std::vector<LabelId>& felt,
+  SurfacesNeeded(const Model& model, const std::vector<LabelId>& touchable,
                  const std::vector<std::pair<LabelId, LabelId>>& touching)
-      : model_(model), felt_(felt), touching_(touching) {
-    for (const LabelId label : felt)
-      if (yields(label)) softest_ = std::min(softest_, model.tissue_of(label)->stiffness_N_per_mm);
-    for (const LabelId label : felt) {
+      : model_(model), touchable_(touchable), touching_(touching) {
+    for (const LabelId label : touchable)
+      if (is_deformable(label)) softest_ = std::min(softest_, model.tissue_of(label)->stiffness_N_per_mm);
+    for (const LabelId label : touchable) {
       const Tissue& tissue = *model.tissue_of(label);
       ContactSurface structure;
       static_cast<ContactProperties&>(structure) = tissue;
       structure.stiffness_N_per_mm = stiffness_of(label);
-      if (yields(label)) {
+      if (is_deformable(label)) {
         structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
         structure.relaxed.add(tissue.relaxation, model.relaxation_times, 1);
       }
       structure.puncture_N = tissue.puncture_N;
       structure.stays_open = tissue.stays_open;
       structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
-      structure.kept = model.cuts() && tissue.protection == Protection::kKeep;
+      structure.is_protected = model.cuts() && tissue.protection == Protection::kKeep;
       surfaces_.push_back(structure);
     }
-    for (const std::vector<LabelId>& group : touching_groups(felt, touching)) {
+    for (const std::vector<LabelId>& group : touching_groups(touchable, touching)) {
       std::vector<double> stiffnesses;
       for (const LabelId label : group) stiffnesses.push_back(stiffness_of(label));
       add_layer(group, 0, 0, layer_bounds(std::move(stiffnesses)));
     }
   }
 
-  std::size_t structures() const { return felt_.size(); }
-  std::size_t common() const { return surfaces_.size() - felt_.size(); }
+  std::size_t structures() const { return touchable_.size(); }
+  std::size_t common() const { return surfaces_.size() - touchable_.size(); }
 
   /// Groups of structures to build surfaces from, in building order.
   std::vector<std::vector<LabelId>> groups() const {
@@ -93,7 +93,7 @@ class SurfacesNeeded {
   Result<std::vector<ContactSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
                                               const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
-    const auto options = felt_surface_options(model_.tools, labels.geometry());
+    const auto options = touchable_surface_options(model_.tools, labels.geometry());
     if (!options) return options.error();
     const auto prepared = preparing.outer_surfaces(labels, all, *options, progress);
     if (!prepared) return prepared.error();
@@ -114,12 +114,13 @@ class SurfacesNeeded {
   };
 
   // deformable tissues form a single layer with the softest one's stiffness, which only determines its order
-  bool yields(LabelId label) const { return model_.is_deformable(*model_.tissue_of(label)); }
+  bool is_deformable(LabelId label) const { return model_.is_deformable(*model_.tissue_of(label)); }
   double stiffness_of(LabelId label) const {
-    return yields(label) ? softest_ : model_.tissue_of(label)->stiffness_N_per_mm;
+    return is_deformable(label) ? softest_ : model_.tissue_of(label)->stiffness_N_per_mm;
   }
   int place_of(LabelId label) const {
-    return static_cast<int>(std::lower_bound(felt_.begin(), felt_.end(), label) - felt_.begin());
+    return static_cast<int>(std::lower_bound(touchable_.begin(), touchable_.end(), label) -
+                            touchable_.begin());
   }
 
   // assigns structures that touch, and are stiffer than the layer around them, to a layer
@@ -163,15 +164,15 @@ class SurfacesNeeded {
   int add(const std::vector<LabelId>& structures, int layer, double from, double to, int beneath) {
     const int structure = structures.size() == 1 ? place_of(structures.front()) : -1;
     const bool own = structure >= 0 && stiffness_of(structures.front()) <= to;
-    const int place = own ? structure : static_cast<int>(surfaces_.size());
+    const int index = own ? structure : static_cast<int>(surfaces_.size());
     if (!own) surfaces_.emplace_back();
-    ContactSurface& felt = surfaces_[static_cast<std::size_t>(place)];
-    felt.structure = own ? -1 : structure;
-    felt.beneath = beneath;
-    felt.layer = layer;
-    felt.from_N_per_mm = from;
-    felt.to_N_per_mm = to;
-    return place;
+    ContactSurface& surface = surfaces_[static_cast<std::size_t>(index)];
+    surface.structure = own ? -1 : structure;
+    surface.beneath = beneath;
+    surface.layer = layer;
+    surface.from_N_per_mm = from;
+    surface.to_N_per_mm = to;
+    return index;
   }
 
   // each call scans the whole volume on all threads; false: interrupted
@@ -194,7 +195,7 @@ class SurfacesNeeded {
   }
 
   const Model& model_;
-  const std::vector<LabelId>& felt_;
+  const std::vector<LabelId>& touchable_;
   const std::vector<std::pair<LabelId, LabelId>>& touching_;
   double softest_ = std::numeric_limits<double>::infinity();  // least stiffness of deformable tissues
   std::vector<ContactSurface> surfaces_;
@@ -203,24 +204,24 @@ class SurfacesNeeded {
 };
 
 // range of the distance between a burr and a protected structure, from the centre of its ball
-constexpr double kToldWithin_mm = 10;
+constexpr double kReportedWithin_mm = 10;
 
 // structures that a burr must not cut, each with its own surface, whether or not it touches others
 Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
-                                                             const std::vector<LabelId>& felt,
+                                                             const std::vector<LabelId>& touchable,
                                                              const Preparing& preparing,
                                                              const Progress& progress) {
   std::vector<ProtectedStructure> structures;
   if (!model.cuts()) return structures;
   std::vector<std::vector<LabelId>> alone;
-  for (const LabelId label : felt) {
+  for (const LabelId label : touchable) {
     const Protection protection = model.tissue_of(label)->protection;
     if (protection == Protection::kNone) continue;
     alone.push_back({label});
     structures.push_back({label, nullptr, protection == Protection::kKeep});
   }
   if (structures.empty()) return structures;
-  auto surfaces = preparing.outer_surfaces(*model.labels, alone, {.reach_mm = kToldWithin_mm}, progress);
+  auto surfaces = preparing.outer_surfaces(*model.labels, alone, {.reach_mm = kReportedWithin_mm}, progress);
   if (!surfaces) return surfaces.error();
   for (std::size_t n = 0; n < structures.size(); ++n) structures[n].surface = std::move((*surfaces)[n]);
   return structures;
@@ -230,31 +231,31 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
 
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
                                                    const Preparing& preparing, const Progress& progress) {
-  const std::vector<LabelId> felt = felt_structures(*model);
-  if (felt.size() > kMaxSurfaces) return too_many(felt.size(), 0);
-  const auto touching = preparing.touching_pairs(*model->labels, felt, progress);
+  const std::vector<LabelId> touchable = touchable_structures(*model);
+  if (touchable.size() > kMaxSurfaces) return too_many(touchable.size(), 0);
+  const auto touching = preparing.touching_pairs(*model->labels, touchable, progress);
   if (!touching) return touching.error();
-  SurfacesNeeded needed(*model, felt, *touching);
+  SurfacesNeeded needed(*model, touchable, *touching);
   if (needed.structures() + needed.common() > kMaxSurfaces)
     return too_many(needed.structures(), needed.common());
   auto surfaces = needed.prepare(*model->labels, preparing, progress);
   if (!surfaces) return surfaces.error();
-  auto spared = protected_structures(*model, felt, preparing, progress);
+  auto spared = protected_structures(*model, touchable, preparing, progress);
   if (!spared) return spared.error();
   auto more = std::make_shared<Model>(*model);
   more->protected_structures = *std::move(spared);
   more->surfaces = *std::move(surfaces);
-  more->label_of_surface = felt;
+  more->label_of_surface = touchable;
   return std::shared_ptr<const Model>(std::move(more));
 }
 
 Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
                                                           const Progress& progress) {
-  const std::vector<LabelId> felt = felt_structures(model);
-  if (felt.size() > kMaxSurfaces) return too_many(felt.size(), 0);
-  const auto touching = preparing.touching_pairs(*model.labels, felt, progress);
+  const std::vector<LabelId> touchable = touchable_structures(model);
+  if (touchable.size() > kMaxSurfaces) return too_many(touchable.size(), 0);
+  const auto touching = preparing.touching_pairs(*model.labels, touchable, progress);
   if (!touching) return touching.error();
-  const SurfacesNeeded needed(model, felt, *touching);
+  const SurfacesNeeded needed(model, touchable, *touching);
   if (needed.structures() + needed.common() > kMaxSurfaces)
     return too_many(needed.structures(), needed.common());
   return needed.groups();
@@ -265,7 +266,7 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
                                                   const Preparing& preparing, const Progress& progress) {
   if (model == nullptr || model->labels == nullptr)
     return Error{ErrorKind::kBadInput, "there is no model to prepare", "model", "make one by make_model()"};
-  if (model->is_felt(model->labels->outside()))
+  if (model->is_touchable(model->labels->outside()))
     return Error{ErrorKind::kBadInput, "what surrounds the volume belongs to a tissue that is felt", "labels",
                  "let background surround the labels, as label_bricks() does"};
   std::vector<ForceMethod> direct(methods.begin(), methods.end());
@@ -277,8 +278,9 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
   return ready ? with_distances(*std::move(ready), preparing, progress) : ready;
 }
 
-std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ReportedDistances& told) {
-  std::vector<LabelId> tracked = told.structures;
+std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go,
+                                        const ReportedDistances& distances) {
+  std::vector<LabelId> tracked = distances.structures;
   for (const NoGoRegion& region : no_go)
     if (const auto* structure = std::get_if<NoGoStructure>(&region.place))
       tracked.push_back(structure->label);
@@ -297,14 +299,14 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   std::vector<std::shared_ptr<const Surface>> surfaces(tracked.size());
   std::vector<std::vector<LabelId>> missing;
   for (std::size_t n = 0; n < tracked.size(); ++n) {
-    const auto& felt = model->label_of_surface;
-    const auto place = std::lower_bound(felt.begin(), felt.end(), tracked[n]);
-    if (place != felt.end() && *place == tracked[n])
-      surfaces[n] = model->surfaces[static_cast<std::size_t>(place - felt.begin())].surface;
+    const auto& labels = model->label_of_surface;
+    const auto place = std::lower_bound(labels.begin(), labels.end(), tracked[n]);
+    if (place != labels.end() && *place == tracked[n])
+      surfaces[n] = model->surfaces[static_cast<std::size_t>(place - labels.begin())].surface;
     if (surfaces[n] == nullptr) missing.push_back({tracked[n]});
   }
   if (!missing.empty()) {
-    const auto options = felt_surface_options(model->tools, model->labels->geometry());
+    const auto options = touchable_surface_options(model->tools, model->labels->geometry());
     if (!options) return options.error();
     auto made = preparing.outer_surfaces(*model->labels, missing, *options, progress);
     if (!made) return made.error();
@@ -318,9 +320,9 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   const bool done = for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
     if (progress.stopped()) return false;
     const auto n = static_cast<std::size_t>(index);
-    const auto& told = model->reported_distances.structures;
+    const auto& reported = model->reported_distances.structures;
     structures[n] = {tracked[n], std::make_shared<const SurfaceTree>(surfaces[n]),
-                     std::binary_search(told.begin(), told.end(), tracked[n])};
+                     std::binary_search(reported.begin(), reported.end(), tracked[n])};
     return true;
   });
   if (!done) return Progress::interrupted();

@@ -22,7 +22,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
   const std::vector<std::vector<std::size_t>> goes = disjoint_batches(groups);
   for (const std::vector<std::size_t>& go : goes) {
     std::vector<std::vector<LabelId>> together;
-    for (const std::size_t place : go) together.push_back(groups[place]);
+    for (const std::size_t index : go) together.push_back(groups[index]);
     auto prepared = prepare_outer_surfaces(labels, together, options, progress);
     if (!prepared) return prepared.error();
     for (std::size_t n = 0; n < go.size(); ++n) surfaces[go[n]] = std::move((*prepared)[n]);
@@ -32,20 +32,19 @@ Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
 
 std::vector<std::vector<std::size_t>> disjoint_batches(const std::vector<std::vector<LabelId>>& groups) {
   std::vector<std::vector<std::size_t>> goes;
-  std::vector<std::set<LabelId>> taken;  // labels used by each batch
-  for (std::size_t place = 0; place < groups.size(); ++place) {
-    const std::vector<LabelId>& group = groups[place];
+  std::vector<std::set<LabelId>> used;  // labels used by each batch
+  for (std::size_t index = 0; index < groups.size(); ++index) {
+    const std::vector<LabelId>& group = groups[index];
     const auto has_room = [&](const std::set<LabelId>& labels) {
       return std::none_of(group.begin(), group.end(), [&](LabelId label) { return labels.count(label) > 0; });
     };
-    const auto go =
-        static_cast<std::size_t>(std::find_if(taken.begin(), taken.end(), has_room) - taken.begin());
+    const auto go = static_cast<std::size_t>(std::find_if(used.begin(), used.end(), has_room) - used.begin());
     if (go == goes.size()) {
       goes.emplace_back();
-      taken.emplace_back();
+      used.emplace_back();
     }
-    goes[go].push_back(place);
-    taken[go].insert(group.begin(), group.end());
+    goes[go].push_back(index);
+    used[go].insert(group.begin(), group.end());
   }
   return goes;
 }

@@ -29,11 +29,11 @@ std::vector<RampStructure> ramp_structures(const Model& model, const Bricks<Labe
   std::vector<RampStructure> structures;
   for (std::size_t id = 1; id < model.tissue_of_label.size(); ++id) {
     const auto label = static_cast<LabelId>(id);
-    if (present[id] == 0 || !model.is_felt(label)) continue;
+    if (present[id] == 0 || !model.is_touchable(label)) continue;
     const std::vector<bool> supports = supports_of(model, model.tissue_of_label[id]);
     RampStructure structure{label, model.tissue_of(label)->stiffness_N_per_mm, {}};
     for (std::size_t other = 1; other < model.tissue_of_label.size(); ++other)
-      if (present[other] > 0 && model.is_felt(static_cast<LabelId>(other)) &&
+      if (present[other] > 0 && model.is_touchable(static_cast<LabelId>(other)) &&
           supports[static_cast<std::size_t>(model.tissue_of_label[other])])
         structure.rests_on.push_back(static_cast<LabelId>(other));
     structures.push_back(std::move(structure));
@@ -47,7 +47,7 @@ std::uint8_t weight_of(const Tissue& tissue, double stiffest_N_per_mm) {
 }
 
 float level_of(const Tissue& tissue, std::uint8_t weight) {
-  return tissue.felt ? static_cast<float>(weight) / 255.f : 0.f;
+  return tissue.touchable ? static_cast<float>(weight) / 255.f : 0.f;
 }
 
 }  // namespace palpate

@@ -15,7 +15,7 @@ double widest_radius_mm(const Tool& tool) {
 
 }  // namespace
 
-Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const GridGeometry& grid) {
+Result<SurfaceOptions> touchable_surface_options(std::span<const Tool> tools, const GridGeometry& grid) {
   SurfaceOptions options;
   const double spacing_mm = grid.spacing_mm.maxCoeff();
   for (std::size_t number = 0; number < tools.size(); ++number) {

@@ -11,6 +11,6 @@ namespace palpate {
 /// its radius away from the surface, and the distance there is interpolated from voxels that lie farther
 /// (docs/decisions/0078-reach-follows-the-tool.md). Errors: kBadInput if a tool is too wide for the spacing,
 /// because the distance field's range is limited.
-Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const GridGeometry& grid);
+Result<SurfaceOptions> touchable_surface_options(std::span<const Tool> tools, const GridGeometry& grid);
 
 }  // namespace palpate

@@ -24,7 +24,7 @@ Tool sphere(double radius_mm) {
 }
 
 double reach_mm(const std::vector<Tool>& tools, double slice_mm) {
-  const auto options = felt_surface_options(tools, grid_of(slice_mm));
+  const auto options = touchable_surface_options(tools, grid_of(slice_mm));
   EXPECT_TRUE(options.ok());
   return options.ok() ? options->reach_mm : 0;
 }
@@ -57,8 +57,8 @@ TEST(SurfaceReach, ThickSlicesAreTakenAsFarAsASurfaceReaches) {
 }
 
 TEST(SurfaceReach, AToolThatIsTooWideForTheSlicesIsRefused) {
-  const auto options =
-      felt_surface_options(std::vector<Tool>{Tool(), surface_reach::sphere(12)}, surface_reach::grid_of(5));
+  const auto options = touchable_surface_options(std::vector<Tool>{Tool(), surface_reach::sphere(12)},
+                                                 surface_reach::grid_of(5));
   ASSERT_FALSE(options.ok());
   EXPECT_EQ(options.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(options.error().what,

@@ -81,9 +81,9 @@ struct CountedInBricks {
     for (int c = 0; c < bricks_k; ++c, table += view.slice) {
       const std::ptrdiff_t at = place_of(i) + (place_of(k) - c * kCells) * BrickLayout::kSlice;
       for (int n = 0; n < count_j; ++n) {
-        const int place = place_of(j) + n;
-        const T* const* brick = table + (place >= kCells ? view.row : 0);
-        const std::ptrdiff_t row = (place % kCells) * BrickLayout::kRow;
+        const int index = place_of(j) + n;
+        const T* const* brick = table + (index >= kCells ? view.row : 0);
+        const std::ptrdiff_t row = (index % kCells) * BrickLayout::kRow;
         here[c][n] = brick[0] + (at + row);
         if constexpr (kTwoAlongI) next[c][n] = brick[1] + (at - kCells + row);
       }
@@ -174,10 +174,10 @@ struct CountedLanes {
     const T* const* table =
         view.table + (brick_of(i) + brick_of(j) * view.row + brick_of(slice) * view.slice);
     const std::ptrdiff_t at = place_of(i) + place_of(slice) * BrickLayout::kSlice;
-    int place = place_of(j);
-    for (int rest = box.axes[1].count; rest > 0; table += view.row, place = 0) {
-      const int room = kCells - place, rows = rest < room ? rest : room;
-      const std::ptrdiff_t first = at + place * BrickLayout::kRow;
+    int index = place_of(j);
+    for (int rest = box.axes[1].count; rest > 0; table += view.row, index = 0) {
+      const int room = kCells - index, rows = rest < room ? rest : room;
+      const std::ptrdiff_t first = at + index * BrickLayout::kRow;
       if (needed <= in_first) {
         take_rows(table[0] + first, rows, to);
       } else {

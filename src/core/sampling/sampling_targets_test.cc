@@ -14,13 +14,13 @@ namespace palpate {
 namespace {
 
 std::size_t point_count() {
-  const char* asked = std::getenv("PALPATE_TEST_POINTS");
+  const char* value = std::getenv("PALPATE_TEST_POINTS");
 #ifdef __SANITIZE_ADDRESS__
   constexpr std::size_t kDefault = 30'000;
 #else
   constexpr std::size_t kDefault = 250'000;
 #endif
-  return asked != nullptr ? std::strtoull(asked, nullptr, 10) : kDefault;
+  return value != nullptr ? std::strtoull(value, nullptr, 10) : kDefault;
 }
 
 /// Maximum differences from the oracle, as fractions of the field's range, and of the range per minimum

@@ -26,8 +26,8 @@ int levels(NormalEncoding encoding) {
 std::uint32_t encode(const Eigen::Vector3d& n, NormalEncoding encoding) {
   const int width = bits(encoding), most = levels(encoding);
   const std::uint32_t mask = (1u << width) - 1;
-  const auto pack = [&](int number, int place) {
-    return (static_cast<std::uint32_t>(number) & mask) << (place * width);
+  const auto pack = [&](int number, int index) {
+    return (static_cast<std::uint32_t>(number) & mask) << (index * width);
   };
   if (encoding == NormalEncoding::kBytes) {
     const auto component = [&](int axis) { return static_cast<int>(std::lround(n[axis] * most)); };
@@ -40,8 +40,8 @@ std::uint32_t encode(const Eigen::Vector3d& n, NormalEncoding encoding) {
 
 Eigen::Vector3d decode(std::uint32_t stored, NormalEncoding encoding) {
   const int width = bits(encoding), most = levels(encoding);
-  const auto unpack = [&](int place) {
-    const auto number = static_cast<int>((stored >> (place * width)) & ((1u << width) - 1));
+  const auto unpack = [&](int index) {
+    const auto number = static_cast<int>((stored >> (index * width)) & ((1u << width) - 1));
     return number > most ? number - (1 << width) : number;
   };
   if (encoding == NormalEncoding::kBytes) return Eigen::Vector3d(unpack(0), unpack(1), unpack(2)) / most;

@@ -181,12 +181,12 @@ class PieceMaker {
     Eigen::Vector3d unused;
     const double here_mm = cell.at(middle, unused);
     double off_mm = 0, max_mm = 0;
-    std::array<Eigen::Vector3d, 8> way;
+    std::array<Eigen::Vector3d, 8> path;
     std::array<double, 8> along;
     for (std::size_t n = 0; n < 8; ++n) {
       off_mm = std::max(off_mm, std::abs(corner_mm[n] - here_mm - slope.dot(corner(n) - middle)));
-      way[n] = X_PatientVoxel_.linear() * (corner(n) - middle);
-      along[n] = normal.dot(way[n]);
+      path[n] = X_PatientVoxel_.linear() * (corner(n) - middle);
+      along[n] = normal.dot(path[n]);
       max_mm = std::max(max_mm, std::abs(along[n]));
     }
     const double steep = (slope_map_ * slope).norm();
@@ -205,7 +205,7 @@ class PieceMaker {
           to = std::clamp(std::max(a, b), 0.0, 1.0);
         }
         for (const double part : {from, to}) {
-          const Eigen::Vector3d at = way[n] + part * (way[other] - way[n]);
+          const Eigen::Vector3d at = path[n] + part * (path[other] - path[n]);
           const double above_mm = normal.dot(at);
           if (std::abs(above_mm) <= half_mm + 1e-9)
             radius_mm = std::max(radius_mm, (at - normal * above_mm).norm());
@@ -246,13 +246,13 @@ struct Extent {
   double low, high, aside;
 };
 Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
-  const Eigen::Vector3d way = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
-  const double mm = way.dot(along);
+  const Eigen::Vector3d displacement = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
+  const double mm = displacement.dot(along);
   const double cosine =
       std::min(1.0, std::abs(along.dot(Eigen::Vector3d(disc.normal[0], disc.normal[1], disc.normal[2]))));
   const double sine = std::sqrt(1 - cosine * cosine);
   const double reach = disc.half_mm * cosine + disc.radius_mm * sine;
-  return {mm - reach, mm + reach, (way - along * mm).norm() + disc.half_mm * sine + disc.radius_mm};
+  return {mm - reach, mm + reach, (displacement - along * mm).norm() + disc.half_mm * sine + disc.radius_mm};
 }
 
 // bounding disc of leaves, with the mean of their normals as axis
@@ -392,9 +392,9 @@ double refine_nearest(const PositionReader& position, const Point<Patient>& x, P
   Point<Patient> at = p;
   Vector<Patient> slope;
   if (!project_onto_surface(position, at, slope)) return best_mm;
-  const auto aside_of = [&](const Point<Patient>& place, const Vector<Patient>& steepest) {
-    const Vector<Patient> way = x - place;
-    return way - steepest * (way.dot(steepest) / steepest.squared_norm());
+  const auto aside_of = [&](const Point<Patient>& at_position, const Vector<Patient>& steepest) {
+    const Vector<Patient> displacement = x - at_position;
+    return displacement - steepest * (displacement.dot(steepest) / steepest.squared_norm());
   };
   double part = 1;
   for (int tries = 0; tries < kTries; ++tries) {
@@ -408,18 +408,18 @@ double refine_nearest(const PositionReader& position, const Point<Patient>& x, P
       part *= 0.3;
       continue;
     }
-    const double gone_mm = aside_mm - aside_of(next, next_slope).dot(along);
-    const double told = gone_mm > 0 ? std::clamp(step_mm / gone_mm, 0.05 * part, 1.0) : 1.0;
+    const double advanced_mm = aside_mm - aside_of(next, next_slope).dot(along);
+    const double reported = advanced_mm > 0 ? std::clamp(step_mm / advanced_mm, 0.05 * part, 1.0) : 1.0;
     const double next_mm = (x - next).norm();
     if (next_mm < best_mm) {
       const bool enough = best_mm - next_mm < kEnough_mm;
       best_mm = next_mm;
       p = at = next;
       slope = next_slope;
-      part = told;
+      part = reported;
       if (enough) break;
     } else {
-      part = std::min(told, 0.5 * part);
+      part = std::min(reported, 0.5 * part);
     }
   }
   return best_mm;
@@ -494,12 +494,12 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
   std::array<Waiting, kDeepest> waiting;
   std::size_t count = 0;
   const PositionReader position(surface_->position());
-  Point<Patient> place;
+  Point<Patient> at_position;
   bool found = false;
   const bool inside = surface_->distance_mm(x) < 0;
   double best_mm = inside ? std::numeric_limits<double>::infinity() : within_mm;
   waiting[count++] = {top_.data(), top_.data(), min_mm(top_.front().disc, x.eigen())};
-  for (int looked = 0; count > 0 && looked < kMaxNodes; ++looked) {
+  for (int result = 0; count > 0 && result < kMaxNodes; ++result) {
     const Waiting now = waiting[--count];
     if (!(now.min_mm < (found ? best_mm - kSlack_mm : best_mm))) continue;
     const DiscNode& node = *now.node;
@@ -520,23 +520,23 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
       if (now.min_mm < here_mm - kSlack_mm) here_mm = refine_nearest(position, x, here);
       if (!(here_mm < best_mm)) continue;
       best_mm = here_mm;
-      place = here;
+      at_position = here;
       found = true;
     }
   }
   if (!found) return {};
-  return NearestPlace{inside ? -best_mm : best_mm, place};
+  return NearestPlace{inside ? -best_mm : best_mm, at_position};
 }
 
 Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestPlace& near) const {
   // closer than this, the direction to the nearest point is dominated by its error
   constexpr double kTelling_mm = 0.3;
   const double away_mm = std::abs(near.distance_mm);
-  const Vector<Patient> way =
+  const Vector<Patient> displacement =
       near.distance_mm < 0 ? (near.place - x).normalized() : (x - near.place).normalized();
-  if (away_mm >= kTelling_mm) return way;
+  if (away_mm >= kTelling_mm) return displacement;
   const double part = away_mm / kTelling_mm;
-  return (way * part + surface_->outward(near.place) * (1 - part)).normalized();
+  return (displacement * part + surface_->outward(near.place) * (1 - part)).normalized();
 }
 
 }  // namespace palpate

@@ -114,13 +114,13 @@ TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
   // sunk in so far that a stationary hand feels almost no force
   EXPECT_LT(before_N.norm(), 0.5 * first_N);
   EXPECT_LT(edit_N, tick_N + 0.01);
-  EXPECT_GT(led.burr().taken_mm3, 1);
+  EXPECT_GT(led.burr().removed_mm3, 1);
   const Point<Patient> proxy = led.state.hands[0].proxy.position;
   EXPECT_LT(led.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
 }
 
 // stuck by friction on one side of the ball, while the other side is changed every tenth tick
-void expect_not_felt(const std::function<void(LedSession&, int)>& change) {
+void expect_not_rendered(const std::function<void(LedSession&, int)>& change) {
   LedSession alone, beside;
   for (LedSession* led : {&alone, &beside}) {
     led->parameters.motor = false;
@@ -144,14 +144,14 @@ void expect_not_felt(const std::function<void(LedSession&, int)>& change) {
 }
 
 TEST(BurrTick, AnEditElsewhereIsNotFelt) {
-  expect_not_felt([](LedSession& led, int n) {
+  expect_not_rendered([](LedSession& led, int n) {
     led.carving =
         led.carving->with(std::vector<Cut>{{1, {{-3.0 + 0.5 * n, 0, -16}, {-2.0 + 0.5 * n, 0, -16}, 2}}});
   });
 }
 
 TEST(BurrTick, AnUndoElsewhereIsNotFelt) {
-  expect_not_felt([](LedSession& led, int n) {
+  expect_not_rendered([](LedSession& led, int n) {
     const std::vector<Cut> cut{{1, {{-3, 0, -16}, {3, 0, -16}, 2}}};
     led.carving = n % 20 == 0 ? led.carving->with(cut) : led.carving->undone();
   });
@@ -191,10 +191,10 @@ TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
 TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
   const auto cuts = [](LedSession& led) {
     led.lead_to(led.above(0.2), 50);
-    const double before_mm3 = led.burr().taken_mm3;
+    const double before_mm3 = led.burr().removed_mm3;
     led.carve();
     led.lead_to(led.above(-1), 100);
-    return led.burr().taken_mm3 > before_mm3;
+    return led.burr().removed_mm3 > before_mm3;
   };
   LedSession pedal;
   Model trodden = *pedal.model;
@@ -326,7 +326,7 @@ TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
 
 TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
   // hand at twice the distance from the proxy, with the force clamped to the same limit
-  double taken_mm3[2];
+  double removed_mm3[2];
   for (const int n : {0, 1}) {
     LedSession led;
     led.parameters.max_force_N = 1;
@@ -337,9 +337,9 @@ TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
       led.lead_to(led.device.tip, 1);
     }
     EXPECT_NEAR(led.wrench.force_N.norm(), 1, 0.02);
-    taken_mm3[n] = led.burr().taken_mm3;
+    removed_mm3[n] = led.burr().removed_mm3;
   }
-  EXPECT_NEAR(taken_mm3[1] / taken_mm3[0], 1, 0.05);
+  EXPECT_NEAR(removed_mm3[1] / removed_mm3[0], 1, 0.05);
 }
 
 TEST(BurrTick, InLayersItIsToldWhereItCuts) {
@@ -349,8 +349,8 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     LedSession led;
     Model layered = testing::as_one_body(testing::ball_model({1, 1, 1}, 1, kShell_mm), kShell_mm);
     layered.tools = led.model->tools;
-    for (ContactSurface& felt : layered.surfaces)
-      felt.cutting_energy_mJ_per_mm3 = cuts ? 100 : std::numeric_limits<double>::infinity();
+    for (ContactSurface& surface : layered.surfaces)
+      surface.cutting_energy_mJ_per_mm3 = cuts ? 100 : std::numeric_limits<double>::infinity();
     layered.protected_structures = {{kBone, layered.surfaces[0].surface, false}};
     led.model = std::make_shared<const Model>(layered);
     led.carving = std::make_shared<const Carving>(layered);
@@ -364,15 +364,15 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     int swept = 0;
     for (int n = 1; n <= 400; ++n) {
       if (n % 20 == 0) led.carve();
-      const double before_mm3 = led.burr().taken_mm3;
+      const double before_mm3 = led.burr().removed_mm3;
       led.lead_to(led.above(std::max(-1.0, kShell_mm - 0.02 * n), -3), 1);
-      meter.see(led.record);
+      meter.observe(led.record);
       const int layer = led.burr().layer;
       if (layer < 0) continue;
       const ProxyState& proxy = led.state.hands[0].proxy;
       const Point<Patient> head = proxy.layer(layer).position;
       EXPECT_EQ(led.record.device[0].proxy_patient_mm, (std::array{head.x(), head.y(), head.z()})) << n;
-      if (led.burr().taken_mm3 > before_mm3) {
+      if (led.burr().removed_mm3 > before_mm3) {
         ++swept;
         EXPECT_LT((led.burr().pending().back().to - head).norm(), 1e-9) << n;
       }
@@ -410,7 +410,7 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   }
   led.carve();
   EXPECT_LT(max_step_N, 0.3);
-  EXPECT_GT(led.burr().taken_mm3, 3);
+  EXPECT_GT(led.burr().removed_mm3, 3);
   // the far end has passed through bone that the tip was never near
   const Vector<Patient> axis = (led.model->X_WorldPatient.inverse() *
                                 Vector<World>(led.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));

@@ -49,7 +49,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
       thread_ = std::thread([this] { follow(); });
       late_ticks_.begin(settings_.servo_cpu);
     } catch (const std::system_error&) {
-      gone_.store(!thread_.joinable());
+      removed_.store(!thread_.joinable());
     }
   }
   void end() noexcept {
@@ -59,7 +59,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
   }
   const Part& part() const { return part_; }
   /// Whether the driver has given up, or no thread could be created.
-  bool gone() const { return gone_.load(); }
+  bool gone() const { return removed_.load(); }
   bool has_state() const { return updates_.load() > 0 || gone(); }
   TickingThread ticking() const {
     return {name_, late_ticks_.scheduler(), updates_.load(), late_ticks_.counts()};
@@ -102,7 +102,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
   }
 
  private:
-  struct Told {
+  struct Reported {
     std::array<DeviceSample, kMaxDevices> samples{};
   };
   struct Answered {
@@ -119,7 +119,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
     request.name = "palpate-follow";
     make_this_thread_realtime(request);
     part_.driver->run(*this, *this);
-    if (!stopped()) gone_.store(true);
+    if (!stopped()) removed_.store(true);
   }
 
   const Part part_;
@@ -127,15 +127,15 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
   const bool calls_back_;
   const CompositeDriverSettings settings_;
   const std::int64_t period_ns_;
-  std::atomic<bool> stop_{false}, gone_{false};
+  std::atomic<bool> stop_{false}, removed_{false};
   Pacer pacer_;
-  Mailbox<Told> states_;
+  Mailbox<Reported> states_;
   Mailbox<Answered> answers_;
   // owned by the thread of the tick
-  Told latest_;
+  Reported latest_;
   Answered next_;
   // owned by the follower's thread
-  Told own_;
+  Reported own_;
   Answered answer_;
   std::int64_t last_ns_ = 0;
   std::atomic<std::uint64_t> updates_{0};
@@ -207,8 +207,8 @@ void CompositeDriver::arrange() {
   const auto rank = [&](const Part& part) {
     const DeviceInfo& info = clock_of(part);
     // a device without a force limit exerts none
-    const int felt = !info.simulated ? 2 : info.peak_force_N ? 1 : 0;
-    return std::pair(felt, rate_of_one(info, settings_.rate_hz));
+    const int priority = !info.simulated ? 2 : info.peak_force_N ? 1 : 0;
+    return std::pair(priority, rate_of_one(info, settings_.rate_hz));
   };
   owner_ = 0;
   for (std::size_t p = 1; p < parts_.size(); ++p)

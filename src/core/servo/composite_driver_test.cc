@@ -90,16 +90,16 @@ TEST(CompositeDriver, EachIsFeltInItsOwnPlaceAtItsOwnRate) {
   const auto loop = loop_of(both);
   ASSERT_EQ(loop->devices().size(), 2u);
   EXPECT_TRUE(soon([&] {
-    const TickRecord seen = loop->snapshot();
-    return seen.devices == 2 && seen.device[0].force_N[0] > 0.2 && seen.device[1].force_N[0] < -0.2;
+    const TickRecord tick = loop->snapshot();
+    return tick.devices == 2 && tick.device[0].force_N[0] > 0.2 && tick.device[1].force_N[0] < -0.2;
   }));
-  const TickRecord seen = loop->snapshot();
-  EXPECT_EQ(seen.device[0].peak_force_N, 8.5);
-  EXPECT_EQ(seen.device[1].peak_force_N, 3.3);
+  const TickRecord record = loop->snapshot();
+  EXPECT_EQ(record.device[0].peak_force_N, 8.5);
+  EXPECT_EQ(record.device[1].peak_force_N, 3.3);
   // each hand is pushed back by its own ball only
-  EXPECT_NEAR(seen.device[0].tip_world_mm[1], 0, 0.5);
-  EXPECT_GT(seen.device[0].tip_world_mm[0], 0);
-  EXPECT_LT(seen.device[1].tip_world_mm[0], 0);
+  EXPECT_NEAR(record.device[0].tip_world_mm[1], 0, 0.5);
+  EXPECT_GT(record.device[0].tip_world_mm[0], 0);
+  EXPECT_LT(record.device[1].tip_world_mm[0], 0);
   EXPECT_TRUE(soon([&] { return both.followers()[0].updates > 200; }));
   const double ticks = static_cast<double>(loop->health().ticks + loop->health().skipped);
   const double updates = static_cast<double>(both.followers()[0].updates);

@@ -14,20 +14,20 @@ std::string shortest(double value) {
 
 }  // namespace
 
-std::string feel_text() {
+std::string haptic_settings_text() {
   std::string text;
-  visit_feel([&](const std::string& group, const char* name, double value) {
+  visit_haptic_settings([&](const std::string& group, const char* name, double value) {
     text += group + "." + name + " " + shortest(value) + "\n";
   });
   return text;
 }
 
-std::string first_feel_difference(const std::string& text) {
+std::string first_haptic_difference(const std::string& text) {
   std::map<std::string, std::string> was;
   std::istringstream lines(text);
   for (std::string name, value; lines >> name >> value;) was[name] = value;
   std::string other;
-  visit_feel([&](const std::string& group, const char* name, double value) {
+  visit_haptic_settings([&](const std::string& group, const char* name, double value) {
     const auto found = was.find(group + "." + name);
     const std::string before = found == was.end() ? "not there" : found->second;
     if (other.empty() && before != shortest(value))

@@ -24,13 +24,13 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 }
 
 TEST(Feel, TheTextSaysHowAnotherVersionDiffers) {
-  const std::string text = feel_text();
-  EXPECT_EQ(first_feel_difference(text), "");
-  EXPECT_EQ(first_feel_difference(replaced(text, "output.blend_s 0.1", "output.blend_s 0.2")),
+  const std::string text = haptic_settings_text();
+  EXPECT_EQ(first_haptic_difference(text), "");
+  EXPECT_EQ(first_haptic_difference(replaced(text, "output.blend_s 0.1", "output.blend_s 0.2")),
             "output.blend_s 0.2, here 0.1");
-  EXPECT_EQ(first_feel_difference(replaced(text, "output.blend_s 0.1\n", "")),
+  EXPECT_EQ(first_haptic_difference(replaced(text, "output.blend_s 0.1\n", "")),
             "output.blend_s not there, here 0.1");
-  EXPECT_EQ(first_feel_difference(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
+  EXPECT_EQ(first_haptic_difference(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
   // text of a recording's header
   EXPECT_LT(text.size(), 4000u);
   for (const char byte : text) EXPECT_TRUE(byte == '\n' || (byte >= ' ' && byte <= '~'));
@@ -38,7 +38,7 @@ TEST(Feel, TheTextSaysHowAnotherVersionDiffers) {
 
 TEST(Feel, NamesAreOfOneSettingEach) {
   std::set<std::string> names;
-  visit_feel([&](const std::string& group, const std::string& name, double) {
+  visit_haptic_settings([&](const std::string& group, const std::string& name, double) {
     EXPECT_TRUE(names.insert(group + "." + name).second) << group << "." << name;
   });
 }
@@ -56,7 +56,7 @@ TEST(Feel, DocsListEverySettingAndNoOther) {
     listed.insert(line.substr(3, end - 3) + " " + line.substr(end + 4, value_end - end - 4));
   }
   std::set<std::string> all;
-  std::istringstream lines(feel_text());
+  std::istringstream lines(haptic_settings_text());
   for (std::string line; std::getline(lines, line);) all.insert(line);
   for (const std::string& setting : all) EXPECT_TRUE(listed.contains(setting)) << setting;
   for (const std::string& setting : listed) EXPECT_TRUE(all.contains(setting)) << setting;

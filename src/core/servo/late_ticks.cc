@@ -45,7 +45,7 @@ void LateTicks::look_for_causes() {
   pid_t watched = 0;
   std::optional<ThreadMonitor> monitor;
   ThreadMonitor::Counters before;
-  std::uint64_t seen = 0;
+  std::uint64_t observed = 0;
   while (true) {
     const bool last = end_.load();
     const std::uint64_t late = late_.load(std::memory_order_acquire);
@@ -58,10 +58,10 @@ void LateTicks::look_for_causes() {
       before = {};
     }
     ThreadMonitor::Counters after = monitor ? monitor->read() : ThreadMonitor::Counters();
-    if (late > seen) {
+    if (late > observed) {
       const LateCause cause = late_cause(before, after, worst_ns);
-      by_cause_[static_cast<std::size_t>(cause)].fetch_add(late - seen);
-      seen = late;
+      by_cause_[static_cast<std::size_t>(cause)].fetch_add(late - observed);
+      observed = late;
     }
     before = std::move(after);
     if (last) return;

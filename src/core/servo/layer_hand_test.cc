@@ -55,7 +55,7 @@ Pressed press_with_hand(const LayerScene& scene, double depth_mm, double force_N
   Pressed pressed;
   const double time_s = kRamp_s + (start_mm - end_mm) / kSpeed_mm_s + kRest_s;
   double low_N = 1e9, high_N = 0, low_mm = 1e9, high_mm = -1e9, sum_N = 0;
-  long seen = 0;
+  long observed = 0;
   for (long n = 0; n < static_cast<long>(time_s * rate_hz); ++n) {
     const double now_s = static_cast<double>(n) / rate_hz;
     if (yields.advance(*model, n > 0 ? &record : nullptr)) parameters.yields = yields.frame();
@@ -72,9 +72,9 @@ Pressed press_with_hand(const LayerScene& scene, double depth_mm, double force_N
     low_mm = std::min(low_mm, z);
     high_mm = std::max(high_mm, z);
     sum_N += norm_N;
-    ++seen;
+    ++observed;
   }
-  pressed.force_N = sum_N / static_cast<double>(seen);
+  pressed.force_N = sum_N / static_cast<double>(observed);
   pressed.swing_N = high_N - low_N;
   pressed.swing_mm = high_mm - low_mm;
   return pressed;

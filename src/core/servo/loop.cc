@@ -54,13 +54,13 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     is_in_patient_[d] = devices[d].in_patient;
     // the caller knows what an operator can hold stable; everything else is a property of the device
     DeviceParameters& own = latest_.parameters.device[d];
-    const DeviceParameters told = own;
+    const DeviceParameters reported = own;
     own = device_parameters(devices[d], workspace);
-    own.max_stiffness_N_per_mm = std::min(own.max_stiffness_N_per_mm, told.max_stiffness_N_per_mm);
+    own.max_stiffness_N_per_mm = std::min(own.max_stiffness_N_per_mm, reported.max_stiffness_N_per_mm);
     // not above 0: unknown
-    if (told.max_damping_N_s_per_mm > 0)
-      own.max_damping_N_s_per_mm = std::fmin(own.max_damping_N_s_per_mm, told.max_damping_N_s_per_mm);
-    if (std::isfinite(told.delay_s)) own.delay_s = std::fmax(own.delay_s, told.delay_s);
+    if (reported.max_damping_N_s_per_mm > 0)
+      own.max_damping_N_s_per_mm = std::fmin(own.max_damping_N_s_per_mm, reported.max_damping_N_s_per_mm);
+    if (std::isfinite(reported.delay_s)) own.delay_s = std::fmax(own.delay_s, reported.delay_s);
   }
   posted_ = latest_;
 }
@@ -183,9 +183,10 @@ LoopHealth Loop::health() const {
 
 TickingThread Loop::ticking() const {
   // the scheduler of a vendor's thread is only known from the kernel
-  const std::string seen = late_ticks_.scheduler();
+  const std::string observed = late_ticks_.scheduler();
   return {driver_.devices()[driver_.clock_owner()].name,
-          ticks_here_ || seen.empty() ? scheduling_.scheduler : seen, counts_.ticks.load(), health().late};
+          ticks_here_ || observed.empty() ? scheduling_.scheduler : observed, counts_.ticks.load(),
+          health().late};
 }
 
 void Loop::reset_health() noexcept {
@@ -242,11 +243,11 @@ double Loop::keep_time(std::int64_t now_ns) noexcept {
 // last tick's tips were in free space; otherwise it is turned back into the stop.
 bool Loop::apply_arming() noexcept {
   std::uint64_t arming = arming_.load();
-  const bool asked_to_stop = (arming & 1) != 0;
-  if (!asked_to_stop && stopped_ && touched_)
+  const bool requested_to_stop = (arming & 1) != 0;
+  if (!requested_to_stop && stopped_ && touched_)
     arming_.compare_exchange_strong(arming, arming | 1);
   else
-    stopped_ = asked_to_stop;
+    stopped_ = requested_to_stop;
   record_.arming_number = static_cast<std::uint32_t>(arming >> 1);
   tick_arming_ = arming;
   return stopped_;
@@ -262,7 +263,7 @@ void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
   const std::uint32_t halted = stalled || watchdog_.halted() ? kDeviceHalted : 0u;
   // uses the last tick's rotation, which differs little from this one's
-  const Transform<World, Patient> X_WorldPatient = turned_object(X_WorldPatient_, state_.rotation_felt);
+  const Transform<World, Patient> X_WorldPatient = turned_object(X_WorldPatient_, state_.rotation_applied);
   for (std::size_t d = 0; d < samples.size(); ++d) {
     states_[d] = is_in_patient_[d] ? state_in_patient(samples[d], X_WorldPatient, now_ns)
                                    : mappings_[d].to_world(samples[d], now_ns);

@@ -177,12 +177,12 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
     parameters.device[0].force_gain = 7;
   });
   wait_until([&] { return loop->snapshot().max_force_N == 0.25; });
-  const TickRecord seen = loop->snapshot();
+  const TickRecord tick = loop->snapshot();
   EXPECT_EQ(number, 1u);
-  EXPECT_EQ(seen.settings_number, 1u);
-  EXPECT_FALSE(seen.switches & kSwitchFriction);
-  EXPECT_EQ(seen.device[0].peak_force_N, 8) << "nobody raises a device's limit from outside";
-  EXPECT_EQ(seen.device[0].force_gain, 1);
+  EXPECT_EQ(tick.settings_number, 1u);
+  EXPECT_FALSE(tick.switches & kSwitchFriction);
+  EXPECT_EQ(tick.device[0].peak_force_N, 8) << "nobody raises a device's limit from outside";
+  EXPECT_EQ(tick.device[0].force_gain, 1);
   loop->stop();
 }
 
@@ -460,12 +460,12 @@ std::uint64_t run_hash(const std::function<void(Loop&)>& meanwhile, double ring_
 
 TEST(Loop, NobodyWhoWatchesChangesATick) {
   std::uint64_t dropped = 0;
-  std::vector<TickRecord> taken(64);
+  std::vector<TickRecord> used(64);
   const auto alone = run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 4, &dropped);
   EXPECT_EQ(dropped, 0u);
 
   // a recorder that keeps up, and one that never reads
-  EXPECT_EQ(alone, run_hash([&](Loop& loop) { loop.ring().pop(taken); }, 4, &dropped));
+  EXPECT_EQ(alone, run_hash([&](Loop& loop) { loop.ring().pop(used); }, 4, &dropped));
   EXPECT_EQ(dropped, 0u);
   EXPECT_EQ(alone, run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 0.1, &dropped));
   EXPECT_EQ(dropped, 3000u - 128) << "all but what the ring holds";
@@ -553,10 +553,10 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1000}, test_clock);
-  std::atomic<bool> seen{false};
+  std::atomic<bool> observed{false};
   std::atomic<int> ticks{0};
   std::thread ticking([&] {
-    while (!seen) {
+    while (!observed) {
       tick_after(loop, 1'000'000);
       ++ticks;
     }
@@ -567,7 +567,7 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
     if (n % 500 == 499) loop.reset_health();
     most = std::max(most, loop.health().on_time);
   }
-  seen = true;
+  observed = true;
   ticking.join();
   EXPECT_LE(most, 1);
 }
@@ -575,7 +575,7 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
 TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   // a millimetre deep in the ball of 1.5 N/mm; the caller states what a hand can hold
   bool simulated = true;
-  const auto felt_N = [&simulated](std::optional<double> vouched, double held) {
+  const auto rendered_N = [&simulated](std::optional<double> vouched, double held) {
     test_time_ns = 1'000'000;
     TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
     driver.info.simulated = simulated;
@@ -588,15 +588,15 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
     Loop loop(std::move(model), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
     for (int n = 0; n < 200; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm + 1 - 0.01 * n);
     for (int n = 0; n < 600; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm - 1);
-    const DeviceTick seen = loop.snapshot().device[0];
-    EXPECT_EQ(seen.max_stiffness_N_per_mm, loop.parameters().device[0].max_stiffness_N_per_mm);
-    return std::pair{seen.max_stiffness_N_per_mm, seen.force_N[0]};
+    const DeviceTick device = loop.snapshot().device[0];
+    EXPECT_EQ(device.max_stiffness_N_per_mm, loop.parameters().device[0].max_stiffness_N_per_mm);
+    return std::pair{device.max_stiffness_N_per_mm, device.force_N[0]};
   };
   constexpr double kNone = std::numeric_limits<double>::infinity();
   const auto expect = [&](std::optional<double> vouched, double held, double most, double force_N) {
     SCOPED_TRACE(vouched.value_or(-7));
-    const auto [felt, pushed_N] = felt_N(vouched, held);
-    EXPECT_EQ(felt, most);
+    const auto [rendered, pushed_N] = rendered_N(vouched, held);
+    EXPECT_EQ(rendered, most);
     EXPECT_NEAR(pushed_N, force_N, 0.03);
   };
   expect({}, kNone, kNone, 1.5);
@@ -634,13 +634,13 @@ TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
   });
   ASSERT_TRUE(loop.set_model(ball(2, 4)).ok());
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
-  const DeviceTick seen = loop.snapshot().device[0];
+  const DeviceTick device = loop.snapshot().device[0];
   const CarefulBounds careful = careful_bounds(driver.info);
-  EXPECT_EQ(seen.max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
-  EXPECT_EQ(seen.max_damping_N_s_per_mm, careful.damping_N_s_per_mm);
+  EXPECT_EQ(device.max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
+  EXPECT_EQ(device.max_damping_N_s_per_mm, careful.damping_N_s_per_mm);
   // a direct method's field of 4 N over 2 mm is scaled down to the bound
-  EXPECT_GT(seen.force_N[0], 0);
-  EXPECT_LT(seen.force_N[0], 8 * careful.stiffness_N_per_mm);
+  EXPECT_GT(device.force_N[0], 0);
+  EXPECT_LT(device.force_N[0], 8 * careful.stiffness_N_per_mm);
 }
 
 TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
@@ -679,7 +679,7 @@ TEST(Loop, ATipInThePatientStaysThere) {
   for (int n = 0; n < 3000; ++n) max_mm = std::max(max_mm, off_mm());
   EXPECT_LT(max_mm, 0.1) << "a tick behind while it turns";
   EXPECT_LT(off_mm(), 1e-9);
-  EXPECT_LT(std::abs(loop.snapshot().rotation_felt_wxyz[0] - std::cos(0.25)), 1e-6) << "it has turned";
+  EXPECT_LT(std::abs(loop.snapshot().rotation_applied_wxyz[0] - std::cos(0.25)), 1e-6) << "it has turned";
 }
 
 TEST(Loop, RefusesWhatCannotRun) {

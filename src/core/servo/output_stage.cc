@@ -9,7 +9,7 @@
 
 namespace palpate {
 
-static_assert(kOutputFeel.stale_s == kCuttingFeel.motor_timeout_s);
+static_assert(kOutputSettings.stale_s == kCuttingSettings.motor_timeout_s);
 namespace {
 
 Wrench scaled(const Wrench& w, double factor) {
@@ -54,7 +54,7 @@ double min_limit_N(const OutputLimits& limits, double max_force_N) {
 double thermal_limit_N(const OutputLimits& limits, double heat, double dt_s) {
   if (std::isnan(limits.continuous_force_N)) return std::numeric_limits<double>::infinity();
   const double power =
-      heat + (1 - heat) * kOutputFeel.thermal_s / std::max(dt_s, kOutputFeel.thermal_taper_s);
+      heat + (1 - heat) * kOutputSettings.thermal_s / std::max(dt_s, kOutputSettings.thermal_taper_s);
   return allowed(limits.continuous_force_N) * std::sqrt(power);
 }
 
@@ -62,46 +62,47 @@ double warmed(const OutputLimits& limits, double heat, double force_N, double dt
   const double continuous_N = allowed(limits.continuous_force_N);
   if (continuous_N == 0) return heat;
   const double power = force_N / continuous_N * (force_N / continuous_N);
-  return std::min(1.0, heat + (power - heat) * std::min(1.0, dt_s / kOutputFeel.thermal_s));
+  return std::min(1.0, heat + (power - heat) * std::min(1.0, dt_s / kOutputSettings.thermal_s));
 }
 
 double freshness_at(double age_s) {
-  if (!(age_s >= -kOutputFeel.clock_jitter_s)) return 0;
-  return std::clamp((kOutputFeel.stale_s - age_s) / (kOutputFeel.stale_s - kOutputFeel.fresh_s), 0.0, 1.0);
+  if (!(age_s >= -kOutputSettings.clock_jitter_s)) return 0;
+  return std::clamp((kOutputSettings.stale_s - age_s) / (kOutputSettings.stale_s - kOutputSettings.fresh_s),
+                    0.0, 1.0);
 }
 
-// fraction of the change from `sent` to `wanted` that one tick may apply
-double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double slew_N_per_s,
+// fraction of the change from `sent` to `requested` that one tick may apply
+double slew_part(const Wrench& sent, const Wrench& requested, const OutputLimits& limits, double slew_N_per_s,
                  double dt_s) {
-  const auto part = [](double way, double most) { return way > most ? most / way : 1.0; };
-  const double swing = dt_s / kOutputFeel.full_range_s;
+  const auto part = [](double distance, double most) { return distance > most ? most / distance : 1.0; };
+  const double swing = dt_s / kOutputSettings.full_range_s;
   return std::min(
-      {part(magnitude(wanted.force_N - sent.force_N), slew_N_per_s * dt_s),
-       part(magnitude(wanted.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
-       part(std::abs(wanted.gripper_N - sent.gripper_N), allowed(limits.peak_gripper_N) * swing)});
+      {part(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),
+       part(magnitude(requested.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
+       part(std::abs(requested.gripper_N - sent.gripper_N), allowed(limits.peak_gripper_N) * swing)});
 }
 
 // Sets the output to zero after a fault or a stale pose and selects how it recovers: by the slew after the
 // first short dropout, by the ramp otherwise. A pause, which fades out, never waits for a fresh pose.
 void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
-  const bool is_short = request.age_s <= kOutputFeel.short_dropout_s &&
-                        (state.away || state.since_fault_s >= kOutputFeel.ramp_in_s);
-  state.away = faults == 0 && !request.off && request.age_s >= kOutputFeel.stale_s && is_short;
-  if (!state.away) state.gain = 0;
+  const bool is_short = request.age_s <= kOutputSettings.short_dropout_s &&
+                        (state.in_dropout || state.since_fault_s >= kOutputSettings.ramp_in_s);
+  state.in_dropout = faults == 0 && !request.off && request.age_s >= kOutputSettings.stale_s && is_short;
+  if (!state.in_dropout) state.gain = 0;
   state.sent = {};
   state.since_fault_s = 0;
   state.returning = false;
 }
 
 // Slew limit for this tick; reduced while the force grows after a short dropout.
-double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& wanted_N, double dt_s,
+double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& target_N, double dt_s,
                         OutputState& state) {
-  state.returning = state.away || (state.returning && state.since_fault_s < kOutputFeel.return_s);
-  state.away = false;
-  state.since_fault_s = std::min(kOutputFeel.ramp_in_s, state.since_fault_s + dt_s);
+  state.returning = state.in_dropout || (state.returning && state.since_fault_s < kOutputSettings.return_s);
+  state.in_dropout = false;
+  state.since_fault_s = std::min(kOutputSettings.ramp_in_s, state.since_fault_s + dt_s);
   const double slew_N_per_s = limits.slew_N_per_s > 0 ? limits.slew_N_per_s : OutputLimits{}.slew_N_per_s;
-  const bool grows = magnitude(wanted_N) > magnitude(state.sent.force_N);
-  return state.returning && grows ? std::min(slew_N_per_s, kOutputFeel.return_N_per_s) : slew_N_per_s;
+  const bool grows = magnitude(target_N) > magnitude(state.sent.force_N);
+  return state.returning && grows ? std::min(slew_N_per_s, kOutputSettings.return_N_per_s) : slew_N_per_s;
 }
 
 Wrench between(const Wrench& from, const Wrench& to, double part) {
@@ -131,10 +132,10 @@ Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
 
 Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,
                    OutputState& state) {
-  dt_s = dt_s > 0 ? std::min(dt_s, kOutputFeel.max_tick_s) : 0;
+  dt_s = dt_s > 0 ? std::min(dt_s, kOutputSettings.max_tick_s) : 0;
   Output out;
   out.flags = request.faults & kFaultFlags;
-  if (!all_finite(request.asked)) out.flags |= kFlagNotFinite;
+  if (!all_finite(request.requested)) out.flags |= kFlagNotFinite;
 
   // a stale state fades, a fault zeroes the force at once
   const double freshness = freshness_at(request.age_s);
@@ -149,24 +150,24 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   const double min_N = min_limit_N(limits, max_force_N);
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
   if (out.limit_N < min_N) out.flags |= kFlagThermal;
-  const Wrench asked = within_reach_of(limits, request.asked);
-  const Wrench kept = clamped(asked, limits, out.limit_N);
-  if (magnitude(kept.force_N) < magnitude(asked.force_N) ||
-      magnitude(kept.torque_Nmm) < magnitude(asked.torque_Nmm))
+  const Wrench requested = within_reach_of(limits, request.requested);
+  const Wrench clamped_wrench = clamped(requested, limits, out.limit_N);
+  if (magnitude(clamped_wrench.force_N) < magnitude(requested.force_N) ||
+      magnitude(clamped_wrench.torque_Nmm) < magnitude(requested.torque_Nmm))
     out.flags |= kFlagClamped;
 
   // ramp, then slew
-  state.gain = request.off ? std::max(0.0, state.gain - dt_s / kOutputFeel.ramp_out_s)
-                           : std::min(1.0, state.gain + dt_s / kOutputFeel.ramp_in_s);
+  state.gain = request.off ? std::max(0.0, state.gain - dt_s / kOutputSettings.ramp_out_s)
+                           : std::min(1.0, state.gain + dt_s / kOutputSettings.ramp_in_s);
   if (state.gain < 1) out.flags |= kFlagRamp;
-  const Wrench wanted = scaled(kept, state.gain);
+  const Wrench needed = scaled(clamped_wrench, state.gain);
   const double part =
-      slew_part(state.sent, wanted, limits, slew_now_N_per_s(limits, wanted.force_N, dt_s, state), dt_s);
+      slew_part(state.sent, needed, limits, slew_now_N_per_s(limits, needed.force_N, dt_s, state), dt_s);
   if (part < 1) out.flags |= kFlagSlew;
 
   // second clamp, because the slew may start above a limit that was just lowered; then the decay of a stale
   // state
-  out.wrench = scaled(clamped(between(state.sent, wanted, part), limits, out.limit_N), freshness);
+  out.wrench = scaled(clamped(between(state.sent, needed, part), limits, out.limit_N), freshness);
   state.heat = warmed(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
   state.sent = out.wrench;
   return out;

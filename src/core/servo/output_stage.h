@@ -9,7 +9,7 @@ namespace palpate {
 
 /// Requested wrench and the conditions under which it may be sent.
 struct OutputRequest {
-  Wrench asked;              ///< Requested wrench, gains applied
+  Wrench requested;          ///< Requested wrench, gains applied
   double age_s = 0;          ///< Age of the state; not finite or below -clock_jitter_s: no state at all
   std::uint32_t faults = 0;  ///< TickFlag bits of kFaultFlags
   bool off = false;          ///< Fade out: paused or clutched

@@ -34,39 +34,39 @@ struct Stage {
 
 TEST(OutputStage, PassesWhatIsWithinEveryLimitUntouched) {
   Stage stage;
-  const Wrench asked{Vector<World>(0.3, -0.4, 0), Vector<World>(1, 2, 3), 0.5};
+  const Wrench requested{Vector<World>(0.3, -0.4, 0), Vector<World>(1, 2, 3), 0.5};
   Output out;
-  for (int n = 0; n < 1000; ++n) out = stage.step(OutputRequest{asked});
-  EXPECT_EQ(out.wrench.force_N, asked.force_N);
-  EXPECT_EQ(out.wrench.torque_Nmm, asked.torque_Nmm);
-  EXPECT_EQ(out.wrench.gripper_N, asked.gripper_N);
+  for (int n = 0; n < 1000; ++n) out = stage.step(OutputRequest{requested});
+  EXPECT_EQ(out.wrench.force_N, requested.force_N);
+  EXPECT_EQ(out.wrench.torque_Nmm, requested.torque_Nmm);
+  EXPECT_EQ(out.wrench.gripper_N, requested.gripper_N);
   EXPECT_EQ(out.flags, 0u);
   EXPECT_EQ(out.limit_N, 3);
 }
 
 TEST(OutputStage, RampsInOverHalfASecondAndOutOverATenth) {
   Stage stage;
-  const Vector<World> asked(0, 1, 0);
+  const Vector<World> requested(0, 1, 0);
   double previous_N = 0;
   for (int n = 1; n <= 500; ++n) {
-    const Output out = stage.step(asked);
-    ASSERT_NEAR(out.wrench.force_N.y(), n * kTick_s / kOutputFeel.ramp_in_s, 1e-9);
+    const Output out = stage.step(requested);
+    ASSERT_NEAR(out.wrench.force_N.y(), n * kTick_s / kOutputSettings.ramp_in_s, 1e-9);
     ASSERT_EQ((out.flags & kFlagRamp) != 0, n < 500) << n;
     ASSERT_GT(out.wrench.force_N.y(), previous_N);
     previous_N = out.wrench.force_N.y();
   }
   for (int n = 1; n <= 100; ++n) {
-    const Output out = stage.step({{asked, {}}, 0, 0, true});
-    ASSERT_NEAR(out.wrench.force_N.y(), 1 - n * kTick_s / kOutputFeel.ramp_out_s, 1e-9);
+    const Output out = stage.step({{requested, {}}, 0, 0, true});
+    ASSERT_NEAR(out.wrench.force_N.y(), 1 - n * kTick_s / kOutputSettings.ramp_out_s, 1e-9);
   }
-  EXPECT_EQ(stage.step({{asked, {}}, 0, 0, true}).wrench.force_N, Vector<World>()) << "off while paused";
+  EXPECT_EQ(stage.step({{requested, {}}, 0, 0, true}).wrench.force_N, Vector<World>()) << "off while paused";
 }
 
 TEST(OutputStage, ClampKeepsDirectionAndScalesTheTorqueAlike) {
   Stage stage;
-  const Wrench asked{Vector<World>(0, 6, 8), Vector<World>(40, 0, -20)};
+  const Wrench requested{Vector<World>(0, 6, 8), Vector<World>(40, 0, -20)};
   Output out;
-  for (int n = 0; n < 1000; ++n) out = stage.step(OutputRequest{asked});
+  for (int n = 0; n < 1000; ++n) out = stage.step(OutputRequest{requested});
   EXPECT_NEAR(out.wrench.force_N.norm(), 3, 1e-12);
   EXPECT_NEAR(out.wrench.force_N.y() / out.wrench.force_N.z(), 0.75, 1e-12);
   EXPECT_NEAR(out.wrench.torque_Nmm.x(), 12, 1e-10);
@@ -124,8 +124,8 @@ TEST(OutputStage, FaultsAreOffAtOnceAndComeBackByTheRamp) {
     const Output out = stage.step({{Vector<World>(0, 2, 0), {}}, 0, fault});
     EXPECT_EQ(out.wrench.force_N, Vector<World>()) << "past the slew";
     EXPECT_EQ(out.flags, fault);
-    EXPECT_NEAR(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 2 * kTick_s / kOutputFeel.ramp_in_s,
-                1e-12);
+    EXPECT_NEAR(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(),
+                2 * kTick_s / kOutputSettings.ramp_in_s, 1e-12);
   }
 }
 
@@ -135,11 +135,11 @@ TEST(OutputStage, WhatIsNotFiniteBecomesNothing) {
       for (const int part : {0, 1, 2}) {
         Stage stage;
         stage.settle(Vector<World>(0.1, 0.1, 0.1));
-        Wrench asked{Vector<World>(0.1, 0.1, 0.1), {}};
-        if (part == 0) asked.force_N[axis] = bad;
-        if (part == 1) asked.torque_Nmm[axis] = bad;
-        if (part == 2) asked.gripper_N = bad;
-        const Output out = stage.step(OutputRequest{asked});
+        Wrench requested{Vector<World>(0.1, 0.1, 0.1), {}};
+        if (part == 0) requested.force_N[axis] = bad;
+        if (part == 1) requested.torque_Nmm[axis] = bad;
+        if (part == 2) requested.gripper_N = bad;
+        const Output out = stage.step(OutputRequest{requested});
         EXPECT_EQ(out.wrench.force_N, Vector<World>());
         EXPECT_EQ(out.flags, kFlagNotFinite);
       }
@@ -166,9 +166,9 @@ TEST(OutputStage, AnAgeingStateDecaysFromFiveToTenMilliseconds) {
 }
 
 // dropout: ticks without a fresh pose until `age_s`
-Output drop_out(Stage& stage, const Vector<World>& asked, double age_s) {
+Output drop_out(Stage& stage, const Vector<World>& requested, double age_s) {
   Output out;
-  for (int n = 1; n <= std::lround(age_s / kTick_s); ++n) out = stage.step({{asked, {}}, n * kTick_s});
+  for (int n = 1; n <= std::lround(age_s / kTick_s); ++n) out = stage.step({{requested, {}}, n * kTick_s});
   return out;
 }
 
@@ -178,13 +178,13 @@ TEST(OutputStage, AShortDropoutComesBackWithinFiftyMillisecondsAndWithoutAKick) 
       SCOPED_TRACE(std::to_string(rest_N) + " N, " + std::to_string(dropout_s) + " s");
       Stage stage;
       stage.max_force_N = 8;
-      const Vector<World> asked(0, rest_N, 0);
-      stage.settle(asked);
-      EXPECT_EQ(drop_out(stage, asked, dropout_s).wrench.force_N, Vector<World>());
+      const Vector<World> requested(0, rest_N, 0);
+      stage.settle(requested);
+      EXPECT_EQ(drop_out(stage, requested, dropout_s).wrench.force_N, Vector<World>());
       double before_N = 0;
       int ticks = 0;
       while (before_N < rest_N && ticks < 1000) {
-        const double force_N = stage.step(asked).wrench.force_N.y();
+        const double force_N = stage.step(requested).wrench.force_N.y();
         ASSERT_LE(force_N - before_N, 0.2);
         ASSERT_GT(force_N, before_N);
         before_N = force_N;
@@ -194,25 +194,26 @@ TEST(OutputStage, AShortDropoutComesBackWithinFiftyMillisecondsAndWithoutAKick) 
       // a decrease is not delayed
       const Vector<World> less(0, rest_N - 0.4, 0);
       EXPECT_EQ(stage.step(less).wrench.force_N, less);
-      EXPECT_LE(stage.step(asked).wrench.force_N.y(), less.y() + 0.2);
+      EXPECT_LE(stage.step(requested).wrench.force_N.y(), less.y() + 0.2);
       // after that time it is as fast as before
       for (int n = 0; n < 100; ++n) stage.step(less);
-      EXPECT_EQ(stage.step(asked).wrench.force_N, asked);
+      EXPECT_EQ(stage.step(requested).wrench.force_N, requested);
     }
 }
 
 TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
-  const Vector<World> asked(0, 2, 0);
+  const Vector<World> requested(0, 2, 0);
   const auto comes_back = [&](Stage& stage) {
     for (int n = 1; n < 500; ++n)
-      ASSERT_LE(stage.step(asked).wrench.force_N.y(), 2 * n * kTick_s / kOutputFeel.ramp_in_s + 1e-9) << n;
-    EXPECT_NEAR(stage.step(asked).wrench.force_N.y(), 2, 1e-9);
+      ASSERT_LE(stage.step(requested).wrench.force_N.y(), 2 * n * kTick_s / kOutputSettings.ramp_in_s + 1e-9)
+          << n;
+    EXPECT_NEAR(stage.step(requested).wrench.force_N.y(), 2, 1e-9);
   };
   {
     SCOPED_TRACE("a longer one");
     Stage stage;
-    stage.settle(asked);
-    drop_out(stage, asked, 21e-3);
+    stage.settle(requested);
+    drop_out(stage, requested, 21e-3);
     comes_back(stage);
   }
   for (const std::uint32_t fault :
@@ -221,42 +222,42 @@ TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
       SCOPED_TRACE("fault " + std::to_string(fault) + " after " + std::to_string(when) +
                    " ticks without a pose");
       Stage stage;
-      stage.settle(asked);
-      drop_out(stage, asked, when * kTick_s);
+      stage.settle(requested);
+      drop_out(stage, requested, when * kTick_s);
       // including one that coincides with a stale pose
-      stage.step({{asked, {}}, when == 12 ? 13e-3 : 0, fault});
+      stage.step({{requested, {}}, when == 12 ? 13e-3 : 0, fault});
       comes_back(stage);
     }
   for (const double no_age : {kNaN, kInfinity, -2e-3}) {
     SCOPED_TRACE("a pose of nobody knows when");
     Stage stage;
-    stage.settle(asked);
-    stage.step({{asked, {}}, no_age});
+    stage.settle(requested);
+    stage.step({{requested, {}}, no_age});
     comes_back(stage);
   }
   {
     SCOPED_TRACE("paused meanwhile");
     Stage stage;
-    stage.settle(asked);
-    drop_out(stage, asked, 11e-3);
-    stage.step({{asked, {}}, 12e-3, 0, true});
+    stage.settle(requested);
+    drop_out(stage, requested, 11e-3);
+    stage.step({{requested, {}}, 12e-3, 0, true});
     comes_back(stage);
   }
   {
     SCOPED_TRACE("a second one before half a second has gone well");
     Stage stage;
-    stage.settle(asked);
-    drop_out(stage, asked, 20e-3);
-    for (int n = 0; n < 400; ++n) stage.step(asked);
-    EXPECT_EQ(stage.state.sent.force_N, asked);
-    drop_out(stage, asked, 11e-3);
+    stage.settle(requested);
+    drop_out(stage, requested, 20e-3);
+    for (int n = 0; n < 400; ++n) stage.step(requested);
+    EXPECT_EQ(stage.state.sent.force_N, requested);
+    drop_out(stage, requested, 11e-3);
     comes_back(stage);
   }
   {
     SCOPED_TRACE("one on the ramp");
     Stage stage;
-    for (int n = 0; n < 250; ++n) stage.step(asked);
-    drop_out(stage, asked, 11e-3);
+    for (int n = 0; n < 250; ++n) stage.step(requested);
+    drop_out(stage, requested, 11e-3);
     comes_back(stage);
   }
 }
@@ -296,12 +297,12 @@ TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
       excess_s += (force_N * force_N / (1.4 * 1.4) - 1) / rate_hz;
     }
     EXPECT_NEAR(previous_N, 1.4, 1e-3) << rate_hz;
-    // excess work above the continuous rating is limited by the budget kOutputFeel.thermal_s, minus cooling
-    // in the meantime
-    EXPECT_LE(excess_s, kOutputFeel.thermal_s);
-    EXPECT_GT(excess_s, 0.9 * kOutputFeel.thermal_s);
+    // excess work above the continuous rating is limited by the budget kOutputSettings.thermal_s, minus
+    // cooling in the meantime
+    EXPECT_LE(excess_s, kOutputSettings.thermal_s);
+    EXPECT_GT(excess_s, 0.9 * kOutputSettings.thermal_s);
     // cooling at rest: after one time constant the heat is 1/e
-    for (int n = 0; n < kOutputFeel.thermal_s * rate_hz; ++n) stage.step(Vector<World>(), 1 / rate_hz);
+    for (int n = 0; n < kOutputSettings.thermal_s * rate_hz; ++n) stage.step(Vector<World>(), 1 / rate_hz);
     EXPECT_NEAR(stage.state.heat, std::exp(-1), 1e-3);
   }
 }
@@ -345,12 +346,12 @@ bool is_wild(int n) {
 OutputRequest any_request(int n, std::mt19937& random) {
   std::uniform_real_distribution<double> unit(0, 1);
   OutputRequest request;
-  request.asked = {Vector<World>(6 * unit(random) - 3, 2, 4 * unit(random)),
-                   Vector<World>(30 * unit(random), 0, 1), 2 * unit(random)};
+  request.requested = {Vector<World>(6 * unit(random) - 3, 2, 4 * unit(random)),
+                       Vector<World>(30 * unit(random), 0, 1), 2 * unit(random)};
   request.off = random() % 20000 == 0;
   request.age_s = random() % 10 ? 0 : 0.006 * unit(random);
   if (!is_wild(n)) return request;
-  if (random() % 2) request.asked = {any_vector(random), any_vector(random), any_number(random)};
+  if (random() % 2) request.requested = {any_vector(random), any_vector(random), any_number(random)};
   request.age_s = random() % 4 ? 0.02 * unit(random) : any_number(random);
   if (random() % 10 == 0) request.faults = kFlagEmergencyStop;
   return request;
@@ -396,7 +397,7 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
 
     // zero at once for faults and stale states, regardless of the slew
     const bool no_state =
-        !(request.age_s >= -kOutputFeel.clock_jitter_s && request.age_s < kOutputFeel.stale_s);
+        !(request.age_s >= -kOutputSettings.clock_jitter_s && request.age_s < kOutputSettings.stale_s);
     if (no_state || request.faults != 0 || (out.flags & kFaultFlags) != 0) {
       ASSERT_EQ(force_N, 0) << n;
       ++silent;
@@ -407,13 +408,14 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
 
     // growth, rotation and decrease of the force are limited by the slew; reductions by limits and age are
     // immediate
-    const double way_N = (out.wrench.force_N - before.sent.force_N).norm();
+    const double path_N = (out.wrench.force_N - before.sent.force_N).norm();
     const double slew_N =
         (stage.limits.slew_N_per_s > 0 ? stage.limits.slew_N_per_s : OutputLimits{}.slew_N_per_s) * dt_s;
-    const bool taken_away = before.sent.force_N.norm() > out.limit_N || request.age_s > kOutputFeel.fresh_s ||
+    const bool taken_away = before.sent.force_N.norm() > out.limit_N ||
+                            request.age_s > kOutputSettings.fresh_s ||
                             before.sent.torque_Nmm.norm() > at_most(stage.limits.peak_torque_Nmm);
     if (dt_s == kTick_s && !taken_away) {
-      ASSERT_LE(way_N, slew_N * (1 + 1e-9) + 1e-12) << n;
+      ASSERT_LE(path_N, slew_N * (1 + 1e-9) + 1e-12) << n;
       slewed += (out.flags & kFlagSlew) != 0;
     }
   }

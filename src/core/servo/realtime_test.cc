@@ -120,7 +120,7 @@ Model crowded_model() {
     const Eigen::Vector3d centre(30 * std::cos(turn), 30 * std::sin(turn), up_mm);
     GridGeometry grid = testing::cube_grid(5, {1, 1, 1});
     grid.origin += Vector<Patient>(centre);
-    model.surfaces.push_back(testing::felt_surface(
+    model.surfaces.push_back(testing::make_contact_surface(
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
@@ -186,7 +186,7 @@ class Exercise {
       if (state_.hands[0].proxy.yield.modulus_N_per_mm2 > 0) ++yielded_;
       if (state_.hands[0].proxy.relaxation.remembers()) ++relaxed_;
       if (!state_.holes.empty()) ++with_holes_;
-      if ((record_.device[0].flags & kFlagNoGo) != 0) ++kept_away_;
+      if ((record_.device[0].flags & kFlagNoGo) != 0) ++no_go_ticks_;
       if (record_.device[0].near_label.back() != 0) ++near_many_;
     }
   }
@@ -200,11 +200,11 @@ class Exercise {
   int with_holes() const { return with_holes_; }
   /// Ticks in which a no-go region exerted force, and in which the maximum number of near structures was
   /// reported.
-  int kept_away() const { return kept_away_; }
+  int no_go_ticks() const { return no_go_ticks_; }
   int near_many() const { return near_many_; }
 
  private:
-  int yielded_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0, kept_away_ = 0, near_many_ = 0;
+  int yielded_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0, no_go_ticks_ = 0, near_many_ = 0;
   Model model_ = crowded_model();
   /// Data that the model does not contain at present.
   Distances distances_ = std::move(model_.distances);
@@ -245,7 +245,7 @@ class BurrExercise {
       models_.push_back(carving->taken_from(*models_.back()));
     }
     run(100);
-    taken_mm3_ = state_.hands[0].burr.taken_mm3;
+    removed_mm3_ = state_.hands[0].burr.removed_mm3;
     state_ = {};
     state_.hands[0].output.gain = state_.hands[1].output.gain = 1;
     ticks_ = 0;
@@ -265,11 +265,11 @@ class BurrExercise {
       pressed_N_ = std::max(pressed_N_, wrenches_[1].force_N.norm());
     }
   }
-  double taken_mm3() const { return state_.hands[0].burr.taken_mm3; }
+  double removed_mm3() const { return state_.hands[0].burr.removed_mm3; }
   /// Largest force on the probe.
   double pressed_N() const { return pressed_N_; }
   /// Removed volume when its versions were made.
-  double first_taken_mm3() const { return taken_mm3_; }
+  double first_taken_mm3() const { return removed_mm3_; }
 
  private:
   std::vector<std::shared_ptr<const Model>> models_;
@@ -280,7 +280,7 @@ class BurrExercise {
   std::array<Wrench, 2> wrenches_;
   int ticks_ = 0;
   double pressed_N_ = 0;
-  double taken_mm3_ = 0;
+  double removed_mm3_ = 0;
 };
 
 // runs `work` in a child that may make only these two system calls and exit; returns whether it survived
@@ -407,7 +407,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   EXPECT_GT(exercise.law_changes(), 3);
   EXPECT_GT(exercise.relaxed(), 100);
   EXPECT_GT(exercise.with_holes(), 100);
-  EXPECT_GT(exercise.kept_away(), 200);
+  EXPECT_GT(exercise.no_go_ticks(), 200);
   EXPECT_GT(exercise.near_many(), 20);
 }
 
@@ -420,8 +420,8 @@ TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {
     const long allocated_after = allocations + frees, locked_after = locks;
     EXPECT_EQ(allocated_after - allocated, 0);
     EXPECT_EQ(locked_after - locked, 0);
-    EXPECT_EQ(exercise.taken_mm3(), exercise.first_taken_mm3());
-    EXPECT_GT(exercise.taken_mm3(), 2);
+    EXPECT_EQ(exercise.removed_mm3(), exercise.first_taken_mm3());
+    EXPECT_GT(exercise.removed_mm3(), 2);
     EXPECT_GT(exercise.pressed_N(), 0.5);
     BurrExercise again(cone);
     EXPECT_TRUE(runs_without_system_calls([&] { again.run(2000); }));

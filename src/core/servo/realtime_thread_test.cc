@@ -48,8 +48,8 @@ Function* real(Function*, const char* name) {
 }  // namespace
 
 extern "C" {
-int prlimit(pid_t process, __rlimit_resource resource, const rlimit* wanted, rlimit* limit) noexcept {
-  if (!pretended.on) return real(&prlimit, "prlimit")(process, resource, wanted, limit);
+int prlimit(pid_t process, __rlimit_resource resource, const rlimit* requested, rlimit* limit) noexcept {
+  if (!pretended.on) return real(&prlimit, "prlimit")(process, resource, requested, limit);
   const rlim_t value = resource == RLIMIT_RTPRIO    ? pretended.rtprio
                        : resource == RLIMIT_MEMLOCK ? pretended.memlock_bytes
                                                     : RLIM_INFINITY;

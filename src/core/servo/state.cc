@@ -63,7 +63,7 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
 
 void hash_burr(HashOfWords& hash, const BurrState& burr) {
   hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s,
-           burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.taken_mm3, burr.open_s);
+           burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.removed_mm3, burr.open_s);
   hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
            static_cast<std::uint64_t>(burr.full));
   if (burr.began_axis_mm != Vector<Patient>()) hash_place(hash, burr.began_axis_mm);
@@ -79,7 +79,7 @@ void hash_burr(HashOfWords& hash, const BurrState& burr) {
 }
 
 void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
-  hash.add(hand.seen);
+  hash.add(hand.has_previous);
   hash_place(hash, hand.previous_world);
   hash_place(hash, hand.previous_tip);
   hash_part(hash, hand.velocity);
@@ -107,10 +107,10 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash_part(hash, coupling.pull_velocity);
   // only burrs have this state
   if (hand.burr.open_s > 0) hash_burr(hash, hand.burr);
-  hash_wrench(hash, hand.asked);
+  hash_wrench(hash, hand.requested);
   hash_wrench(hash, hand.difference);
   const PassivityState& passivity = hand.passivity;
-  hash.add(hand.blend_elapsed_s, passivity.energy_mJ, passivity.way_mm, passivity.time_s,
+  hash.add(hand.blend_elapsed_s, passivity.energy_mJ, passivity.displacement_mm, passivity.time_s,
            passivity.speed_mm_s, passivity.play_mm, passivity.moves_with_force);
   const BounceState& bounce = passivity.bounce;
   hash.add(bounce.impact_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
@@ -118,8 +118,8 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   const OscillationState& swing = hand.swing;
   hash_place(hash, swing.axis);
   hash_place(hash, swing.aside_mm);
-  hash.add(swing.way_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm, swing.free_s,
-           swing.extra_delay_s, swing.halves);
+  hash.add(swing.displacement_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm,
+           swing.free_s, swing.extra_delay_s, swing.halves);
   hash.add(hand.delay.count, hand.delay.dropped_older);
   for (int n = 0; n < hand.delay.count; ++n) {
     const DelayLine::Held& held = hand.delay.held[static_cast<std::size_t>(n)];
@@ -127,7 +127,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   }
   hash.add(hand.turned_mJ);
   hash_wrench(hash, hand.output.sent);
-  hash.add(hand.output.gain, hand.output.heat, hand.output.since_fault_s, hand.output.away,
+  hash.add(hand.output.gain, hand.output.heat, hand.output.since_fault_s, hand.output.in_dropout,
            hand.output.returning);
 }
 
@@ -140,9 +140,9 @@ void SessionState::Hand::reset_contact() {
 
 void SessionState::Hand::reset_path() {
   reset_contact();
-  seen = false;
+  has_previous = false;
   velocity.clear();
-  asked = {};
+  requested = {};
   pushed_directly = false;
   passivity = {};
   swing = {};
@@ -154,7 +154,7 @@ std::uint64_t SessionState::hash(int devices) const {
   hash.add(tick, time_s);
   hash_quaternion(hash, rotation_start);
   hash_quaternion(hash, rotation_target);
-  hash_quaternion(hash, rotation_felt);
+  hash_quaternion(hash, rotation_applied);
   hash.add(rotation_elapsed_s, force_source);
   // only burrs make strokes
   if (strokes > 0) hash.add(std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));

@@ -15,17 +15,17 @@ LabelId label_of(const Model& model, std::size_t surface) {
 }
 
 // content hash; 0 for a surface that has no distance field of its own
-std::uint64_t content_of(const ContactSurface& felt) {
-  return felt.surface != nullptr ? felt.surface->content_hash() : 0;
+std::uint64_t content_of(const ContactSurface& surface) {
+  return surface.surface != nullptr ? surface.surface->content_hash() : 0;
 }
 
 // index that satisfies `fits`, preferring the previous index; the number of entries if there is none
 template <class Fits>
 std::size_t place_where(std::size_t places, std::size_t stood, const Fits& fits) {
   if (stood < places && fits(stood)) return stood;
-  std::size_t place = 0;
-  while (place < places && !fits(place)) ++place;
-  return place;
+  std::size_t index = 0;
+  while (index < places && !fits(index)) ++index;
+  return index;
 }
 
 }  // namespace
@@ -45,16 +45,16 @@ std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
     const std::uint64_t content = content_of(model.surfaces[s]);
     // an outer surface of another shape counts as new, because the structures that it encloses may have
     // changed
-    const auto is_structure = [&](std::size_t place) {
-      return label != 0 && remembered.label[place] == label;
+    const auto is_structure = [&](std::size_t index) {
+      return label != 0 && remembered.label[index] == label;
     };
-    const auto is_same = [&](std::size_t place) {
-      return remembered.label[place] == label && remembered.content[place] == content;
+    const auto is_same = [&](std::size_t place_index) {
+      return remembered.label[place_index] == label && remembered.content[place_index] == content;
     };
-    std::size_t place = place_where(places, s, is_same);
-    const bool same = place < places;
-    if (!same) place = place_where(places, s, is_structure);
-    before[s] = {place < places ? static_cast<std::int16_t>(place) : std::int16_t{-1}, same};
+    std::size_t at_index = place_where(places, s, is_same);
+    const bool same = at_index < places;
+    if (!same) at_index = place_where(places, s, is_structure);
+    before[s] = {at_index < places ? static_cast<std::int16_t>(at_index) : std::int16_t{-1}, same};
   }
   return std::span(before).first(count);
 }

@@ -33,7 +33,7 @@ class Watched {
   pid_t tid() const { return tid_; }
   void work() {
     const int before = done_;
-    ++asked_;
+    ++requested_;
     while (done_ == before) std::this_thread::yield();
   }
 
@@ -41,7 +41,7 @@ class Watched {
   void run(const std::function<void()>& task) {
     tid_ = ::gettid();
     while (!ended_) {
-      if (asked_ > done_) {
+      if (requested_ > done_) {
         task();
         ++done_;
       }
@@ -49,7 +49,7 @@ class Watched {
     }
   }
   std::atomic<pid_t> tid_ = 0;
-  std::atomic<int> asked_ = 0, done_ = 0;
+  std::atomic<int> requested_ = 0, done_ = 0;
   std::atomic<bool> ended_ = false;
   std::thread thread_;
 };

@@ -26,11 +26,11 @@ namespace {
 std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
                         const SessionState::Hand& hand) {
   std::uint32_t faults = 0;
-  const double jump_mm = std::max(kOutputFeel.jump_mm, kOutputFeel.jump_mm_s * dt_s) * scale;
+  const double jump_mm = std::max(kOutputSettings.jump_mm, kOutputSettings.jump_mm_s * dt_s) * scale;
   if (!device.tip.all_finite() || !device.R_WorldTool.coeffs().allFinite() ||
       !is_rotation(device.R_WorldTool))
     faults |= kFlagNotFinite;
-  else if (hand.seen && (device.tip - hand.previous_world).norm() > jump_mm)
+  else if (hand.has_previous && (device.tip - hand.previous_world).norm() > jump_mm)
     faults |= kFlagJump;
   if (device.status & kDeviceFault) faults |= kFlagDeviceFault;
   if (device.status & kDeviceHalted) faults |= kFlagHalted;
@@ -43,38 +43,39 @@ std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters,
 Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip, double dt_s, bool jumped,
                            SessionState::Hand& hand) {
   if (jumped) hand.velocity.clear();
-  if (hand.seen && !jumped) hand.velocity.push(tip - hand.previous_tip, dt_s);
+  if (hand.has_previous && !jumped) hand.velocity.push(tip - hand.previous_tip, dt_s);
   hand.previous_world = device.tip;
   hand.previous_tip = tip;
-  hand.seen = true;
+  hand.has_previous = true;
   return hand.velocity.velocity_mm_s();
 }
 
 // Blends over a change of force source (method, model, switches, gains): the difference between the old and
-// the new wrench at the change is added to the new wrench and fades out over kOutputFeel.blend_s. Because
+// the new wrench at the change is added to the new wrench and fades out over kOutputSettings.blend_s. Because
 // only the difference fades, the operator's motion takes effect at once.
-// @param asked    wrench of the current force source
+// @param requested    wrench of the current force source
 // @param changed  whether the force source differs from the last tick's
-Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Hand& hand) {
-  if (!asked.force_N.all_finite() || !asked.torque_Nmm.all_finite()) {
-    hand.asked = hand.difference = {};
-    return asked;
+Wrench blended(const Wrench& requested, bool changed, double dt_s, SessionState::Hand& hand) {
+  if (!requested.force_N.all_finite() || !requested.torque_Nmm.all_finite()) {
+    hand.requested = hand.difference = {};
+    return requested;
   }
   if (changed) {
-    hand.difference = {hand.asked.force_N - asked.force_N, hand.asked.torque_Nmm - asked.torque_Nmm};
+    hand.difference = {hand.requested.force_N - requested.force_N,
+                       hand.requested.torque_Nmm - requested.torque_Nmm};
     hand.blend_elapsed_s = 0;
   }
   // The blend already advances in the tick of the change, so that a change in every tick delays the force but
   // does not freeze it; by at most a tenth, so that a late tick does not complete it.
-  const double on_s = changed ? std::min(dt_s, 0.1 * kOutputFeel.blend_s) : dt_s;
-  hand.blend_elapsed_s = std::min(kOutputFeel.blend_s, hand.blend_elapsed_s + on_s);
-  hand.asked = asked;
-  if (hand.blend_elapsed_s >= kOutputFeel.blend_s) return asked;
-  const double rest = 1 - hand.blend_elapsed_s / kOutputFeel.blend_s;
+  const double on_s = changed ? std::min(dt_s, 0.1 * kOutputSettings.blend_s) : dt_s;
+  hand.blend_elapsed_s = std::min(kOutputSettings.blend_s, hand.blend_elapsed_s + on_s);
+  hand.requested = requested;
+  if (hand.blend_elapsed_s >= kOutputSettings.blend_s) return requested;
+  const double rest = 1 - hand.blend_elapsed_s / kOutputSettings.blend_s;
   const double left = rest * std::sqrt(rest);  // from 1 to 0, with zero slope at 0
-  hand.asked.force_N += hand.difference.force_N * left;
-  hand.asked.torque_Nmm += hand.difference.torque_Nmm * left;
-  return hand.asked;
+  hand.requested.force_N += hand.difference.force_N * left;
+  hand.requested.torque_Nmm += hand.difference.torque_Nmm * left;
+  return hand.requested;
 }
 
 /// Change of surfaces between two versions of the model.
@@ -127,12 +128,13 @@ ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const Ou
 // surface. The damper stops it sooner than the contact stiffness alone and prevents a rebound.
 double recovery_damping_factor(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
                                const SessionState::Hand& hand, const OutputRequest& request) {
-  const double force_N = request.asked.force_N.norm();
-  const bool returns = (hand.output.away || hand.output.returning) && request.age_s <= kOutputFeel.fresh_s;
+  const double force_N = request.requested.force_N.norm();
+  const bool returns =
+      (hand.output.in_dropout || hand.output.returning) && request.age_s <= kOutputSettings.fresh_s;
   if (!returns || !(force_N > 0) || !std::isfinite(force_N)) return 1;
-  const double damping_N_s_per_mm = kOutputFeel.return_damping_N_s_per_m * 1e-3;
+  const double damping_N_s_per_mm = kOutputSettings.return_damping_N_s_per_m * 1e-3;
   const double bears_N_s_per_mm = own.max_damping_N_s_per_mm;
-  const double out_mm_s = velocity_mm_s.dot(request.asked.force_N) / force_N;
+  const double out_mm_s = velocity_mm_s.dot(request.requested.force_N) / force_N;
   const double damper_N =
       out_mm_s * (bears_N_s_per_mm > 0 ? std::min(damping_N_s_per_mm, bears_N_s_per_mm) : damping_N_s_per_mm);
   return std::clamp(1 - damper_N / force_N, 0.0, 2.0);
@@ -146,34 +148,34 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
   const DeviceParameters& own = in.own;
   const ToolContact& tool = contact.tool;
   const double dt_s = shared.tick.dt_s;
-  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.default_step_mm;
-  detect_oscillation(request.asked.force_N, contact.displacement_mm, step_mm, dt_s, hand.swing);
+  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
+  detect_oscillation(request.requested.force_N, contact.displacement_mm, step_mm, dt_s, hand.swing);
   // a long tick holds the force for longer; half of the excess counts as delay
-  const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
+  const double held_s = 0.5 * std::max(0.0, dt_s - kPassivitySettings.covered_tick_s);
   const double device_delay_s = own.delay_s + hand.swing.extra_delay_s, delay_s = device_delay_s + held_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
   // a force that is not rendered does no work: the energy balance starts again from zero
   const bool faded_out = request.off && hand.output.gain == 0;
-  if (faded_out || request.faults != 0 || !request.asked.force_N.all_finite()) {
+  if (faded_out || request.faults != 0 || !request.requested.force_N.all_finite()) {
     hand.passivity = {};
     return;
   }
-  const double asked_N = request.asked.force_N.norm();
+  const double requested_N = request.requested.force_N.norm();
   const double limit_N = next_limit_N(own.limits, in.max_force_N, dt_s, hand.output);
-  const double clamped = asked_N > limit_N ? limit_N / asked_N : 1;
+  const double clamped = requested_N > limit_N ? limit_N / requested_N : 1;
   const PassivityOutput reduced = control_passivity(
-      {request.asked.force_N * (clamped * hand.output.gain), asked_N * hand.output.gain, acted_N,
+      {request.requested.force_N * (clamped * hand.output.gain), requested_N * hand.output.gain, acted_N,
        contact.displacement_mm, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
-       pending_impulse_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), device_delay_s,
+       pending_impulse_N_s(hand.delay, request.requested.force_N.normalized(), delay_s), device_delay_s,
        contact.velocity_mm_s},
       shared.parameters.passivity, hand.passivity);
   const double factor = std::min(reduced.factor, max_factor);
   if (factor == 1) return;
   if (clamped < 1) out.flags |= kFlagClamped;
-  request.asked.force_N = request.asked.force_N * (clamped * factor);
-  request.asked.torque_Nmm = request.asked.torque_Nmm * (clamped * factor);
+  request.requested.force_N = request.requested.force_N * (clamped * factor);
+  request.requested.torque_Nmm = request.requested.torque_Nmm * (clamped * factor);
   // a later blend starts from the force that was rendered
-  hand.asked = request.asked;
+  hand.requested = request.requested;
   if (reduced.factor == 1) return;
   out.damping_N_s_per_m = reduced.damping_N_s_per_m;
   out.flags |= kFlagPassivity;
@@ -193,7 +195,7 @@ MotorState motor_of(const SharedInputs& shared, const DeviceInputs& in, const To
                     const OutputRequest& request, const OutputState& output) {
   if (!tool.burr) return {};
   const bool is_on = tool.motor_is_on(shared.parameters.motor, in.state.buttons);
-  const bool is_rendered = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
+  const bool is_rendered = !request.off && request.faults == 0 && output.gain == 1 && !output.in_dropout;
   const double limit_N = next_limit_N(in.own.limits, in.max_force_N, shared.tick.dt_s, output);
   return {is_on && is_rendered, limit_N / in.own.force_gain, shared.stroke};
 }
@@ -234,7 +236,7 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
   const TickContext& tick = shared.tick;
   const DeviceParameters& own = in.own;
   const Point<Patient> tip = tick.X_PatientWorld * in.state.tip;
-  const Vector<Patient> displacement_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
+  const Vector<Patient> displacement_mm = hand.has_previous ? tip - hand.previous_tip : Vector<Patient>();
   const bool jumped = (request.faults & kFlagJump) != 0;
   const DeviceContext context{tick.model.tool_of(in.number),
                               own,
@@ -245,20 +247,20 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
   ToolContact tool = touch(shared, in, context, request, hand);
   keep_away(tick, context, tool, out);
   out.flags |= tool.flags;
-  request.asked = blended(tool.asked, shared.changed || tool.released, tick.dt_s, hand);
-  request.unclamped_N = request.asked.force_N.norm();
+  request.requested = blended(tool.requested, shared.changed || tool.released, tick.dt_s, hand);
+  request.unclamped_N = request.requested.force_N.norm();
 
   const RenderedContact contact{tool, tick.X_WorldPatient * displacement_mm / own.scale,
                                 tick.X_WorldPatient * context.velocity_mm_s / own.scale};
   // a factor above 1 precedes the passivity controller; one below 1 is combined with the controller's
   const double stop = recovery_damping_factor(own, contact.velocity_mm_s, hand, request);
   if (stop > 1) {
-    request.asked.force_N = request.asked.force_N * stop;
-    request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
+    request.requested.force_N = request.requested.force_N * stop;
+    request.requested.torque_Nmm = request.requested.torque_Nmm * stop;
   }
   apply_passivity(shared, in, contact, std::min(stop, 1.0), hand, request, out);
   if (outside(*tick.model.labels, tip)) out.flags |= kFlagOutside;
-  if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
+  if (hand.blend_elapsed_s < kOutputSettings.blend_s) out.flags |= kFlagBlend;
   return tool;
 }
 
@@ -302,7 +304,7 @@ void refuse(const Model& model, const Parameters& parameters, std::span<const De
   const std::size_t count = std::min<std::size_t>(devices.size(), kMaxDevices);
   std::fill(wrenches.begin(), wrenches.end(), Wrench{});
   record_inputs(model, parameters, state, dt_s, count, record);
-  record.rotation_felt_wxyz = plain(state.rotation_felt);
+  record.rotation_applied_wxyz = plain(state.rotation_applied);
   for (std::size_t d = 0; d < count; ++d) {
     record_inputs(devices[d], parameters.device[d], record.device[d]);
     record.device[d].flags = kFlagNotFinite;
@@ -337,17 +339,18 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   // pose of the object
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
-  const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
+  const Transform<World, Patient> X_WorldPatient =
+      turned_object(model.X_WorldPatient, state.rotation_applied);
   // solver frames published while no tissue was deformable are stale and stay ignored afterwards
-  const bool yields = is_elastic(model.tissue_law);
-  if (!yields) state.last_ignored_yield_frame = parameters.yields.number;
-  const bool is_felt = yields && (state.last_ignored_yield_frame == 0 ||
-                                  parameters.yields.number > state.last_ignored_yield_frame);
+  const bool is_deformable = is_elastic(model.tissue_law);
+  if (!is_deformable) state.last_ignored_yield_frame = parameters.yields.number;
+  const bool is_touchable = is_deformable && (state.last_ignored_yield_frame == 0 ||
+                                              parameters.yields.number > state.last_ignored_yield_frame);
   const TickContext context{
       model,       parameters.method, parameters.friction,      parameters.viscosity,
-      dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), is_felt ? &parameters.yields : nullptr,
+      dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), is_touchable ? &parameters.yields : nullptr,
       &state.holes};
-  record.rotation_felt_wxyz = plain(state.rotation_felt);
+  record.rotation_applied_wxyz = plain(state.rotation_applied);
 
   // a change of force source starts a blend
   const std::uint64_t source = force_source_digest(model, parameters, devices.size());
@@ -360,7 +363,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const auto surfaces_before = other_surfaces ? match_surfaces(model, state.surfaces, before)
                                               : std::span<const SurfaceCorrespondence>();
 
-  const bool other_layers = other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != yields;
+  const bool other_layers =
+      other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != is_deformable;
 
   if (other_surfaces && !state.holes.empty()) state.holes.transfer(surfaces_before);
 

@@ -72,10 +72,10 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
         out.contact_patient_mm[3 * n + static_cast<std::size_t>(axis)] = contact.place[axis];
       out.contact_N[n] = contact.force_N;
     }
-    for (std::size_t n = 0; n < tool.felt.size(); ++n) {
-      out.felt_label[n] = tool.felt[n].label;
-      out.felt_depth_mm[n] = tool.felt[n].depth_mm;
-      out.felt_share[n] = tool.felt[n].share;
+    for (std::size_t n = 0; n < tool.path.size(); ++n) {
+      out.path_label[n] = tool.path[n].label;
+      out.path_depth_mm[n] = tool.path[n].depth_mm;
+      out.path_share[n] = tool.path[n].share;
     }
   }
   out.flags |= sent.flags;
@@ -87,8 +87,8 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   out.heat = hand.output.heat;
   out.energy_mJ = hand.passivity.energy_mJ;
   out.turned_mJ = hand.turned_mJ;
-  if (hand.seen) out.tip_patient_mm = plain(hand.previous_tip);
-  out.proxy_patient_mm = hand.seen ? plain(tool.strongest.proxy) : out.tip_patient_mm;
+  if (hand.has_previous) out.tip_patient_mm = plain(hand.previous_tip);
+  out.proxy_patient_mm = hand.has_previous ? plain(tool.strongest.proxy) : out.tip_patient_mm;
   out.normal_patient = plain(-tool.strongest.sample.gradient.normalized());
   out.velocity_patient_mm_s = plain(hand.velocity.velocity_mm_s());
   out.field = tool.strongest.sample.value;

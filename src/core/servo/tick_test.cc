@@ -44,7 +44,7 @@ struct TickedLoop {
   }
   // farther than the jump threshold of one tick
   void set_down_at(const Point<World>& tip) {
-    state.hands[0].seen = false;
+    state.hands[0].has_previous = false;
     at(tip);
   }
 };
@@ -120,8 +120,9 @@ TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
     total_N = std::max(total_N, (loop.wrench.force_N).norm());
   }
   EXPECT_LT(largest_step_N, 0.01) << "a command of 0.1 mm at 1.5 N/mm is spread over 100 ticks";
-  const Eigen::Quaterniond felt = loop.state.rotation_felt, asked = loop.parameters.rotation_target;
-  EXPECT_NEAR(felt.angularDistance(asked), 0, 1e-12) << "and arrives";
+  const Eigen::Quaterniond rotation = loop.state.rotation_applied,
+                           requested = loop.parameters.rotation_target;
+  EXPECT_NEAR(rotation.angularDistance(requested), 0, 1e-12) << "and arrives";
 }
 
 TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
@@ -134,7 +135,7 @@ TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
     loop.parameters.rotation_target = Eigen::Quaterniond(w, 0, 0, 0);
     for (int n = 0; n < 150; ++n) loop.at(Point<World>(kBoneRadius_mm, 0, 0));
     EXPECT_TRUE(loop.record.device[0].flags & kFlagRotationIgnored) << w;
-    EXPECT_NEAR(loop.state.rotation_felt.angularDistance(R.quaternion()), 0, 1e-12) << w;
+    EXPECT_NEAR(loop.state.rotation_applied.angularDistance(R.quaternion()), 0, 1e-12) << w;
     EXPECT_GT(loop.wrench.force_N.norm(), 0.1) << "what is touched is still felt";
   }
 }
@@ -321,24 +322,24 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
   const Model model = testing::with_every_method(ball_model());
   for (const Change& change : changes) {
     // sliding along the surface, so that friction and viscosity act
-    TickedLoop kept, changed;
-    kept.model = changed.model = model;
-    kept.model.tissues[0].viscosity_N_s_per_mm = changed.model.tissues[0].viscosity_N_s_per_mm = 0.01;
+    TickedLoop stored, changed;
+    stored.model = changed.model = model;
+    stored.model.tissues[0].viscosity_N_s_per_mm = changed.model.tissues[0].viscosity_N_s_per_mm = 0.01;
     double largest_step_N = 0, undisturbed_N = 0, apart_N = 0;
-    Vector<World> previous, previous_kept;
+    Vector<World> previous, previous_stored;
     for (int n = 0; n < 400; ++n) {
       const double angle = 1e-3 * n;
       const Point<World> tip(kBoneRadius_mm * std::cos(angle), kBoneRadius_mm * std::sin(angle), 0);
       if (n == 200) change.apply(changed);
-      kept.at(tip);
+      stored.at(tip);
       changed.at(tip);
       if (n > 100) {
         largest_step_N = std::max(largest_step_N, (changed.wrench.force_N - previous).norm());
-        undisturbed_N = std::max(undisturbed_N, (kept.wrench.force_N - previous_kept).norm());
-        apart_N = std::max(apart_N, (changed.wrench.force_N - kept.wrench.force_N).norm());
+        undisturbed_N = std::max(undisturbed_N, (stored.wrench.force_N - previous_stored).norm());
+        apart_N = std::max(apart_N, (changed.wrench.force_N - stored.wrench.force_N).norm());
       }
       previous = changed.wrench.force_N;
-      previous_kept = kept.wrench.force_N;
+      previous_stored = stored.wrench.force_N;
       // one tick tolerance for rounding
       if (n != 299) {
         ASSERT_EQ((changed.record.device[0].flags & kFlagBlend) != 0, n >= 200 && n < 299)
@@ -347,7 +348,7 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
     }
     ASSERT_GT(apart_N, 0.02) << change.name << " must change something";
     // the blend is a smooth step over 0.1 s: at its steepest 1.5 times the mean slope
-    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kMillisecond_s / kOutputFeel.blend_s)
+    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kMillisecond_s / kOutputSettings.blend_s)
         << change.name;
 
     // the final force is the one that the change alone produces
@@ -387,7 +388,7 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
         previous = loop.wrench.force_N;
       }
       EXPECT_LE(largest_step_N,
-                1.6 * (previous - before).norm() * kMillisecond_s / kOutputFeel.blend_s + 1e-12);
+                1.6 * (previous - before).norm() * kMillisecond_s / kOutputSettings.blend_s + 1e-12);
       // same force as if that method had been used from the start
       TickedLoop fresh;
       fresh.model = model;
@@ -463,8 +464,9 @@ TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
       for (int n = 0; n < 12'000; ++n) {
         const double x = -6 + 0.001 * n;
         at(x, 0.5 * std::sin(0.003 * n), (notch ? std::abs(x) : 0.0875 * x) - 1);
-        const auto& seen = loop.record.device[0];
-        const Vector<Patient> normal(seen.normal_patient[0], seen.normal_patient[1], seen.normal_patient[2]);
+        const auto& observed = loop.record.device[0];
+        const Vector<Patient> normal(observed.normal_patient[0], observed.normal_patient[1],
+                                     observed.normal_patient[2]);
         const Vector<Patient> force = loop.model.X_WorldPatient.inverse() * loop.wrench.force_N;
         if (force.norm() < 0.1) continue;
         ASSERT_NEAR(normal.norm(), 1, 1e-9);
@@ -501,18 +503,18 @@ TEST(Tick, TellsWhatTheForceComesFrom) {
   ProxyLoop loop(3);
   const DeviceTick& device = loop.record.device[0];
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 4, 0, 0}, 100);
-  EXPECT_EQ(device.felt_label[0], 0) << "nothing is touched";
+  EXPECT_EQ(device.path_label[0], 0) << "nothing is touched";
   loop.lead({kBoneRadius_mm + 4, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
-  EXPECT_EQ(device.felt_label[0], kCartilage);
-  EXPECT_NEAR(device.felt_depth_mm[0], 1, 0.02);
-  EXPECT_NEAR(device.felt_share[0], 1, 1e-12);
-  EXPECT_EQ(device.felt_label[1], 0);
+  EXPECT_EQ(device.path_label[0], kCartilage);
+  EXPECT_NEAR(device.path_depth_mm[0], 1, 0.02);
+  EXPECT_NEAR(device.path_share[0], 1, 1e-12);
+  EXPECT_EQ(device.path_label[1], 0);
   // by a direct method the touched structure accounts for the whole force
   loop.parameters.method = ForceMethod::kTrilinear;
   loop.at({kBoneRadius_mm + 2, 0, 0});
-  EXPECT_EQ(device.felt_label[0], device.label);
-  EXPECT_EQ(device.felt_depth_mm[0], device.depth_mm);
-  EXPECT_EQ(device.felt_share[0], 1);
+  EXPECT_EQ(device.path_label[0], device.label);
+  EXPECT_EQ(device.path_depth_mm[0], device.depth_mm);
+  EXPECT_EQ(device.path_share[0], 1);
 }
 
 TEST(Tick, TheProxyWaitsForATipThatBeginsInsideOrComesOutOfAPause) {
@@ -579,7 +581,7 @@ TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
     previous_N = loop.wrench.force_N.norm();
   }
   EXPECT_EQ(previous_N, 0) << "the surface is not reached yet";
-  EXPECT_LE(largest_step_N, 1.6 * before_N * kMillisecond_s / kOutputFeel.blend_s);
+  EXPECT_LE(largest_step_N, 1.6 * before_N * kMillisecond_s / kOutputSettings.blend_s);
 }
 
 // repeated presses and releases at a constant speed; returns the work of the force on the tip
@@ -589,9 +591,9 @@ double given_out_mJ(ProxyLoop& loop, double speed_mm_s) {
   const double stride_mm = speed_mm_s * kMillisecond_s;
   double x_mm = kBoneRadius_mm + 10.5 * stride_mm;
   for (int n = 0; n < 400; ++n) {
-    const double way_mm = n % 40 < 20 ? -stride_mm : stride_mm;
-    given_mJ += loop.wrench.force_N.x() * way_mm;
-    x_mm += way_mm;
+    const double displacement_mm = n % 40 < 20 ? -stride_mm : stride_mm;
+    given_mJ += loop.wrench.force_N.x() * displacement_mm;
+    x_mm += displacement_mm;
     loop.at({x_mm, 0, 0});
   }
   return given_mJ;
@@ -601,9 +603,9 @@ TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
   ProxyLoop free, kept;
   kept.parameters.passivity = true;
   for (ProxyLoop* loop : {&free, &kept}) loop->parameters.device[0].position_step_mm = 0.03;
-  const double free_mJ = given_out_mJ(free, 100), kept_mJ = given_out_mJ(kept, 100);
+  const double free_mJ = given_out_mJ(free, 100), controlled_mJ = given_out_mJ(kept, 100);
   EXPECT_NEAR(free_mJ, 10 * 1.5 * 0.1, 0.3) << "F v T of every press";
-  EXPECT_LT(kept_mJ, 0.15 * free_mJ);
+  EXPECT_LT(controlled_mJ, 0.15 * free_mJ);
 
   // last tick of a press that is being released
   EXPECT_EQ(free.record.switches & kSwitchPassivity, 0);
@@ -629,7 +631,7 @@ TEST(Tick, ATurningObjectIsNoActivity) {
   loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()));
   for (int n = 0; n < 100; ++n) {
     // position after this tick's rotation
-    const double part = std::min(1.0, (n + 1) * kMillisecond_s / kTurningFeel.interval_s);
+    const double part = std::min(1.0, (n + 1) * kMillisecond_s / kRotationSettings.interval_s);
     const auto turn = Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.3 * part);
     loop.at(Point<World>((turn * Vector<World>(kBoneRadius_mm - 1, 0, 0)).eigen()));
   }
@@ -793,13 +795,13 @@ std::shared_ptr<const Surface> anew(const Surface& surface) {
 ContactSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, double radius_mm) {
   const SignedField field = testing::sampled_distance(
       model.labels->geometry(), [&](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 4);
-  ContactSurface felt = model.surfaces[0];
-  felt.surface = std::make_shared<const Surface>(field, field, testing::steepest_of(field));
-  return felt;
+  ContactSurface surface = model.surfaces[0];
+  surface.surface = std::make_shared<const Surface>(field, field, testing::steepest_of(field));
+  return surface;
 }
 
 // inserts a surface before those of bone and shell
-void begin_to_feel(const ContactSurface& surface, Model& model) {
+void become_touchable(const ContactSurface& surface, Model& model) {
   model.surfaces.insert(model.surfaces.begin(), surface);
   model.label_of_surface.insert(model.label_of_surface.begin(), testing::kFat);
 }
@@ -823,7 +825,7 @@ const Edit kEdits[] = {
      1.5, true},
     {"surfaces prepared anew",
      [](Model& model) {
-       for (ContactSurface& felt : model.surfaces) felt.surface = anew(*felt.surface);
+       for (ContactSurface& surface : model.surfaces) surface.surface = anew(*surface.surface);
      }},
     {"another order",
      [](Model& model) {
@@ -832,7 +834,7 @@ const Edit kEdits[] = {
      }},
     {"something else begins to be felt",
      [](Model& model) {
-       begin_to_feel(ball_beside(model, {-25, 0, 0}, 2), model);
+       become_touchable(ball_beside(model, {-25, 0, 0}, 2), model);
      }},
     {"the shell is another one, far away",
      [](Model& model) {
@@ -896,9 +898,9 @@ TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
     SCOPED_TRACE(edit.name);
     ProxyLoop loop = untouched;
     loop.parameters.viscosity = false;
-    for (ContactSurface& felt : loop.model.surfaces) {
-      felt.static_friction = 2;
-      felt.friction = 0.1;
+    for (ContactSurface& surface : loop.model.surfaces) {
+      surface.static_friction = 2;
+      surface.friction = 0.1;
     }
     const Point<World> tip(kBoneRadius_mm + 2, 0.8, 0);
     loop.lead({kBoneRadius_mm + 5, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
@@ -955,7 +957,7 @@ TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
   // the shell's surface takes the bone's index
   loop.model.surfaces.erase(loop.model.surfaces.begin());
   loop.model.label_of_surface.erase(loop.model.label_of_surface.begin());
-  loop.model.tissues[0].felt = false;
+  loop.model.tissues[0].touchable = false;
   ++loop.model.version;
   for (int n = 0; n < 300; ++n) {
     loop.at(tip);
@@ -979,7 +981,7 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
   // the shell's surface takes the bone's index
   loop.model.surfaces.erase(loop.model.surfaces.begin());
   loop.model.label_of_surface.erase(loop.model.label_of_surface.begin());
-  loop.model.tissues[0].felt = false;
+  loop.model.tissues[0].touchable = false;
   ++loop.model.version;
   loop.at(outside);
   ASSERT_EQ(loop.state.holes.all().size(), 1u);
@@ -1001,7 +1003,7 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
 
 TEST(Tick, ATissueThatBeginsToBeFeltWhereTheProxyIsLetsGoOfIt) {
   ProxyLoop loop = through_the_shell();
-  begin_to_feel(ball_beside(loop.model, {kBoneRadius_mm, 0, 0}, 2), loop.model);
+  become_touchable(ball_beside(loop.model, {kBoneRadius_mm, 0, 0}, 2), loop.model);
   ++loop.model.version;
   for (int n = 0; n < 300; ++n) loop.at({kBoneRadius_mm - 1, 0, 0});
   EXPECT_TRUE(loop.record.device[0].flags & kFlagInside);
@@ -1021,7 +1023,7 @@ TEST(Tick, APunctureForceThatIsLoweredHoldsFromTheNextTick) {
 // a replay prepares the scene again
 TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
   ProxyLoop once = wrapped_bone(), again = once;
-  for (ContactSurface& felt : again.model.surfaces) felt.surface = anew(*felt.surface);
+  for (ContactSurface& surface : again.model.surfaces) surface.surface = anew(*surface.surface);
   int edits = 0;
   for (int n = 0; n < 400; ++n) {
     const Point<World> tip(kBoneRadius_mm + 6 - 0.035 * std::min(n, 200), 0.002 * n, 0);
@@ -1097,7 +1099,7 @@ double returned_N(double speed_mm_s, double dropout_s, double moved_s, double be
 
 TEST(Tick, AfterAShortDropoutADamperStopsTheFallAndTheRebound) {
   constexpr double kDropout_s = 15e-3, kMoved_s = 30e-3;
-  const double damping_N_s_per_mm = kOutputFeel.return_damping_N_s_per_m * 1e-3;
+  const double damping_N_s_per_mm = kOutputSettings.return_damping_N_s_per_m * 1e-3;
   for (const double speed_mm_s : {-20.0, -5.0, 0.0, 5.0, 15.0}) {
     SCOPED_TRACE(speed_mm_s);
     const double without_N = returned_N(speed_mm_s, 0, kMoved_s);
@@ -1109,8 +1111,8 @@ TEST(Tick, AfterAShortDropoutADamperStopsTheFallAndTheRebound) {
     EXPECT_LT(returned_N(speed_mm_s, 21e-3, kMoved_s), 0.1 * without_N + 1e-6) << "by the ramp";
   }
   // slow motion, for the whole recovery time
-  EXPECT_NEAR(returned_N(1, kDropout_s, kOutputFeel.return_s + 5e-3),
-              returned_N(1, 0, kOutputFeel.return_s + 5e-3), 1e-6)
+  EXPECT_NEAR(returned_N(1, kDropout_s, kOutputSettings.return_s + 5e-3),
+              returned_N(1, 0, kOutputSettings.return_s + 5e-3), 1e-6)
       << "for a tenth of a second";
   // close to leaving contact, the damper neither pulls nor exceeds the contact force
   EXPECT_GE(returned_N(32, kDropout_s, kMoved_s), 0);
@@ -1122,7 +1124,8 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
   constexpr double kSpeed_mm_s = 40, kDepth_mm = 1.2;
   const ProxyLoop fresh;
   const auto damping_of = [&](ForceMethod method, double viscosity, double coupling, double along,
-                              double most, const Vector<World>& way, double gain = 1, double scale = 1) {
+                              double most, const Vector<World>& displacement, double gain = 1,
+                              double scale = 1) {
     Vector<World> force_N[2];
     for (const bool damped : {false, true}) {
       ProxyLoop loop = fresh;
@@ -1139,13 +1142,13 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
       loop.parameters.device[0].scale = scale;
       // down to the start of the path, then along it
       const Point<World> end(kBoneRadius_mm - kDepth_mm, 0, 0);
-      const Point<World> begin = end - way * (30 * kSpeed_mm_s * kMillisecond_s);
+      const Point<World> begin = end - displacement * (30 * kSpeed_mm_s * kMillisecond_s);
       loop.lead(begin + Vector<World>(4, 0, 0), begin, 100);
       loop.lead(begin, end, 30);
       force_N[damped] = loop.wrench.force_N;
     }
     // at the device: N per device mm/s
-    return -(force_N[1] - force_N[0]).dot(way) / (kSpeed_mm_s / scale);
+    return -(force_N[1] - force_N[0]).dot(displacement) / (kSpeed_mm_s / scale);
   };
   const Vector<World> out(1, 0, 0), along(0, 1, 0);
   for (const double most : {0.012, 0.03}) {
@@ -1174,12 +1177,12 @@ TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
   loop.lead({kBoneRadius_mm + 2, 0, 0}, {kBoneRadius_mm - 4, 0, 0}, 200);
   for (int n = 0; n < 50; ++n) loop.at({kBoneRadius_mm - 4, 0, 0});
   EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << "it rests";
-  const double way_mm = 4;
-  loop.lead({kBoneRadius_mm - 4, 0, 0}, {kBoneRadius_mm - 4 - way_mm, 0, 0}, 40);
-  const double drag_N = loop.model.tissues[0].viscosity_N_s_per_mm * way_mm / (40 * kMillisecond_s);
+  const double displacement_mm = 4;
+  loop.lead({kBoneRadius_mm - 4, 0, 0}, {kBoneRadius_mm - 4 - displacement_mm, 0, 0}, 40);
+  const double drag_N = loop.model.tissues[0].viscosity_N_s_per_mm * displacement_mm / (40 * kMillisecond_s);
   EXPECT_NEAR(loop.wrench.force_N.x(), drag_N, 0.1 * drag_N);
   EXPECT_EQ(loop.record.device[0].label, kBone);
-  EXPECT_EQ(loop.record.device[0].felt_label[0], kBone);
+  EXPECT_EQ(loop.record.device[0].path_label[0], kBone);
 }
 
 TEST(Tick, AStiffnessBelowNothingIsNone) {

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "palpate/contact/no_go.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 
 namespace palpate {
 namespace {
@@ -88,12 +88,12 @@ void keep_away(const TickContext& tick, const DeviceContext& context, ToolContac
   const double all_N = force_N.norm();
   if (!(all_N > 0)) return;
   // force that the contact already provides in the direction of the push, and the fraction that it lacks
-  const double lent_N = std::max(0.0, contact.asked.force_N.dot(force_N) / all_N);
+  const double lent_N = std::max(0.0, contact.requested.force_N.dot(force_N) / all_N);
   const double lacks = std::max(0.0, all_N - lent_N) / all_N;
   // patient N mm to device N mm, for torque and energy
   const double lever = gains.force_gain / gains.scale;
-  contact.asked.force_N += force_N * lacks;
-  contact.asked.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
+  contact.requested.force_N += force_N * lacks;
+  contact.requested.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
   // the whole energy of the push: an upper bound, as for the contact
   contact.stored_mJ += push.stored_mJ * lever;
   contact.stiffness_N_per_mm =

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 
 namespace palpate {
 namespace {
 
-Eigen::Quaterniond felt_after(const SessionState& state, double elapsed_s) {
-  const double part = std::min(1.0, elapsed_s / kTurningFeel.interval_s);
+Eigen::Quaterniond rotation_after(const SessionState& state, double elapsed_s) {
+  const double part = std::min(1.0, elapsed_s / kRotationSettings.interval_s);
   return Rotation<World, World>(state.rotation_start)
       .slerp(part, Rotation<World, World>(state.rotation_target))
       .quaternion();
@@ -28,7 +28,8 @@ struct Held {
 Held held_by(const Model& model, const DeviceParameters& own, const DeviceState& device,
              const SessionState::Hand& hand) {
   Held held;
-  if (!hand.seen || hand.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0)) return held;
+  if (!hand.has_previous || hand.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0))
+    return held;
   held.pushed = true;
   held.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
   held.sent_N = hand.output.sent.force_N;
@@ -39,21 +40,22 @@ Held held_by(const Model& model, const DeviceParameters& own, const DeviceState&
 }
 
 // displacement of the point when the object rotates from `from` to `to`, device mm
-Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
+Vector<World> displacement_of(const Held& held, const Eigen::Quaterniond& from,
+                              const Eigen::Quaterniond& to) {
   return (Rotation<World, World>(to) * held.lever - Rotation<World, World>(from) * held.lever) / held.scale;
 }
 
 // Fraction of a displacement that satisfies all limits. Against a spring the force grows along the path, so
 // the work is F s + K s^2 / 2.
-double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
-  const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
-  const double max_mJ = kTurningFeel.max_power_mW * dt_s;
-  double longest_mm = kTurningFeel.max_speed_mm_s * dt_s;
+double allowed_part(const Held& held, const Vector<World>& displacement_mm, double dt_s) {
+  const double length_mm = displacement_mm.norm(), force_N = held.sent_N.norm();
+  const double max_mJ = kRotationSettings.max_power_mW * dt_s;
+  double longest_mm = kRotationSettings.max_speed_mm_s * dt_s;
   if (held.stiffest_N_per_mm > 0)
-    longest_mm = std::min(longest_mm, kTurningFeel.max_step_N / held.stiffest_N_per_mm);
+    longest_mm = std::min(longest_mm, kRotationSettings.max_step_N / held.stiffest_N_per_mm);
   double part = std::min(1.0, longest_mm / std::max(length_mm, 1e-12));
   if (!(force_N > 0)) return part;
-  const double along_mm = held.sent_N.dot(way_mm) / force_N;
+  const double along_mm = held.sent_N.dot(displacement_mm) / force_N;
   if (along_mm == 0) return part;
   const double stiffness = along_mm > 0 ? held.stiffness_N_per_mm : 0;
   const double max_mm = 2 * max_mJ / (force_N + std::sqrt(force_N * force_N + 2 * stiffness * max_mJ));
@@ -72,39 +74,40 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   // a new command starts from the current attitude
   const Eigen::Quaterniond& target = parameters.rotation_target;
   if (target.coeffs() != state.rotation_target.coeffs() && is_rotation(target)) {
-    state.rotation_start = state.rotation_felt;
+    state.rotation_start = state.rotation_applied;
     state.rotation_target = target;
     state.rotation_elapsed_s = 0;
   }
-  if (state.rotation_elapsed_s >= kTurningFeel.interval_s || !(dt_s > 0)) return 0;
+  if (state.rotation_elapsed_s >= kRotationSettings.interval_s || !(dt_s > 0)) return 0;
 
   // the largest rotation that every operator's limits allow
   std::array<Held, kMaxDevices> held;
   for (std::size_t d = 0; d < devices.size(); ++d)
     held[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
-  const Eigen::Quaterniond before = state.rotation_felt;
-  const double within_s = std::min(dt_s, kTurningFeel.max_tick_s);
+  const Eigen::Quaterniond before = state.rotation_applied;
+  const double within_s = std::min(dt_s, kRotationSettings.max_tick_s);
   std::uint32_t holding = 0;
   double step_s = dt_s;
-  Eigen::Quaterniond felt = felt_after(state, state.rotation_elapsed_s + step_s);
-  for (int tries = 0; tries < kTurningFeel.max_iterations; ++tries) {
+  Eigen::Quaterniond rotation = rotation_after(state, state.rotation_elapsed_s + step_s);
+  for (int tries = 0; tries < kRotationSettings.max_iterations; ++tries) {
     double part = 1;
     for (std::size_t d = 0; d < devices.size(); ++d) {
       if (!held[d].pushed) continue;
-      const double own = allowed_part(held[d], way_of(held[d], before, felt), within_s);
+      const double own = allowed_part(held[d], displacement_of(held[d], before, rotation), within_s);
       if (own < 1) holding |= 1u << d;
       part = std::min(part, own);
     }
     if (part >= 1 - 1e-6) break;
     step_s *= part;
-    felt = felt_after(state, state.rotation_elapsed_s + step_s);
+    rotation = rotation_after(state, state.rotation_elapsed_s + step_s);
   }
 
   // work on the operators
   for (std::size_t d = 0; d < devices.size(); ++d)
-    if (held[d].pushed) state.hands[d].turned_mJ += held[d].sent_N.dot(way_of(held[d], before, felt));
+    if (held[d].pushed)
+      state.hands[d].turned_mJ += held[d].sent_N.dot(displacement_of(held[d], before, rotation));
   state.rotation_elapsed_s += step_s;
-  state.rotation_felt = felt;
+  state.rotation_applied = rotation;
   return holding;
 }
 

@@ -16,7 +16,7 @@
 /// The passivity observer counts the first term, this account the second.
 namespace palpate {
 
-/// Rotates the object towards the commanded rotation, which it reaches kTurningFeel.interval_s after the
+/// Rotates the object towards the commanded rotation, which it reaches kRotationSettings.interval_s after the
 /// command at the earliest; slower where the limits require it. Adds the work to each hand's `turned_mJ`. A
 /// command that is not a rotation is ignored.
 /// @param devices  states of this tick; the work is that of the forces sent in the last one

@@ -33,7 +33,7 @@ struct TurningWall {
       labels.voxels()[v] =
           static_cast<int>(v) / grid.dims[0] % grid.dims[1] > grid.dims[1] / 2 ? testing::kBone : LabelId{0};
     model.labels = label_bricks(labels);
-    ContactSurface wall = testing::felt_surface(grid, depth_mm, 20);
+    ContactSurface wall = testing::make_contact_surface(grid, depth_mm, 20);
     wall.stiffness_N_per_mm = kWall_N_per_mm;
     model.surfaces = {wall};
     model.label_of_surface = {testing::kBone};
@@ -61,7 +61,7 @@ struct TurningWall {
     parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(radians, Eigen::Vector3d::UnitX()));
   }
   double force() const { return wrenches[0].force_N.norm(); }
-  double turned() const { return 2 * std::asin(record.rotation_felt_wxyz[1]); }
+  double turned() const { return 2 * std::asin(record.rotation_applied_wxyz[1]); }
 };
 
 // analytic: all power goes into the spring between the wall and a hand that does not move, F^2 = F0^2 + 2 K P
@@ -76,14 +76,14 @@ TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
     wall.turn_to(0.3);
     for (int n = 1; n <= 400; ++n) {
       wall.at(resting);
-      const double fed_mJ = kTurningFeel.max_power_mW * n * kTurnTick_s;
+      const double fed_mJ = kRotationSettings.max_power_mW * n * kTurnTick_s;
       const double expected_N = std::sqrt(begins_N * begins_N + 2 * kWall_N_per_mm * fed_mJ);
       // at an angle of 0.1 the wall also pushes sideways
       ASSERT_NEAR(wall.force(), expected_N, 0.01 * expected_N) << n;
       ASSERT_LE(wall.record.device[0].turned_mJ, fed_mJ * (1 + 1e-3)) << n;
       ASSERT_TRUE(wall.record.device[0].flags & kFlagTurnHeld) << n;
     }
-    EXPECT_NEAR(wall.record.device[0].turned_mJ, kTurningFeel.max_power_mW * 0.4, 0.05);
+    EXPECT_NEAR(wall.record.device[0].turned_mJ, kRotationSettings.max_power_mW * 0.4, 0.05);
     // the contact's passivity observer stays relative to the object: the spring holds the energy of both
     const double held_mJ = 0.5 * (wall.force() * wall.force() - begins_N * begins_N) / kWall_N_per_mm;
     EXPECT_NEAR(wall.record.device[0].energy_mJ - energy_mJ, held_mJ, 0.05 * held_mJ);
@@ -98,8 +98,8 @@ TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
   wall.turn_to(-0.3);
   for (int n = 1; n <= 60; ++n) {
     wall.at(resting);
-    EXPECT_NEAR(wall.force(), std::sqrt(1 - 2 * kWall_N_per_mm * kTurningFeel.max_power_mW * n * kTurnTick_s),
-                0.03)
+    EXPECT_NEAR(wall.force(),
+                std::sqrt(1 - 2 * kWall_N_per_mm * kRotationSettings.max_power_mW * n * kTurnTick_s), 0.03)
         << n;
   }
 }
@@ -117,8 +117,8 @@ TEST(Turning, AHandThatGivesWayIsLedNoFasterThanThePowerOverItsForce) {
     wall.at(TurningWall::tip_at(height_mm));
     ASSERT_LT(wall.force(), 1.05 * kHand_N);
   }
-  const double way_mm = height_mm + kHand_N / kWall_N_per_mm;
-  EXPECT_NEAR(way_mm, kTurningFeel.max_power_mW * kTicks * kTurnTick_s / kHand_N, 0.1);
+  const double displacement_mm = height_mm + kHand_N / kWall_N_per_mm;
+  EXPECT_NEAR(displacement_mm, kRotationSettings.max_power_mW * kTicks * kTurnTick_s / kHand_N, 0.1);
 }
 
 // attack: 25 degrees back and forth at 6.7 Hz, 1.4 N per tick
@@ -131,7 +131,8 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     if (n % 75 == 0) wall.turn_to(n / 75 % 2 == 0 ? 0.436 : -0.436);
     wall.at(resting);
     const DeviceTick& device = wall.record.device[0];
-    EXPECT_LE(std::abs(device.turned_mJ - before_mJ), kTurningFeel.max_power_mW * kTurnTick_s * (1 + 1e-6))
+    EXPECT_LE(std::abs(device.turned_mJ - before_mJ),
+              kRotationSettings.max_power_mW * kTurnTick_s * (1 + 1e-6))
         << n;
     largest_step_N = std::max(largest_step_N, std::abs(wall.force() - before_N));
     min_N = std::min(min_N, wall.force());
@@ -139,9 +140,9 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     before_N = wall.force();
     before_mJ = device.turned_mJ;
   }
-  EXPECT_LE(largest_step_N, kTurningFeel.max_step_N * 1.01);
+  EXPECT_LE(largest_step_N, kRotationSettings.max_step_N * 1.01);
   // the energy of half a period
-  EXPECT_LE(max_N, std::sqrt(1 + 2 * kWall_N_per_mm * kTurningFeel.max_power_mW * 0.075) + 0.05);
+  EXPECT_LE(max_N, std::sqrt(1 + 2 * kWall_N_per_mm * kRotationSettings.max_power_mW * 0.075) + 0.05);
   EXPECT_GE(min_N, 0);
 }
 
@@ -154,8 +155,8 @@ TEST(Turning, AWallThatMeetsATipComesAsASlowHandWould) {
   for (int n = 0; n < 100; ++n) {
     wall.at(above);
     EXPECT_LE((wall.turned() - before) * std::hypot(kLever_mm, 2),
-              kTurningFeel.max_speed_mm_s * kTurnTick_s * (1 + 1e-3));
-    EXPECT_LE(wall.force() - before_N, kTurningFeel.max_step_N * 1.01) << n;
+              kRotationSettings.max_speed_mm_s * kTurnTick_s * (1 + 1e-3));
+    EXPECT_LE(wall.force() - before_N, kRotationSettings.max_step_N * 1.01) << n;
     before = wall.turned();
     before_N = wall.force();
   }
@@ -202,7 +203,7 @@ TEST(Turning, EveryHandHoldsItAndIsCountedForItself) {
   }
   EXPECT_LT(both.turned(), 0.6 * one.turned());
   EXPECT_TRUE(both.record.device[1].flags & kFlagTurnHeld);
-  EXPECT_LT(both.record.device[1].turned_mJ, -0.9 * kTurningFeel.max_power_mW * 0.02)
+  EXPECT_LT(both.record.device[1].turned_mJ, -0.9 * kRotationSettings.max_power_mW * 0.02)
       << "the hand on the object";
   EXPECT_GT(both.record.device[0].turned_mJ, 0);
 }
@@ -218,7 +219,8 @@ TEST(Turning, TheLimitsAreThoseOfTheDevice) {
   wall.turn_to(0.3);
   for (int n = 1; n <= 100; ++n) wall.at(TurningWall::tip_at(-2));
   // a device millimetre is four patient millimetres: 3 N/mm
-  EXPECT_NEAR(wall.force(), std::sqrt(begins_N * begins_N + 2 * 3 * kTurningFeel.max_power_mW * 0.1), 0.01);
+  EXPECT_NEAR(wall.force(), std::sqrt(begins_N * begins_N + 2 * 3 * kRotationSettings.max_power_mW * 0.1),
+              0.01);
 }
 
 // work recomputed from the records
@@ -239,14 +241,14 @@ TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
     if (n % 501 == 0) wall.parameters.paused = !wall.parameters.paused;
     tip += Vector<World>(any(random), any(random), any(random) - 0.05 * (tip.z() + 1)) * 0.3;
     const SessionState::Hand before = wall.state.hands[0];
-    const Eigen::Quaterniond from = wall.state.rotation_felt;
+    const Eigen::Quaterniond from = wall.state.rotation_applied;
     const double dt_s = kTurnTick_s * (1 + 0.5 * any(random));
     wall.at(tip, {0, 0, 40}, dt_s);
     const Eigen::Vector3d lever = (wall.model.X_WorldPatient * before.previous_tip).eigen();
-    const Eigen::Vector3d way_mm = wall.state.rotation_felt * lever - from * lever;
-    const double work_mJ = before.seen ? before.output.sent.force_N.eigen().dot(way_mm) : 0;
+    const Eigen::Vector3d displacement_mm = wall.state.rotation_applied * lever - from * lever;
+    const double work_mJ = before.has_previous ? before.output.sent.force_N.eigen().dot(displacement_mm) : 0;
     counted_mJ += work_mJ;
-    EXPECT_LE(std::abs(work_mJ), kTurningFeel.max_power_mW * dt_s * (1 + 1e-3)) << n;
+    EXPECT_LE(std::abs(work_mJ), kRotationSettings.max_power_mW * dt_s * (1 + 1e-3)) << n;
     held += (wall.record.device[0].flags & kFlagTurnHeld) != 0;
   }
   EXPECT_NEAR(wall.record.device[0].turned_mJ, counted_mJ, 1e-9);

@@ -92,7 +92,7 @@ TEST(TwoTools, EachFeelsWhatItFeelsAlone) {
     ASSERT_EQ(both.wrenches[1].force_N, burr.wrenches[0].force_N) << n;
     ASSERT_EQ(of_burr.proxy_patient_mm, burr.record.device[0].proxy_patient_mm) << n;
     ASSERT_EQ(of_burr.flags, burr.record.device[0].flags) << n;
-    ASSERT_EQ(both.state.hands[1].burr.taken_mm3, burr.state.hands[0].burr.taken_mm3) << n;
+    ASSERT_EQ(both.state.hands[1].burr.removed_mm3, burr.state.hands[0].burr.removed_mm3) << n;
     ASSERT_EQ(both.state.strokes, burr.state.strokes) << n;
   }
   EXPECT_GT(cuts, 5u) << "else the test is about nothing";
@@ -116,8 +116,8 @@ TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
       ASSERT_EQ(led.state.hands[with_probe].burr.sweeps, 0);
     }
     EXPECT_GT(led.wrenches[with_probe].force_N.norm(), 0.3);
-    EXPECT_EQ(led.state.hands[with_probe].burr.taken_mm3, 0);
-    EXPECT_GT(led.state.hands[with_burr].burr.taken_mm3, 2);
+    EXPECT_EQ(led.state.hands[with_probe].burr.removed_mm3, 0);
+    EXPECT_GT(led.state.hands[with_burr].burr.removed_mm3, 2);
     EXPECT_GT(led.carving->sweeps(with_burr), 0u);
     EXPECT_EQ(led.carving->sweeps(with_probe), 0u);
   }
@@ -167,7 +167,7 @@ TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
       led.tick_once();
     }
     EXPECT_EQ(led.state.strokes, motor || first == 1u << 1 || second == 1u << 4 ? 1u : 0u);
-    return std::array{led.state.hands[0].burr.taken_mm3, led.state.hands[1].burr.taken_mm3};
+    return std::array{led.state.hands[0].burr.removed_mm3, led.state.hands[1].burr.removed_mm3};
   };
   const auto by_switch = cut_mm3(true, 0, 0);
   EXPECT_GT(by_switch[0], 0.1);

@@ -19,12 +19,12 @@ using Index = std::array<int, 3>;
 /// Occupancy around a joint; the lowest of the joint's eight voxels is at the centre.
 class Surroundings {
  public:
-  Surroundings(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at) {
+  Surroundings(const Bricks<LabelId>& labels, const std::vector<char>& is_touchable, const Index& at) {
     std::size_t n = 0;
     for (int k = -kAside; k < kEdge - kAside; ++k)
       for (int j = -kAside; j < kEdge - kAside; ++j)
         for (int i = -kAside; i < kEdge - kAside; ++i)
-          free_[n++] = !felt[labels.anywhere(at[0] + i, at[1] + j, at[2] + k)];
+          free_[n++] = !is_touchable[labels.anywhere(at[0] + i, at[1] + j, at[2] + k)];
   }
 
   /// Whether two free voxels are on two sides of a sheet: at least half of the neighbourhood is free, and the
@@ -34,7 +34,7 @@ class Surroundings {
       return false;
     const int first = place_of(one), second = place_of(other);
     const int reached = fill(first, 1);
-    return seen_[static_cast<std::size_t>(second)] == 0 && reached >= kSide_voxels &&
+    return observed_[static_cast<std::size_t>(second)] == 0 && reached >= kSide_voxels &&
            fill(second, 2) >= kSide_voxels;
   }
 
@@ -47,27 +47,27 @@ class Surroundings {
   int fill(int from, char mark) {
     std::array<int, kEdge * kEdge * kEdge> todo;
     std::size_t count = 0, done = 0;
-    const auto see = [&](int place) {
-      const auto at = static_cast<std::size_t>(place);
-      if (!free_[at] || seen_[at] != 0) return;
-      seen_[at] = mark;
-      todo[count++] = place;
+    const auto observe = [&](int index) {
+      const auto at = static_cast<std::size_t>(index);
+      if (!free_[at] || observed_[at] != 0) return;
+      observed_[at] = mark;
+      todo[count++] = index;
     };
-    see(from);
+    observe(from);
     while (done < count) {
-      const int place = todo[done++];
-      const int i = place % kEdge, j = place / kEdge % kEdge, k = place / (kEdge * kEdge);
-      if (i > 0) see(place - 1);
-      if (i + 1 < kEdge) see(place + 1);
-      if (j > 0) see(place - kEdge);
-      if (j + 1 < kEdge) see(place + kEdge);
-      if (k > 0) see(place - kEdge * kEdge);
-      if (k + 1 < kEdge) see(place + kEdge * kEdge);
+      const int place_index = todo[done++];
+      const int i = place_index % kEdge, j = place_index / kEdge % kEdge, k = place_index / (kEdge * kEdge);
+      if (i > 0) observe(place_index - 1);
+      if (i + 1 < kEdge) observe(place_index + 1);
+      if (j > 0) observe(place_index - kEdge);
+      if (j + 1 < kEdge) observe(place_index + kEdge);
+      if (k > 0) observe(place_index - kEdge * kEdge);
+      if (k + 1 < kEdge) observe(place_index + kEdge * kEdge);
     }
     return static_cast<int>(count);
   }
 
-  std::array<char, kEdge * kEdge * kEdge> free_{}, seen_{};
+  std::array<char, kEdge * kEdge * kEdge> free_{}, observed_{};
 };
 
 struct Found {
@@ -103,7 +103,7 @@ constexpr unsigned bit(const Index& at) {
 }
 
 struct Pattern {
-  unsigned looked_at = 0, felt = 0;
+  unsigned looked_at = 0, solid = 0;
 };
 constexpr std::array<Pattern, kJoints.size()> patterns() {
   std::array<Pattern, kJoints.size()> all;
@@ -113,7 +113,7 @@ constexpr std::array<Pattern, kJoints.size()> patterns() {
       const Index& size = kJoints[n].size;
       if (at[0] < size[0] && at[1] < size[1] && at[2] < size[2]) all[n].looked_at |= bit(at);
     }
-    all[n].felt = all[n].looked_at & ~bit(kJoints[n].one) & ~bit(kJoints[n].other);
+    all[n].solid = all[n].looked_at & ~bit(kJoints[n].one) & ~bit(kJoints[n].other);
   }
   return all;
 }
@@ -124,25 +124,25 @@ constexpr std::array<bool, 256> joint_blocks() {
   std::array<bool, 256> any{};
   for (unsigned block = 0; block < 256; ++block)
     for (const Pattern& pattern : kPatterns)
-      any[block] = any[block] || (block & pattern.looked_at) == pattern.felt;
+      any[block] = any[block] || (block & pattern.looked_at) == pattern.solid;
   return any;
 }
 constexpr std::array<bool, 256> kJointBlocks = joint_blocks();
 
 // examines the joints of one block
-void look_at(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at, unsigned block,
-             FoundOfLabel& found) {
+void look_at(const Bricks<LabelId>& labels, const std::vector<char>& is_touchable, const Index& at,
+             unsigned block, FoundOfLabel& found) {
   for (std::size_t n = 0; n < kJoints.size(); ++n) {
-    if ((block & kPatterns[n].looked_at) != kPatterns[n].felt) continue;
+    if ((block & kPatterns[n].looked_at) != kPatterns[n].solid) continue;
     const auto label_of = [&](int corner) {
       return labels.at(at[0] + (corner & 1), at[1] + (corner >> 1 & 1), at[2] + (corner >> 2));
     };
-    const LabelId label = label_of(std::countr_zero(kPatterns[n].felt));
+    const LabelId label = label_of(std::countr_zero(kPatterns[n].solid));
     bool one_structure = true;
     for (int corner = 0; corner < 8; ++corner)
-      if ((kPatterns[n].felt >> corner & 1) != 0) one_structure = one_structure && label_of(corner) == label;
+      if ((kPatterns[n].solid >> corner & 1) != 0) one_structure = one_structure && label_of(corner) == label;
     if (!one_structure) continue;
-    Surroundings around(labels, felt, at);
+    Surroundings around(labels, is_touchable, at);
     if (!around.separates(kJoints[n].one, kJoints[n].other)) continue;
     const Index& size = kJoints[n].size;
     const Point<Voxel> middle(at[0] + 0.5 * (size[0] - 1), at[1] + 0.5 * (size[1] - 1),
@@ -156,12 +156,12 @@ void look_at(const Bricks<LabelId>& labels, const std::vector<char>& felt, const
 
 Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                       int threads, const Progress& progress) {
-  std::vector<char> felt(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 0);
-  for (const LabelId structure : structures) felt[structure] = 1;
+  std::vector<char> is_touchable(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 0);
+  for (const LabelId structure : structures) is_touchable[structure] = 1;
   const auto& dims = labels.geometry().dims;
   if (dims[0] < 2 || dims[1] < 2) return std::vector<Leaks>();
   const int workers = worker_count(threads, dims[2]);
-  std::vector<FoundOfLabel> found(static_cast<std::size_t>(workers), FoundOfLabel(felt.size()));
+  std::vector<FoundOfLabel> found(static_cast<std::size_t>(workers), FoundOfLabel(is_touchable.size()));
   const auto done =
       internal::for_each_slice(dims[2], workers, progress, {"looking for leaks"}, [&](int worker, int k) {
         const auto look_along = [&](const RowPiece<LabelId>& piece) {
@@ -170,7 +170,8 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
           const auto column = [&](int i) {
             unsigned bits = 0;
             for (int r = 0; r < 4; ++r)
-              if (felt[piece.voxels[i + (r & 1) * BrickLayout::kRow + (r >> 1) * BrickLayout::kSlice]] != 0)
+              if (is_touchable[piece.voxels[i + (r & 1) * BrickLayout::kRow +
+                                            (r >> 1) * BrickLayout::kSlice]] != 0)
                 bits |= 1u << (2 * r);
             return bits;
           };
@@ -180,7 +181,7 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
             const unsigned next = column(i + 1), block = before | next << 1;
             before = next;
             if (kJointBlocks[block])
-              look_at(labels, felt, {piece.i + i, piece.j, k}, block,
+              look_at(labels, is_touchable, {piece.i + i, piece.j, k}, block,
                       found[static_cast<std::size_t>(worker)]);
           }
         };

@@ -38,12 +38,12 @@ inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int
   const auto with = [](int voxels, int margin) { return voxels + 2.0 * margin; };
   const Index3& f = margins.filtered;
   const Index3 s{f[0] + margins.seen[0], f[1] + margins.seen[1], f[2] + margins.seen[2]};
-  const double seen_bytes = with(box.size(0), s[0]) * (with(slices, s[2]) + 4 * with(slices, f[2]));
+  const double border_bytes = with(box.size(0), s[0]) * (with(slices, s[2]) + 4 * with(slices, f[2]));
   const double filtered_bytes = 16 * with(box.size(0), f[0]) * with(slices, f[2]);
   const auto bytes = [&](int rows) {
-    return seen_bytes * with(rows, s[1]) + filtered_bytes * with(rows, f[1]);
+    return border_bytes * with(rows, s[1]) + filtered_bytes * with(rows, f[1]);
   };
-  const double most = (kPiece_bytes - bytes(0)) / (seen_bytes + filtered_bytes);
+  const double most = (kPiece_bytes - bytes(0)) / (border_bytes + filtered_bytes);
   const int at_most = std::max(kMinRows, static_cast<int>(std::min(1e6, most)));
   const int strips = (box.size(1) + at_most - 1) / at_most, rows = (box.size(1) + strips - 1) / strips;
   for (int k = box.low[2]; k < box.high[2]; k += slices) {

@@ -274,14 +274,15 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
   if (!touching) return touching.error();
   const std::vector<Span3> spans = internal::label_spans(labels);
   internal::RaisedField field(labels.geometry());
-  ChainTraversal walk(labels, structures, spans, *touching, options, progress, ramps.full_force_N, field);
+  ChainTraversal traversal(labels, structures, spans, *touching, options, progress, ramps.full_force_N,
+                           field);
   const auto count = static_cast<double>(structures.size());
   for (std::size_t s = 0; s < structures.size(); ++s) {
     if (spans[structures[s].label].empty()) continue;
     const auto n = static_cast<double>(s);
-    const auto done = walk.from(s, work.part(0.05 + 0.9 * n / count, 0.05 + 0.9 * (n + 1) / count));
+    const auto done = traversal.from(s, work.part(0.05 + 0.9 * n / count, 0.05 + 0.9 * (n + 1) / count));
     if (!done) return done.error();
-    ramps.structures.push_back({structures[s].label, 0, walk.half_thickness_mm});
+    ramps.structures.push_back({structures[s].label, 0, traversal.half_thickness_mm});
   }
   ramps.field = field.take();
   const auto greatest = greatest_values(labels, index, structures.size(), ramps.field, options.threads,
@@ -306,11 +307,11 @@ Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<Ram
   }
 }
 
-Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid) {
+Result<double> ramp_width_mm(std::optional<double> requested_mm, const GridGeometry& grid) {
   const double widest_mm = grid.spacing_mm.maxCoeff();
   // default widths never fail: scenes for the proxy, which does not use ramps, must load on coarse voxels too
-  if (!asked_mm) return std::clamp(2 * widest_mm, kUsualRampWidth_mm, kMaxRampWidth_mm);
-  const double width_mm = *asked_mm;
+  if (!requested_mm) return std::clamp(2 * widest_mm, kUsualRampWidth_mm, kMaxRampWidth_mm);
+  const double width_mm = *requested_mm;
   // tolerance for rounding of direction matrices
   if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMaxRampWidth_mm) return width_mm;
   return bad_input(

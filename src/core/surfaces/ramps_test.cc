@@ -109,7 +109,7 @@ TEST(Ramps, OnBallsPointOutward) {
   constexpr std::array kDepth_mm{0.3, 0.5, 1.0, 1.5, 2.0};
   for (const Eigen::Vector3d& spacing : kClinical) {
     for (const double radius_mm : {5.0, 10.0, 20.0}) {
-      std::array<std::vector<double>, kDepth_mm.size()> ramp_deg, gaussian_deg, felt_mm;
+      std::array<std::vector<double>, kDepth_mm.size()> ramp_deg, gaussian_deg, contact_mm;
       // the same number of rays per radius: larger balls need fewer instances
       const int balls = radius_mm < 10 ? 20 : radius_mm < 20 ? 8 : 4;
       for (int n = 0; n < balls; ++n) {
@@ -123,7 +123,7 @@ TEST(Ramps, OnBallsPointOutward) {
             const Point<Patient> x(ball.centre + (radius_mm - kDepth_mm[t]) * d);
             const FieldSample sample = sample_central_differences(ramp, x);
             ramp_deg[t].push_back(test::angle_deg(-sample.gradient.eigen(), d));
-            felt_mm[t].push_back(sample.value * ramps.full_force_N);
+            contact_mm[t].push_back(sample.value * ramps.full_force_N);
             gaussian_deg[t].push_back(
                 test::angle_deg(-sample_central_differences(gaussian, x).gradient.eigen(), d));
           }
@@ -131,13 +131,13 @@ TEST(Ramps, OnBallsPointOutward) {
       }
       std::printf("spacing %.3f %.3f r %2.0f:", spacing[0], spacing[2], radius_mm);
       for (std::size_t t = 0; t < kDepth_mm.size(); ++t) {
-        const test::Spread ramp(ramp_deg[t]), gaussian(gaussian_deg[t]), felt(felt_mm[t]);
+        const test::Spread ramp(ramp_deg[t]), gaussian(gaussian_deg[t]), rendered(contact_mm[t]);
         std::printf(" | %.1f mm: %.2f %.2f (%.2f %.2f), felt %.2f", kDepth_mm[t], ramp.mean, ramp.at(0.99),
-                    gaussian.mean, gaussian.at(0.99), felt.mean);
+                    gaussian.mean, gaussian.at(0.99), rendered.mean);
         // near the surface the differences include voxels that must be 0
         EXPECT_LE(ramp.mean, kDepth_mm[t] < 1 ? 6 : 3) << kDepth_mm[t];
         EXPECT_LE(ramp.at(0.99), kDepth_mm[t] < 1 ? 18 : 14) << kDepth_mm[t];
-        EXPECT_NEAR(felt.mean, kDepth_mm[t], 0.15) << "a sphere keeps its size";
+        EXPECT_NEAR(rendered.mean, kDepth_mm[t], 0.15) << "a sphere keeps its size";
       }
       std::printf("\n");
     }
@@ -160,18 +160,18 @@ TEST(Ramps, RiseWithTheStiffnessAndEndAtTheWidth) {
       const Ramps ramps = prepared(labels);
       EXPECT_DOUBLE_EQ(ramps.full_force_N, kBone_N_per_mm * 4);
       const Field field(ramps.field);
-      const auto felt_N = [&](double depth_mm) {
+      const auto rendered_N = [&](double depth_mm) {
         return ramps.full_force_N * sample_value(field, grid.centre() - Vector<Patient>(depth_mm * up));
       };
       const double begin_mm = up.cwiseAbs().dot(spacing) + 0.5;
-      const double slope = (felt_N(3.2) - felt_N(begin_mm)) / (3.2 - begin_mm);
+      const double slope = (rendered_N(3.2) - rendered_N(begin_mm)) / (3.2 - begin_mm);
       std::printf("spacing %.3f %.3f up %+.2f %+.2f %+.2f: %.3f N/mm, %.2f N at 1 mm\n", spacing[0],
-                  spacing[2], up[0], up[1], up[2], slope, felt_N(1));
+                  spacing[2], up[0], up[1], up[2], slope, rendered_N(1));
       // a surface almost parallel to planes of voxels moves by up to half a voxel towards them with depth
       const bool parallel = up.cwiseAbs().maxCoeff() > 0.95;
       EXPECT_GT(slope, 0.93 * kBone_N_per_mm);
       EXPECT_LT(slope, (parallel ? 1.2 : 1.05) * kBone_N_per_mm);
-      EXPECT_EQ(felt_N(6), ramps.full_force_N);
+      EXPECT_EQ(rendered_N(6), ramps.full_force_N);
     }
   }
 }
@@ -330,14 +330,14 @@ std::vector<double> min_over_paths(const Volume<LabelId>& labels, const std::arr
     for (int n = 0; n < 27; ++n) {
       const std::array<int, 3> step{n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
       bool known = true;
-      Eigen::Vector3d way;
+      Eigen::Vector3d displacement;
       for (int a = 0; a < 3; ++a) {
         known = known && at[a] + step[a] >= 0 && at[a] + step[a] < grid.dims[a];
-        way[a] = step[a] * grid.spacing_mm[a];
+        displacement[a] = step[a] * grid.spacing_mm[a];
       }
       if (!known) continue;
       const std::size_t next = grid.offset(at[0] + step[0], at[1] + step[1], at[2] + step[2]);
-      const double there = here + way.norm() * std::max(stiffness_at(v), stiffness_at(next));
+      const double there = here + displacement.norm() * std::max(stiffness_at(v), stiffness_at(next));
       if (there < cost[next]) open.push({cost[next] = there, next});
     }
   }

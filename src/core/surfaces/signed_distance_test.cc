@@ -20,8 +20,8 @@ double oracle(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing, d
   for_each_row(mask.span(), [&](int y, int z) {
     for (int x = mask.span().low[0]; x < mask.span().high[0]; ++x) {
       if (at(x, y, z) == mine) continue;
-      const Eigen::Vector3d way((x - i) * spacing[0], (y - j) * spacing[1], (z - k) * spacing[2]);
-      least = std::min(least, way.squaredNorm());
+      const Eigen::Vector3d displacement((x - i) * spacing[0], (y - j) * spacing[1], (z - k) * spacing[2]);
+      least = std::min(least, displacement.squaredNorm());
     }
   });
   return (mine != 0 ? -1 : 1) * std::sqrt(least);

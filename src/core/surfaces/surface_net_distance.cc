@@ -15,10 +15,10 @@ constexpr float kRoundingOf_mm = 1e-3f;
 /// Nested boxes of voxels, in voxels.
 constexpr std::array<Index3, 3> kBoxes{{{16, 16, 4}, {8, 8, 2}, {4, 4, 1}}};
 
-bool any(const Block<std::uint8_t>& wanted, const Span3& box) {
+bool any(const Block<std::uint8_t>& requested, const Span3& box) {
   bool found = false;
   for_each_row(box, [&](int j, int k) {
-    const std::uint8_t* row = wanted.row(j, k) + (box.low[0] - wanted.span().low[0]);
+    const std::uint8_t* row = requested.row(j, k) + (box.low[0] - requested.span().low[0]);
     found = found || std::any_of(row, row + box.size(0), [](std::uint8_t w) { return w != 0; });
   });
   return found;
@@ -159,9 +159,9 @@ NetDisc NetTriangles::around(const Range& triangles) const {
   float along = 0, across = 0;
   for (std::uint32_t t = triangles.first; t < triangles.last; ++t) {
     const NetTriangle& triangle = triangles_[t];
-    for (const float* way : {static_cast<const float*>(nullptr), triangle.ab, triangle.ac}) {
+    for (const float* distance : {static_cast<const float*>(nullptr), triangle.ab, triangle.ac}) {
       Vector from = vector(triangle.corner) - middle;
-      if (way != nullptr) from += vector(way);
+      if (distance != nullptr) from += vector(distance);
       const float up = normal.dot(from);
       along = std::max(along, std::abs(up));
       across = std::max(across, (from - up * normal).norm());
@@ -173,8 +173,8 @@ NetDisc NetTriangles::around(const Range& triangles) const {
 /// Computes the distances of a block, box by box.
 class NetTriangles::Search {
  public:
-  Search(const NetTriangles& net, float reach_mm, const Block<std::uint8_t>& wanted, Block<float>& mm)
-      : net_(net), reach_mm_(reach_mm), wanted_(wanted), mm_(mm) {}
+  Search(const NetTriangles& net, float reach_mm, const Block<std::uint8_t>& requested, Block<float>& mm)
+      : net_(net), reach_mm_(reach_mm), wanted_(requested), mm_(mm) {}
 
   void run() {
     for_each_box(mm_.span(), kBoxes[0], [&](const Span3& box) {
@@ -243,7 +243,7 @@ class NetTriangles::Search {
   }
 
   void fill(const Span3& box) {
-    for_each_wanted(box, [&](int, float& mm) { mm = reach_mm_; });
+    for_each_requested(box, [&](int, float& mm) { mm = reach_mm_; });
   }
 
   void measure(const Span3& box, const NearParts& near) {
@@ -256,17 +256,17 @@ class NetTriangles::Search {
       tile.squared[n] = reach_mm_ * reach_mm_;
     }
     measure_tile(net_.parts_.data(), net_.triangles_.data(), near, tile);
-    for_each_wanted(box, [&](int n, float& mm) { mm = std::sqrt(tile.squared[n]); });
+    for_each_requested(box, [&](int n, float& mm) { mm = std::sqrt(tile.squared[n]); });
   }
 
   /// Calls set(index in the tile at the box, value).
   template <class Set>
-  void for_each_wanted(const Span3& box, const Set& set) {
+  void for_each_requested(const Span3& box, const Set& set) {
     for_each_row(box, [&](int j, int k) {
-      const std::uint8_t* wanted = wanted_.row(j, k) + (box.low[0] - wanted_.span().low[0]);
+      const std::uint8_t* requested = wanted_.row(j, k) + (box.low[0] - wanted_.span().low[0]);
       float* mm = mm_.row(j, k) + (box.low[0] - mm_.span().low[0]);
       for (int i = 0; i < box.size(0); ++i) {
-        if (wanted[i] != 0) set((j - box.low[1]) * kTileWidth + i, mm[i]);
+        if (requested[i] != 0) set((j - box.low[1]) * kTileWidth + i, mm[i]);
       }
     });
   }
@@ -279,8 +279,8 @@ class NetTriangles::Search {
   std::array<NearParts, kBoxes.size() + 1> near_;
 };
 
-void NetTriangles::distance(float reach_mm, const Block<std::uint8_t>& wanted, Block<float>& mm) const {
-  Search(*this, reach_mm, wanted, mm).run();
+void NetTriangles::distance(float reach_mm, const Block<std::uint8_t>& requested, Block<float>& mm) const {
+  Search(*this, reach_mm, requested, mm).run();
 }
 
 }  // namespace palpate::internal

@@ -23,8 +23,8 @@ class NetTriangles {
 
   /// Distance from voxel centres to the nearest triangle, mm, at most reach_mm. Exact, and independent of
   /// which other voxels are requested.
-  /// @param wanted  covers `mm`; voxels where it is 0 are not written
-  void distance(float reach_mm, const Block<std::uint8_t>& wanted, Block<float>& mm) const;
+  /// @param requested  covers `mm`; voxels where it is 0 are not written
+  void distance(float reach_mm, const Block<std::uint8_t>& requested, Block<float>& mm) const;
 
  private:
   /// The fourth component is 0, so that a position or difference is one SIMD vector.

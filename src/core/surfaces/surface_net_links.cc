@@ -55,8 +55,8 @@ void carve_net(const SurfaceNet& once, SurfaceNet& now) {
   for (int round = 0; round < kCarvingRounds; ++round) {
     for (std::size_t c = 0; c < cut.size(); ++c) {
       const std::uint32_t n = cut[c];
-      const CellPlace way = links.ways(now.place, n) * links.share[n] + links.offset[n];
-      moved[c] = (now.place[n] + way).max(kCellMargin).min(1 - kCellMargin);
+      const CellPlace path = links.paths(now.place, n) * links.share[n] + links.offset[n];
+      moved[c] = (now.place[n] + path).max(kCellMargin).min(1 - kCellMargin);
     }
     for (std::size_t c = 0; c < cut.size(); ++c) now.place[cut[c]] = moved[c];
   }

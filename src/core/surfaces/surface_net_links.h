@@ -39,7 +39,7 @@ struct NetLinks {
 
   /// Sum over the links of the differences in position within the cells, in voxels, excluding the cells'
   /// offsets.
-  CellPlace ways(const std::vector<CellPlace>& place, std::size_t n) const {
+  CellPlace paths(const std::vector<CellPlace>& place, std::size_t n) const {
     const auto& l = to[n];
     const CellPlace& at = place[n];
     return ((place[l[0]] - at) + (place[l[1]] - at)) + ((place[l[2]] - at) + (place[l[3]] - at)) +

@@ -95,7 +95,7 @@ class Relaxation {
   void compute_border_divisors();
   void unlink_unpaired();
   void relink_unpaired();
-  CellPlace way_mm(std::size_t n, int link) const;
+  CellPlace distance_mm(std::size_t n, int link) const;
   float square_along(std::size_t n, int link, const CellPlace& normal) const;
   CellPlace area(std::size_t n) const;
   std::vector<CellPlace> normals() const;
@@ -233,7 +233,7 @@ Result<void> Relaxation::solve(int rounds, const Progress& progress) {
         CellPlace farthest = CellPlace::Zero();
         for (std::size_t n = first; n < last; ++n) {
           const CellPlace at = place_[n];
-          const CellPlace pull = links_.ways(place_, n) * links_.share[n] + rest_[n];
+          const CellPlace pull = links_.paths(place_, n) * links_.share[n] + rest_[n];
           const CellPlace to = (at + beyond * pull).max(kCellMargin).min(1 - kCellMargin);
           farthest = farthest.max((to - at).abs());
           place_[n] = to;
@@ -250,17 +250,17 @@ Result<void> Relaxation::solve(int rounds, const Progress& progress) {
 }
 
 /// Vector from a node to the linked one, mm.
-CellPlace Relaxation::way_mm(std::size_t n, int link) const {
-  CellPlace way = place_[links_.to[n][link]] - place_[n];
-  way[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
-  return way * spacing_;
+CellPlace Relaxation::distance_mm(std::size_t n, int link) const {
+  CellPlace path = place_[links_.to[n][link]] - place_[n];
+  path[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
+  return path * spacing_;
 }
 
 /// Squared length of a link's component tangential to the surface, mm2.
 float Relaxation::square_along(std::size_t n, int link, const CellPlace& normal) const {
-  const CellPlace way = way_mm(n, link);
-  const float up = (normal * way).sum();
-  return way.square().sum() - up * up;
+  const CellPlace path = distance_mm(n, link);
+  const float up = (normal * path).sum();
+  return path.square().sum() - up * up;
 }
 
 /// Sum of the area vectors of a node's quads, outward.
@@ -277,8 +277,8 @@ CellPlace Relaxation::area(std::size_t n) const {
       // both faces at the edge have both classes, so their links exist unless they lead to a wall
       const int beside = 2 * b + sb, above = 2 * c + sc;
       if (links_.to[n][beside] == n || links_.to[n][above] == n) continue;
-      const Eigen::Vector3f x = way_mm(n, beside).head<3>(), y = way_mm(n, above).head<3>();
-      const Eigen::Vector3f z = x + way_mm(links_.to[n][beside], above).head<3>().matrix();
+      const Eigen::Vector3f x = distance_mm(n, beside).head<3>(), y = distance_mm(n, above).head<3>();
+      const Eigen::Vector3f z = x + distance_mm(links_.to[n][beside], above).head<3>().matrix();
       sum += ((sb == sc) == inside ? 0.5f : -0.5f) * z.cross(y - x);
     }
   }
@@ -337,7 +337,7 @@ void Relaxation::bend() {
       for (int f = 0; f < 6; ++f) {
         const std::uint32_t m = links_.to[n][f];
         if (m == n) continue;
-        turn += ((normal[m] - normal[n]) * way_mm(n, f)).sum();
+        turn += ((normal[m] - normal[n]) * distance_mm(n, f)).sum();
         square += square_along(n, f, normal[n]);
       }
       bent[n] << -0.5f * turn, 0.25f * square, 0.0f, 0.0f;

@@ -244,14 +244,14 @@ TEST(SurfaceNet, DistanceIsTheSameWhicheverVoxelsAreWanted) {
       part.low[a] = all.low[a] + static_cast<int>(random() % static_cast<unsigned>(all.size(a)));
       part.high[a] = std::min(all.high[a], part.low[a] + 1 + static_cast<int>(random() % 20));
     }
-    Block<std::uint8_t> wanted(part.grown({3, 2, 1}), 0);
-    for (std::uint8_t& w : wanted.values()) w = random() % 3 == 0 ? 1 : 0;
+    Block<std::uint8_t> requested(part.grown({3, 2, 1}), 0);
+    for (std::uint8_t& w : requested.values()) w = random() % 3 == 0 ? 1 : 0;
     Block<float> some(part, -1);
-    triangles.distance(2, wanted, some);
+    triangles.distance(2, requested, some);
     for_each_row(part, [&](int j, int k) {
       for (int x = 0; x < part.size(0); ++x) {
         const float whole = mm.row(j, k)[part.low[0] + x - all.low[0]];
-        ASSERT_EQ(some.row(j, k)[x], wanted.row(j, k)[x + 3] != 0 ? whole : -1);
+        ASSERT_EQ(some.row(j, k)[x], requested.row(j, k)[x + 3] != 0 ? whole : -1);
       }
     });
   }

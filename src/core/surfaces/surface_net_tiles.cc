@@ -72,7 +72,7 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
   const auto limit = hn::Mul(most, most);
 
   static_assert(kTileVoxels <= 8, "a byte holds the bits of a vector");
-  std::size_t kept = 0;
+  std::size_t retained = 0;
   for (std::size_t n = 0; n < in.count; n += lanes) {
     const auto there = hn::FirstN(d, in.count - n);
     const auto near = hn::And(there, hn::Le(hn::LoadU(d, in.number[8] + n), limit));
@@ -82,11 +82,11 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
     hn::StoreMaskBits(d, near, bits.data());
     for (unsigned left = bits[0]; left != 0; left &= left - 1) {
       const std::size_t from = n + static_cast<unsigned>(std::countr_zero(left));
-      for (int m = 0; m < 9; ++m) out.number[m][kept] = in.number[m][from];
-      out.part[kept++] = in.part[from];
+      for (int m = 0; m < 9; ++m) out.number[m][retained] = in.number[m][from];
+      out.part[retained++] = in.part[from];
     }
   }
-  return kept;
+  return retained;
 }
 
 /// Squared distance to a triangle; `up` is the height above its plane. If the projection is inside, the
@@ -172,9 +172,9 @@ void NearParts::move_nearest_first() {
   std::swap(part[0], part[least]);
 }
 
-void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& kept) {
-  kept.make_room(all.count);
-  kept.count = HWY_DYNAMIC_DISPATCH(keep)(NearPartRows(all), ball, reach_mm, NearPartRows(kept));
+void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& stored) {
+  stored.make_room(all.count);
+  stored.count = HWY_DYNAMIC_DISPATCH(keep)(NearPartRows(all), ball, reach_mm, NearPartRows(stored));
 }
 
 void measure_tile(const NetPart* parts, const NetTriangle* triangles, const NearParts& near, NetTile& tile) {

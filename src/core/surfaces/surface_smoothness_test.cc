@@ -110,8 +110,8 @@ Ripple ripple_of_plane(const Vector3d& spacing, double tilt_deg, std::mt19937& r
 /// Number of positions of a plane relative to the voxels; overridden by PALPATE_TEST_SCENES. Terraces at 5
 /// degrees are longer than a Gaussian along the surface, those at 2 degrees longer than the measured line.
 int places_of_planes(double tilt_deg) {
-  const char* asked = std::getenv("PALPATE_TEST_SCENES");
-  return asked != nullptr ? std::atoi(asked) : tilt_deg == 5 ? 8 : 2;
+  const char* value = std::getenv("PALPATE_TEST_SCENES");
+  return value != nullptr ? std::atoi(value) : tilt_deg == 5 ? 8 : 2;
 }
 
 TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
@@ -122,7 +122,7 @@ TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
     for (const double tilt : {2.0, 5.0, 10.0, 20.0, 35.0, 60.0}) {
       const int places = places_of_planes(tilt);
       Ripple worst;
-      for (int place = 0; place < places; ++place) {
+      for (int index = 0; index < places; ++index) {
         const Ripple ripple = ripple_of_plane(spacing, tilt, random);
         worst.mm = std::max(worst.mm, ripple.mm);
         worst.p99_deg = std::max(worst.p99_deg, ripple.p99_deg);
@@ -218,7 +218,7 @@ TEST(SurfaceSmoothness, SpheresStayWhereTheyAre) {
 }
 
 /// Remaining fraction of the height of a ridge on a plane perpendicular to the slices.
-double kept_of_ridge(const Vector3d& spacing, bool along_slices, std::mt19937& random) {
+double remaining_ridge(const Vector3d& spacing, bool along_slices, std::mt19937& random) {
   std::uniform_real_distribution<double> within(-0.5, 0.5);
   const Vector3d size = along_slices ? Vector3d(24, 14, 30) : Vector3d(30, 14, 24);
   const Vector3d foot =
@@ -232,13 +232,13 @@ double kept_of_ridge(const Vector3d& spacing, bool along_slices, std::mt19937& r
     return (p - foot).dot(up) < (std::abs(x) < 2.5 ? c * c : 0);
   });
   const auto height = [&](const Vector3d& p) { return test::crossing(s, p - up, up, 3) - 1; };
-  double kept = 0;
+  double retained = 0;
   constexpr int kPlaces = 21;
   for (int n = 0; n < kPlaces; ++n) {
     const Vector3d on = foot + (0.5 * n - 5) * along;
-    kept += (height(on) - 0.5 * height(on + 5.5 * wide) - 0.5 * height(on - 5.5 * wide)) / kPlaces;
+    retained += (height(on) - 0.5 * height(on + 5.5 * wide) - 0.5 * height(on - 5.5 * wide)) / kPlaces;
   }
-  return kept;
+  return retained;
 }
 
 TEST(SurfaceSmoothness, ARidgeKeepsItsHeight) {
@@ -249,11 +249,11 @@ TEST(SurfaceSmoothness, ARidgeKeepsItsHeight) {
     for (const bool along_slices : {true, false}) {
       // in some positions the labels also fit a flatter ridge (docs/decisions/0017-surface-nets.md)
       constexpr int kRidges = 12;
-      double kept = 0;
-      for (int n = 0; n < kRidges; ++n) kept += kept_of_ridge(spacing, along_slices, random) / kRidges;
+      double retained = 0;
+      for (int n = 0; n < kRidges; ++n) retained += remaining_ridge(spacing, along_slices, random) / kRidges;
       std::printf("spacing %.3f %.2f: a ridge %s the slices keeps %.2f mm of 1\n", spacing[0], spacing[2],
-                  along_slices ? "along" : "across", kept);
-      EXPECT_GE(kept, 0.8);
+                  along_slices ? "along" : "across", retained);
+      EXPECT_GE(retained, 0.8);
     }
   }
 }

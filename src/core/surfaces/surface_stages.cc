@@ -52,23 +52,25 @@ Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, LabelId label,
     for (int i = 0; i < known.size(0); ++i) to[i] = from[i] == label ? 1 : 0;
   });
   for (const LabelRun& run : without) {
-    const Span3 gone = Span3{{run.first, run.j, run.k}, {run.last + 1, run.j + 1, run.k + 1}}.clipped(known);
-    if (!gone.empty()) std::fill(row_of(run.j, run.k) + gone.low[0], row_of(run.j, run.k) + gone.high[0], 0);
+    const Span3 removed =
+        Span3{{run.first, run.j, run.k}, {run.last + 1, run.j + 1, run.k + 1}}.clipped(known);
+    if (!removed.empty())
+      std::fill(row_of(run.j, run.k) + removed.low[0], row_of(run.j, run.k) + removed.high[0], 0);
   }
   return mask;
 }
 
 /// Writes the distance to the nearest triangle in steps, with the sign of a field, where requested.
 void put_signed_distance(const NetTriangles& net, const Block<std::int16_t>& sign, double reach_mm,
-                         const Block<std::uint8_t>& wanted, Block<std::int16_t>& steps) {
+                         const Block<std::uint8_t>& requested, Block<std::int16_t>& steps) {
   Block<float> mm(sign.span(), 0);
-  net.distance(static_cast<float>(reach_mm), wanted, mm);
+  net.distance(static_cast<float>(reach_mm), requested, mm);
   Block<std::int16_t> found(sign.span());
   mm_to_steps(mm.values().data(), mm.values().size(), found.values().data());
   for_each_row(steps.span(), [&](int j, int k) {
-    const std::uint8_t* is_wanted = wanted.row(j, k) + (steps.span().low[0] - wanted.span().low[0]);
+    const std::uint8_t* is_requested = requested.row(j, k) + (steps.span().low[0] - requested.span().low[0]);
     for (int x = 0; x < steps.span().size(0); ++x) {
-      if (is_wanted[x] == 0) continue;
+      if (is_requested[x] == 0) continue;
       // no voxel lies exactly on the surface: its sign is the label
       const int size = std::max<int>(1, found.row(j, k)[x]);
       steps.row(j, k)[x] = static_cast<std::int16_t>(sign.row(j, k)[x] < 0 ? -size : size);

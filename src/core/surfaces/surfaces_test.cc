@@ -85,7 +85,7 @@ TEST(Surfaces, NormalsOfBallsPointOutward) {
 
 /// Every voxel stays on its side, so that the components are those of the mask (26-neighbourhood) and no
 /// labelled centre is outside.
-void expect_sides_kept(const PreparedSurface& s, const Volume<LabelId>& labels) {
+void expect_sides_preserved(const PreparedSurface& s, const Volume<LabelId>& labels) {
   const Volume<std::int16_t> position = s.surface.position().bricks().dense();
   const GridGeometry& grid = position.geometry();
   std::size_t wrong = 0;
@@ -119,7 +119,7 @@ TEST(Surfaces, PlatesOfOneAndTwoVoxelsSurvive) {
         return std::abs(d) < thick / 2 && (p - centre).squaredNorm() - d * d < 36;
       });
       const PreparedSurface s = prepared_surfaces(labels);
-      expect_sides_kept(s, labels);
+      expect_sides_preserved(s, labels);
     }
   }
 }
@@ -284,7 +284,7 @@ TEST(Surfaces, CarvedInManySmallBoxesEqualOneCarving) {
       const auto at_once = update_surface(once, *label_bricks(labels), everything);
       ASSERT_TRUE(at_once.ok());
       expect_same(*again, *at_once);
-      expect_sides_kept(*again, labels);
+      expect_sides_preserved(*again, labels);
       now = std::move(*again);
     }
     EXPECT_GT(local, 4);
@@ -329,7 +329,7 @@ TEST(Surfaces, ACutMovesNothingBesideIt) {
   }
   const auto carved = update_surface(once, *label_bricks(labels), dirty);
   ASSERT_TRUE(carved.ok());
-  expect_sides_kept(*carved, labels);
+  expect_sides_preserved(*carved, labels);
   int beside = 0, within = 0;
   for (int n = 0; n < 4000; ++n) {
     const Eigen::Vector3d d = test::random_direction(random);
@@ -418,18 +418,18 @@ TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
   ball.labels.at(1, 1, 1) = kTissue;  // connected by a corner
   ball.labels.at(0, 5, 0) = kTissue;
 
-  const PreparedSurface kept = prepared_surfaces(ball.labels);
-  EXPECT_EQ(kept.components, 3);
-  ASSERT_EQ(kept.strays.size(), 2u);
-  EXPECT_EQ(kept.strays[0].voxels, 1u);
-  EXPECT_EQ(kept.strays[0].box, (VoxelBox{{0, 5, 0}, {1, 1, 1}}));
-  EXPECT_EQ(kept.strays[1].voxels, 2u);
-  EXPECT_DOUBLE_EQ(kept.strays[1].volume_mm3, 0.5);
-  EXPECT_EQ(kept.strays[1].box, (VoxelBox{{0, 0, 0}, {2, 2, 2}}));
-  EXPECT_LT((kept.strays[1].centroid.eigen() - Eigen::Vector3d(0.25, 0.25, 0.5)).norm(), 1e-12);
-  EXPECT_FALSE(kept.strays[1].dropped);
-  expect_sides_kept(kept, ball.labels);
-  EXPECT_NEAR(kept.volume_mm3, clean.volume_mm3 + 0.75, 1e-9);
+  const PreparedSurface stored = prepared_surfaces(ball.labels);
+  EXPECT_EQ(stored.components, 3);
+  ASSERT_EQ(stored.strays.size(), 2u);
+  EXPECT_EQ(stored.strays[0].voxels, 1u);
+  EXPECT_EQ(stored.strays[0].box, (VoxelBox{{0, 5, 0}, {1, 1, 1}}));
+  EXPECT_EQ(stored.strays[1].voxels, 2u);
+  EXPECT_DOUBLE_EQ(stored.strays[1].volume_mm3, 0.5);
+  EXPECT_EQ(stored.strays[1].box, (VoxelBox{{0, 0, 0}, {2, 2, 2}}));
+  EXPECT_LT((stored.strays[1].centroid.eigen() - Eigen::Vector3d(0.25, 0.25, 0.5)).norm(), 1e-12);
+  EXPECT_FALSE(stored.strays[1].dropped);
+  expect_sides_preserved(stored, ball.labels);
+  EXPECT_NEAR(stored.volume_mm3, clean.volume_mm3 + 0.75, 1e-9);
 
   PreparedSurface dropped = prepared_surfaces(ball.labels, {.drop_below_mm3 = 1});
   EXPECT_TRUE(dropped.strays[0].dropped && dropped.strays[1].dropped);

@@ -24,7 +24,7 @@ std::vector<ElasticMaterial> materials_of(const Model& model) {
   std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
   for (std::size_t label = 1; label < by_label.size(); ++label) {
     const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
-    if (tissue == nullptr || !tissue->felt) continue;
+    if (tissue == nullptr || !tissue->touchable) continue;
     by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
                                                         tissue->elastic->poissons_ratio}
                                       : ElasticMaterial{Matter::kRigid};
@@ -92,18 +92,18 @@ CarvedCells::CarvedCells(CarvedLabels labels, const std::vector<ElasticMaterial>
 
 void CarvedCells::note_changes(const CarvedLabels& labels) {
   const VoxelBox voxels = changed_voxels(labels_.taken.get(), labels.taken.get(), cells_.voxels());
-  if (voxels.voxel_count() > 0) on_their_way_ = on_their_way_.joined(cells_.cells_of(voxels));
+  if (voxels.voxel_count() > 0) in_progress_ = in_progress_.joined(cells_.cells_of(voxels));
   labels_ = labels;
 }
 
 CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
   note_changes(labels);
-  const CellBox changed = std::exchange(on_their_way_, {});
+  const CellBox changed = std::exchange(in_progress_, {});
   if (changed.empty()) return changed;
   const bool other = grid_.set_cells(changed, [&](int i, int j, int k) {
     const ElasticCell target = cells_.cell(*labels_.made, labels_.taken.get(), i, j, k);
-    const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolvingFeel.max_fill_change);
-    if (next != target) on_their_way_ = on_their_way_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
+    const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolverSettings.max_fill_change);
+    if (next != target) in_progress_ = in_progress_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
     return next;
   });
   solver.change(grid_, changed, other);
@@ -111,7 +111,7 @@ CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
 }
 
 void CarvedCells::copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset) {
-  CellBox shared = other.on_their_way_;
+  CellBox shared = other.in_progress_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shared.low[axis] -= offset[axis];
     shared.high[axis] -= offset[axis];
@@ -121,7 +121,7 @@ void CarvedCells::copy_overlap(const CarvedCells& other, const std::array<int, 3
   grid_.set_cells(shared, [&](int i, int j, int k) {
     return other.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
   });
-  on_their_way_ = shared;
+  in_progress_ = shared;
 }
 
 }  // namespace palpate

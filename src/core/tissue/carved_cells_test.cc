@@ -19,8 +19,8 @@ namespace palpate {
 namespace {
 
 // number of steps until a full cell that was removed has reached its target
-const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolvingFeel.max_fill_change)) + 2;
-constexpr LabelId kSoftLabel = 1, kFirmLabel = 2, kBoneLabel = 3, kKeptLabel = 4;
+const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolverSettings.max_fill_change)) + 2;
+constexpr LabelId kSoftLabel = 1, kFirmLabel = 2, kBoneLabel = 3, kProtectedLabel = 4;
 
 // A layer of two tissues on bone, with a protected cord; voxels of 1 x 0.9 x 1.1 mm, air above z = 12.
 std::shared_ptr<const Model> layered(const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
@@ -40,7 +40,7 @@ std::shared_ptr<const Model> layered(const Eigen::Matrix3d& direction = Eigen::M
           label = kBoneLabel;
         else if (k < 22)
           label = i < 20 ? kSoftLabel : kFirmLabel;
-        if (std::hypot(j - 25, k - 12) < 2) label = kKeptLabel;
+        if (std::hypot(j - 25, k - 12) < 2) label = kProtectedLabel;
       }
   model->labels = label_bricks(labels);
   Tissue soft, firm, bone, kept;
@@ -98,8 +98,8 @@ TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
   for (int n = 0; n < 6; ++n) {
     const Eigen::Vector3d from(middle(random), middle(random), middle(random));
     const Cut one = sweep_in(*model, from, from + Eigen::Vector3d(2, 1, 0.5), radius(random));
-    const auto taken = cut(model, {one})->carving->taken();
-    ASSERT_NE(taken, nullptr);
+    const auto used = cut(model, {one})->carving->taken();
+    ASSERT_NE(used, nullptr);
     const SweptShape shape(one.sweep);
     double sum = 0, truth_sum = 0;
     for (int k = 0; k < 26; ++k)
@@ -109,13 +109,13 @@ TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
           constexpr int kPlaces = 5;
           int within = 0;
           for (int p = 0; p < kPlaces * kPlaces * kPlaces; ++p) {
-            const auto along = [](int voxel, int place) { return voxel + (place + 0.5) / kPlaces - 0.5; };
+            const auto along = [](int voxel, int index) { return voxel + (index + 0.5) / kPlaces - 0.5; };
             const Point<Voxel> at(along(i, p % kPlaces), along(j, p / kPlaces % kPlaces),
                                   along(k, p / (kPlaces * kPlaces)));
             within += shape.depth_mm(X_PatientVoxel * at) > 0;
           }
-          const bool stays = label == 0 || label == kKeptLabel;
-          const double truth = stays ? 0 : within / 125.0, part = taken->at(i, j, k) / 255.0;
+          const bool stays = label == 0 || label == kProtectedLabel;
+          const double truth = stays ? 0 : within / 125.0, part = used->at(i, j, k) / 255.0;
           worst = std::max(worst, std::abs(part - truth));
           sum += part;
           truth_sum += truth;
@@ -181,7 +181,7 @@ class CarvedCellsOf : public ::testing::Test {
     const ElasticGrid& grid = cells_->grid();
     for (std::size_t n = 0; n < grid.fill().size(); ++n) {
       if (grid.mu()[n] == 0 || before_->mu()[n] == 0) continue;
-      ASSERT_LE(std::abs(grid.fill()[n] - before_->fill()[n]), kSolvingFeel.max_fill_change + 1e-6);
+      ASSERT_LE(std::abs(grid.fill()[n] - before_->fill()[n]), kSolverSettings.max_fill_change + 1e-6);
     }
   }
   void settle() {
@@ -210,11 +210,11 @@ class CarvedCellsOf : public ::testing::Test {
   }
   // compliance under a patch at the surface, solved from scratch
   double compliance(const CarvedCells& cells, ElasticSolver& solver, const Point<Patient>& at,
-                    ElasticSolution& told) const {
+                    ElasticSolution& solution) const {
     const PressurePatch patch(cells.grid(), at, Vector<Patient>(box_.axes.col(2)), 3);
     ElasticField load(cells.grid().layout()), u(cells.grid().layout());
     patch.add(1, load);
-    told = solver.solve(load, u, 200, 1e-6);
+    solution = solver.solve(load, u, 200, 1e-6);
     return patch.displacement(u);
   }
 
@@ -229,7 +229,7 @@ class CarvedCellsOf : public ::testing::Test {
 TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
-  std::uniform_real_distribution<double> x(-2, 38), y(-2, 36), z(2, 24), way(-6, 6), radius(1, 4);
+  std::uniform_real_distribution<double> x(-2, 38), y(-2, 36), z(2, 24), path(-6, 6), radius(1, 4);
   constexpr int kScenes = 4, kActions = 8;
   for (int scene = 0; scene < kScenes; ++scene) {
     const Eigen::Matrix3d turned =
@@ -246,7 +246,7 @@ TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
       else {
         const Eigen::Vector3d begin_at(x(random), y(random), z(random));
         model_ = cut(model_, {sweep_in(*model_, begin_at,
-                                       begin_at + Eigen::Vector3d(way(random), way(random), way(random)),
+                                       begin_at + Eigen::Vector3d(path(random), path(random), path(random)),
                                        radius(random), static_cast<std::uint32_t>(n + 1))});
       }
       // some are cut further before they have reached their target
@@ -290,13 +290,13 @@ TEST_F(CarvedCellsOf, BoneThatIsTakenAwayLetsGoOfWhatIsOnIt) {
   const auto model = layered();
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
   const Point<Patient> over = model->labels->geometry().X_PatientVoxel() * Point<Voxel>(14, 12, 21.5);
-  ElasticSolution told;
-  const double firm = compliance(*cells_, *solver_, over, told);
+  ElasticSolution solution;
+  const double firm = compliance(*cells_, *solver_, over, solution);
   // undercut: only the bone below
   for (double y = 6; y < 20; y += 2) model_ = cut(model_, {sweep_in(*model_, {6, y, 2}, {22, y, 2}, 2.6)});
   settle();
   expect_as_whole();
-  EXPECT_GT(compliance(*cells_, *solver_, over, told), 1.01 * firm);
+  EXPECT_GT(compliance(*cells_, *solver_, over, solution), 1.01 * firm);
 }
 
 TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {

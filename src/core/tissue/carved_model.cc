@@ -77,17 +77,18 @@ Carving::Carving(const Model& model)
       records_fractions_(is_moving(model.tissue_law)) {
   left_.labels = model.labels;
   for (const ProtectedStructure& structure : model.protected_structures)
-    if (structure.kept) kept_.push_back(structure.surface);
+    if (structure.is_protected) stored_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
-    const ContactSurface& felt = model.surfaces[s];
-    const std::size_t structure = felt.structure >= 0 ? static_cast<std::size_t>(felt.structure) : s;
-    made_.push_back(model.surfaces[structure].kept ? nullptr : felt.surface);
+    const ContactSurface& contact_surface = model.surfaces[s];
+    const std::size_t structure =
+        contact_surface.structure >= 0 ? static_cast<std::size_t>(contact_surface.structure) : s;
+    made_.push_back(model.surfaces[structure].is_protected ? nullptr : contact_surface.surface);
   }
-  felt_ = made_.size();
+  tracked_surfaces_ = made_.size();
   // distances are measured to the remaining material
   for (const TrackedStructure& tracked : model.distances.structures()) {
     const auto& surface = tracked.tree->surface();
-    const auto end = made_.begin() + static_cast<std::ptrdiff_t>(felt_);
+    const auto end = made_.begin() + static_cast<std::ptrdiff_t>(tracked_surfaces_);
     const auto same = std::find(made_.begin(), end, surface);
     if (!is_cut_[tracked.label]) {
       made_of_tracked_.push_back(-1);
@@ -142,7 +143,7 @@ void Carving::take(std::span<const Cut> cuts) {
   for (std::size_t s = 0; s < made_.size(); ++s) {
     if (made_[s] == nullptr || made_[s]->is_beyond(low, high, 0)) continue;
     std::shared_ptr<const CarvedSurface>& left = left_.surfaces[s];
-    const CarvedSurface now = left != nullptr ? *left : CarvedSurface(made_[s], kept_);
+    const CarvedSurface now = left != nullptr ? *left : CarvedSurface(made_[s], stored_);
     CarvedSurface then = now.with(sweeps);
     if (left != nullptr || then.surface() != made_[s])
       left = std::make_shared<const CarvedSurface>(std::move(then));
@@ -166,9 +167,9 @@ void Carving::take_parts(const Sweep& sweep) {
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
         if (*value == 255 || !is_cut_[original_labels_->at(i, j, k)]) continue;
         const double part = swept_part(shape, grid, X_PatientVoxel, i, j, k);
-        const auto taken = static_cast<std::uint8_t>(std::lround(255 * part));
-        differs = differs || taken > *value;
-        *value = std::max(*value, taken);
+        const auto used = static_cast<std::uint8_t>(std::lround(255 * part));
+        differs = differs || used > *value;
+        *value = std::max(*value, used);
       }
     }
   if (!differs) return;
@@ -201,13 +202,13 @@ std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
   return hash_finish(uncut);
 }
 
-std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
-  PALPATE_CHECK(felt.surfaces.size() == felt_ &&
-                felt.distances.structures().size() == made_of_tracked_.size());
-  auto next = std::make_shared<Model>(felt);
+std::shared_ptr<const Model> Carving::taken_from(const Model& model) const {
+  PALPATE_CHECK(model.surfaces.size() == tracked_surfaces_ &&
+                model.distances.structures().size() == made_of_tracked_.size());
+  auto next = std::make_shared<Model>(model);
   ++next->version;
   ++next->edits;
-  for (std::size_t s = 0; s < felt_; ++s) {
+  for (std::size_t s = 0; s < tracked_surfaces_; ++s) {
     if (made_[s] == nullptr) continue;
     ContactSurface& surface = next->surfaces[s];
     const CarvedSurface* const left = left_.surfaces[s].get();
@@ -226,7 +227,7 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
   }
   next->labels = left_.labels;
   next->carving = std::make_shared<const Carving>(*this);
-  next->content_hash = content_hash(felt.hash_before_removal);
+  next->content_hash = content_hash(model.hash_before_removal);
   return next;
 }
 

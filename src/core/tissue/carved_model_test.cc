@@ -85,16 +85,16 @@ TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
   const auto none = std::make_shared<const Carving>(model);
   const auto at_once = none->with(cuts)->taken_from(model);
   auto carving = none;
-  auto felt = std::make_shared<const Model>(model);
+  auto carved = std::make_shared<const Model>(model);
   for (std::size_t n = 0; n < cuts.size(); n += 3) {
     carving = carving->with(std::span(cuts).subspan(n, 3));
-    felt = carving->taken_from(*felt);
+    carved = carving->taken_from(*carved);
   }
-  EXPECT_EQ(felt->edits, 4u);
-  EXPECT_EQ(felt->version, model.version + 4);
-  EXPECT_EQ(felt->labels->content_hash(), at_once->labels->content_hash());
+  EXPECT_EQ(carved->edits, 4u);
+  EXPECT_EQ(carved->version, model.version + 4);
+  EXPECT_EQ(carved->labels->content_hash(), at_once->labels->content_hash());
   for (const std::size_t s : {0u, 2u})
-    EXPECT_EQ(felt->surfaces[s].surface->content_hash(), at_once->surfaces[s].surface->content_hash());
+    EXPECT_EQ(carved->surfaces[s].surface->content_hash(), at_once->surfaces[s].surface->content_hash());
 }
 
 TEST(CarvedModel, DistancesAreToWhatIsLeft) {
@@ -113,8 +113,8 @@ TEST(CarvedModel, DistancesAreToWhatIsLeft) {
                       {kCartilage, tree(own(outer_mm)), true},
                       {kFat, tree(own(22)), true}},
                      20};
-  const auto at = [](const Model& felt, std::size_t structure, double z) {
-    return felt.distances.structures()[structure].tree->nearest({-6, 0, z})->distance_mm;
+  const auto at = [](const Model& current, std::size_t structure, double z) {
+    return current.distances.structures()[structure].tree->nearest({-6, 0, z})->distance_mm;
   };
   const auto none = std::make_shared<const Carving>(model);
   const auto carving = none->with(groove(2, -6));
@@ -144,8 +144,8 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
   const auto below = [&](int most) { return std::uniform_int_distribution<int>(0, most - 1)(random); };
   const Model model = one_body();
   auto carving = std::make_shared<const Carving>(model);
-  auto felt = carving->taken_from(model);
-  EXPECT_EQ(felt->content_hash, model.content_hash);
+  auto carved = carving->taken_from(model);
+  EXPECT_EQ(carved->content_hash, model.content_hash);
   EXPECT_EQ(carving->undone(), nullptr);
   EXPECT_EQ(carving->redone(), nullptr);
   std::vector<std::vector<Cut>> done, undone;
@@ -177,12 +177,12 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     EXPECT_EQ(carving->strokes_to_redo(), undone.size());
     // swept material is reported as carved even after an undo
     EXPECT_EQ(carving->sweeps(0) + carving->sweeps(1), swept);
-    felt = carving->taken_from(*felt);
+    carved = carving->taken_from(*carved);
     const auto at_once = cut_at_once(model, done);
-    EXPECT_EQ(felt->content_hash, at_once->content_hash);
-    EXPECT_EQ(felt->labels->content_hash(), at_once->labels->content_hash());
+    EXPECT_EQ(carved->content_hash, at_once->content_hash);
+    EXPECT_EQ(carved->labels->content_hash(), at_once->labels->content_hash());
     for (const std::size_t s : {0u, 2u}) {
-      const ContactSurface &is = felt->surfaces[s], &oracle = at_once->surfaces[s];
+      const ContactSurface &is = carved->surfaces[s], &oracle = at_once->surfaces[s];
       ASSERT_EQ(is.surface->content_hash(), oracle.surface->content_hash());
       ASSERT_EQ(is.made, oracle.made);
       ASSERT_EQ(is.original_labels == nullptr, oracle.original_labels == nullptr);
@@ -190,14 +190,14 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     }
   }
   while (carving->strokes_to_undo() > 0) carving = carving->undone();
-  felt = carving->taken_from(*felt);
-  EXPECT_EQ(felt->content_hash, model.content_hash);
-  EXPECT_EQ(felt->surfaces[2].surface, model.surfaces[2].surface) << "the very same";
-  EXPECT_EQ(felt->labels, model.labels);
+  carved = carving->taken_from(*carved);
+  EXPECT_EQ(carved->content_hash, model.content_hash);
+  EXPECT_EQ(carved->surfaces[2].surface, model.surfaces[2].surface) << "the very same";
+  EXPECT_EQ(carved->labels, model.labels);
 }
 
 // Values that one of several readers found in a version at a point and in a slice of its labels.
-struct Told {
+struct Reported {
   std::uint32_t edits = 0;
   Point<Patient> at;
   int k = 0;
@@ -205,23 +205,23 @@ struct Told {
   std::array<Vector<Patient>, 2> outward;
   std::size_t material = 0;  // voxels in the slice
 
-  bool operator==(const Told&) const = default;
+  bool operator==(const Reported&) const = default;
 };
 
-Told told_by(const Model& model, std::uint32_t edits, const Point<Patient>& at, int k) {
-  Told told;
-  told.edits = edits;
-  told.at = at;
-  told.k = k;
+Reported reported_by(const Model& model, std::uint32_t edits, const Point<Patient>& at, int k) {
+  Reported reported;
+  reported.edits = edits;
+  reported.at = at;
+  reported.k = k;
   for (std::size_t n = 0; n < 2; ++n) {
     const Surface& surface = *model.surfaces[2 * n].surface;
-    told.distance_mm[n] = surface.distance_mm(at);
-    told.outward[n] = surface.outward(at);
+    reported.distance_mm[n] = surface.distance_mm(at);
+    reported.outward[n] = surface.outward(at);
   }
   const auto& dims = model.labels->geometry().dims;
   for (int j = 0; j < dims[1]; ++j)
-    for (int i = 0; i < dims[0]; ++i) told.material += model.labels->at(i, j, k) != 0;
-  return told;
+    for (int i = 0; i < dims[0]; ++i) reported.material += model.labels->at(i, j, k) != 0;
+  return reported;
 }
 
 // The current version, for readers on other threads.
@@ -245,21 +245,21 @@ class Published {
 TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   constexpr std::size_t kReaders = 3, kHeld = 4;
   constexpr std::uint32_t kVersions = 24;
-  constexpr int kToldOfEach = 40;
+  constexpr int kReportedOfEach = 40;
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   const auto model = std::make_shared<const Model>(one_body());
   Published published(model);
   std::atomic<bool> done{false};
-  std::array<std::atomic<std::uint32_t>, kReaders> seen{};
-  std::array<std::vector<Told>, kReaders> told;
+  std::array<std::atomic<std::uint32_t>, kReaders> observed{};
+  std::array<std::vector<Reported>, kReaders> reported;
 
   // each holds some versions and releases the oldest, possibly the last owner of its bricks
   const auto read = [&](std::size_t reader) {
     std::mt19937 random(seed + 1 + static_cast<unsigned>(reader));
     std::uniform_real_distribution<double> across(-12, 12), height(-4, 4);
     std::deque<std::shared_ptr<const Model>> held;
-    std::array<int, kVersions + 1> told_of{};
+    std::array<int, kVersions + 1> reported_of{};
     for (bool last = false; !last;) {
       last = done;
       auto newest = published.get();
@@ -268,10 +268,10 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
       for (const auto& version : held) {
         const Point<Patient> at(across(random), across(random), kBoneRadius_mm + height(random));
         const int k = static_cast<int>(random() % static_cast<unsigned>(model->labels->geometry().dims[2]));
-        const Told now = told_by(*version, version->edits, at, k);
-        if (told_of[version->edits]++ < kToldOfEach) told[reader].push_back(now);
+        const Reported now = reported_by(*version, version->edits, at, k);
+        if (reported_of[version->edits]++ < kReportedOfEach) reported[reader].push_back(now);
       }
-      seen[reader] = held.back()->edits;
+      observed[reader] = held.back()->edits;
     }
   };
   std::vector<std::thread> readers;
@@ -283,7 +283,7 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   std::vector<std::vector<Cut>> strokes;
   std::vector<std::vector<std::vector<Cut>>> strokes_of{{}};
   auto carving = std::make_shared<const Carving>(*model);
-  auto felt = model;
+  auto carved = model;
   for (std::uint32_t n = 1; n <= kVersions; ++n) {
     if (n % 5 == 0) {
       carving = carving->undone();
@@ -294,11 +294,11 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
       carving = carving->with(cuts);
       strokes.push_back(cuts);
     }
-    felt = carving->taken_from(*felt);
+    carved = carving->taken_from(*carved);
     strokes_of.push_back(strokes);
-    published.set(felt);
+    published.set(carved);
     // all readers have seen recent versions while more is carved, even on a busy machine
-    for (const auto& edits : seen)
+    for (const auto& edits : observed)
       while (edits + 2 < n) std::this_thread::yield();
   }
   done = true;
@@ -307,10 +307,10 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   // values read by one thread after carving the same strokes at once
   std::vector<std::shared_ptr<const Model>> oracle;
   for (const auto& of : strokes_of) oracle.push_back(cut_at_once(*model, of));
-  for (const std::vector<Told>& by_one : told) {
+  for (const std::vector<Reported>& by_one : reported) {
     std::set<std::uint32_t> versions;
-    for (const Told& is : by_one) {
-      ASSERT_EQ(is, told_by(*oracle[is.edits], is.edits, is.at, is.k)) << "version " << is.edits;
+    for (const Reported& is : by_one) {
+      ASSERT_EQ(is, reported_by(*oracle[is.edits], is.edits, is.at, is.k)) << "version " << is.edits;
       versions.insert(is.edits);
     }
     EXPECT_GT(versions.size(), kVersions / 3);
@@ -322,7 +322,7 @@ double peak_of_versions(const Model& model, unsigned versions) {
   return test::peak_memory_of([&] {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi), deep_mm(0, 1);
-    std::shared_ptr<const Model> felt = std::make_shared<const Model>(model);
+    std::shared_ptr<const Model> current = std::make_shared<const Model>(model);
     auto carving = std::make_shared<const Carving>(model);
     for (unsigned n = 0; n < versions; ++n) {
       // strokes of two versions; each seventh action is an undo
@@ -334,16 +334,16 @@ double peak_of_versions(const Model& model, unsigned versions) {
         const Cut cut{0, {at, at + Vector<Patient>(0, 0, 0.2), 1, n / 2}};
         carving = carving->with({&cut, 1});
       }
-      felt = carving->taken_from(*felt);
+      current = carving->taken_from(*current);
     }
-    return felt->edits == versions;
+    return current->edits == versions;
   });
 }
 
 TEST(CarvedModel, VersionsDoNotAddUp) {
   // PALPATE_TEST_VERSIONS=10000 runs the whole campaign
-  const char* const asked = std::getenv("PALPATE_TEST_VERSIONS");
-  const unsigned many = asked != nullptr ? static_cast<unsigned>(std::atoi(asked)) : 1200;
+  const char* const value = std::getenv("PALPATE_TEST_VERSIONS");
+  const unsigned many = value != nullptr ? static_cast<unsigned>(std::atoi(value)) : 1200;
   const Model model = one_body();
   // until the groove is cut everywhere and the undo history is full
   const double some_MiB = peak_of_versions(model, many / 2), all_MiB = peak_of_versions(model, many);
@@ -386,7 +386,7 @@ TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
   const auto next = Carving(model).with(cuts)->taken_from(model);
   const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
   const auto& dims = model.labels->geometry().dims;
-  int gone = 0, fat = 0;
+  int removed = 0, fat = 0;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) {
@@ -394,12 +394,12 @@ TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
         const bool swept =
             SweptShape(cuts[0].sweep).depth_mm(centre) > 0 || SweptShape(cuts[1].sweep).depth_mm(centre) > 0;
         const LabelId was = model.labels->at(i, j, k);
-        const bool cut = swept && model.is_felt(was);
+        const bool cut = swept && model.is_touchable(was);
         ASSERT_EQ(next->labels->at(i, j, k), cut ? LabelId{0} : was) << i << " " << j << " " << k;
-        gone += cut;
+        removed += cut;
         fat += swept && was == kFat;
       }
-  EXPECT_GT(gone, 20);
+  EXPECT_GT(removed, 20);
   EXPECT_GT(fat, 5);
 }
 

@@ -68,7 +68,7 @@ Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
 /// Voxels near a surface, with their signed distances (negative inside).
 class Nearby {
   // Eigen expression; bit-identical for any SIMD width, because roots and sums are rounded exactly.
-  auto ways_mm(const Eigen::Array3f& at_mm) const {
+  auto distances_mm(const Eigen::Array3f& at_mm) const {
     return ((voxels_.col(0) - at_mm[0]).square() + (voxels_.col(1) - at_mm[1]).square() +
             (voxels_.col(2) - at_mm[2]).square())
                .sqrt() +
@@ -78,20 +78,20 @@ class Nearby {
  public:
   /// Least sum of a stored voxel's distance from `at_mm` and its own distance to the surface.
   float distance_mm(const Eigen::Array3f& at_mm) const {
-    return size() == 0 ? std::numeric_limits<float>::infinity() : ways_mm(at_mm).minCoeff();
+    return size() == 0 ? std::numeric_limits<float>::infinity() : distances_mm(at_mm).minCoeff();
   }
   /// Subset that can contain the minimum for any point within `radius_mm` of `at_mm`, if the minimum is below
   /// `max_mm` there.
   Nearby near(const Eigen::Array3f& at_mm, float radius_mm, float max_mm) const {
     Nearby nearest;
     if (size() == 0) return nearest;
-    const Eigen::ArrayXf ways = ways_mm(at_mm);
+    const Eigen::ArrayXf paths = distances_mm(at_mm);
     // margin for rounding
-    const float most = std::min(max_mm + radius_mm, ways.minCoeff() + 2 * radius_mm) + 1e-3f;
-    const Eigen::Index count = (ways <= most).count();
+    const float most = std::min(max_mm + radius_mm, paths.minCoeff() + 2 * radius_mm) + 1e-3f;
+    const Eigen::Index count = (paths <= most).count();
     nearest.voxels_.resize(count, 4);
     for (Eigen::Index n = 0, to = 0; to < count; ++n)
-      if (ways[n] <= most) nearest.voxels_.row(to++) = voxels_.row(n);
+      if (paths[n] <= most) nearest.voxels_.row(to++) = voxels_.row(n);
     return nearest;
   }
   Eigen::Index size() const { return voxels_.rows(); }
@@ -121,7 +121,7 @@ class Carved {
   /// @param now  position after earlier sweeps
   /// @param cut  depth within the earlier sweeps
   Carved(const SignedField& made, const Bricks<Steps>& now, const Bricks<Steps>& cut,
-         std::span<const Sweep> sweeps, std::span<const std::shared_ptr<const Surface>> kept)
+         std::span<const Sweep> sweeps, std::span<const std::shared_ptr<const Surface>> stored)
       : grid_(made.geometry()),
         X_PatientVoxel_(grid_.X_PatientVoxel()),
         step_mm_(made.steps().scale),
@@ -136,7 +136,7 @@ class Carved {
     cut_ = read(cut, read_);
     before_ = united();
     for (const Sweep& sweep : sweeps) take(sweep, made.X_VoxelPatient());
-    for (const auto& one : kept) keep(*one);
+    for (const auto& one : stored) keep(*one);
     is_ = united();
     beside_ = beside(is_, [](Steps value) { return value < 0; });
     position_ = read(now, changing_);
@@ -213,21 +213,21 @@ class Carved {
   }
 
   // excludes a protected structure from the cuts
-  void keep(const Surface& kept) {
+  void keep(const Surface& stored) {
     Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
     for (unsigned at = 0; at < 8; ++at) {
       Index voxel;
       for (int axis = 0; axis < 3; ++axis)
         voxel[axis] = (at >> axis & 1) != 0 ? read_.high()[axis] : read_.low()[axis];
-      const Point<Patient> place = X_PatientVoxel_ * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
-      low = low.min(place.eigen().array());
-      high = high.max(place.eigen().array());
+      const Point<Patient> position = X_PatientVoxel_ * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+      low = low.min(position.eigen().array());
+      high = high.max(position.eigen().array());
     }
-    if (kept.is_beyond(low, high, 0)) return;
+    if (stored.is_beyond(low, high, 0)) return;
     for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
       Steps& depth = cut_[n++];
       if (depth <= -far_) return;
-      const double steps = kept.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
+      const double steps = stored.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
       depth = std::min(depth, static_cast<Steps>(std::lround(std::clamp<double>(steps, -far_, far_))));
     });
   }
@@ -300,11 +300,11 @@ class Carved {
     // Removed material was nearest only if its distance was no larger than the stored one, which is at most a
     // cell larger when found from voxels.
     const auto least = static_cast<float>(greatest * step_mm_ + grid_.spacing_mm.norm());
-    Nearby gone = all.gone.near(middle, radius, least);
-    if (gone.size() == 0 && !was_inside) return std::nullopt;
+    Nearby removed = all.gone.near(middle, radius, least);
+    if (removed.size() == 0 && !was_inside) return std::nullopt;
     const auto reach = static_cast<float>(reach_mm());
     return Surroundings{all.made.near(middle, radius, reach), all.is.near(middle, radius, reach),
-                        std::move(gone)};
+                        std::move(removed)};
   }
 
   void fill(const Box& block, const Surroundings& around) {
@@ -432,7 +432,7 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
       for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
         const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
         const double now = sample_value(position, at), moved = now - sample_value(made.position(), at);
-        const double part = std::min(1.0, std::abs(moved) / kCuttingFeel.stale_normal_mm);
+        const double part = std::min(1.0, std::abs(moved) / kCuttingSettings.stale_normal_mm);
         const double was = normal.steps().offset + normal.steps().scale * prepared[n];
         const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
         patch.values.push_back(
@@ -457,10 +457,10 @@ double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
 }  // namespace
 
 CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
-                             std::vector<std::shared_ptr<const Surface>> kept)
+                             std::vector<std::shared_ptr<const Surface>> stored)
     : made_(std::move(made)),
       now_(made_),
-      kept_(std::move(kept)),
+      stored_(std::move(stored)),
       cut_(made_->position().geometry(), static_cast<Steps>(-made_->position().steps().outside)) {
   PALPATE_CHECK(made_->position().steps().offset == 0);
   const std::array<int, 3>& bricks = cut_.counts();
@@ -471,7 +471,7 @@ CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
 CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
   CarvedSurface next = *this;
   const SignedField& position = now_->position();
-  Carved carved(made_->position(), position.bricks(), cut_, sweeps, kept_);
+  Carved carved(made_->position(), position.bricks(), cut_, sweeps, stored_);
   if (carved.empty()) return next;
   next.cut_ = cut_.with(cropped(carved.cut(), cut_));
   const PatchOf<Steps> patch = cropped(carved.position(), position.bricks());

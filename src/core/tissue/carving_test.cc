@@ -58,10 +58,13 @@ class CarvingOracle {
               depth_mm = std::max(depth_mm, SweptShape(sweep).depth_mm(Point<Patient>(at)));
               continue;
             }
-            const Eigen::Vector3d way = sweep.to.eigen() - sweep.from.eigen(), from = at - sweep.from.eigen();
+            const Eigen::Vector3d displacement = sweep.to.eigen() - sweep.from.eigen(),
+                                  from = at - sweep.from.eigen();
             const double part =
-                way.norm() > 0 ? std::clamp(from.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0.0;
-            depth_mm = std::max(depth_mm, sweep.radius_mm - (from - part * way).norm());
+                displacement.norm() > 0
+                    ? std::clamp(from.dot(displacement) / displacement.squaredNorm(), 0.0, 1.0)
+                    : 0.0;
+            depth_mm = std::max(depth_mm, sweep.radius_mm - (from - part * displacement).norm());
           }
           const int was = made.bricks().at(i, j, k);
           was_.push_back(was);
@@ -108,9 +111,9 @@ class CarvingOracle {
   int away(const std::vector<Near>& near, int i, int j, int k) const {
     double min_mm = kReach_mm;
     for (const Near& one : near) {
-      const Eigen::Vector3d way =
+      const Eigen::Vector3d displacement =
           Eigen::Vector3d(one.i - i, one.j - j, one.k - k).cwiseProduct(grid_.spacing_mm);
-      min_mm = std::min(min_mm, way.norm() + one.distance_mm);
+      min_mm = std::min(min_mm, displacement.norm() + one.distance_mm);
     }
     return static_cast<int>(std::lround(min_mm / kStep_mm));
   }
@@ -183,16 +186,16 @@ TEST(Carving, WhereNothingIsTakenNothingChanges) {
   EXPECT_NE(carved.surface()->content_hash(), made->content_hash());
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> place(-9, 9);
-  int looked = 0;
+  int found = 0;
   for (int n = 0; n < 20000; ++n) {
     const Point<Patient> p(place(random), place(random), place(random));
     const Vector<Patient> from = p - Point<Patient>(6, 0.5, 0);
     if (from.norm() < 1.5 + kReach_mm + 2) continue;
-    ++looked;
+    ++found;
     EXPECT_EQ(carved.surface()->distance_mm(p), made->distance_mm(p));
     EXPECT_EQ(carved.surface()->outward(p), made->outward(p));
   }
-  EXPECT_GT(looked, 5000);
+  EXPECT_GT(found, 5000);
 }
 
 TEST(Carving, AVersionThatWasKeptIsUndo) {
@@ -300,34 +303,35 @@ TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
   const auto made = testing::surface_to_carve(12, spacing_mm, ball, testing::turned_by(0.4));
   const Eigen::Vector3d middle(3, -2, 4);
   // on a grid of its own that contains all of it
-  const auto kept = testing::surface_to_carve(
+  const auto stored = testing::surface_to_carve(
       12, Eigen::Vector3d::Constant(0.5), [&](const Eigen::Vector3d& p) { return (p - middle).norm() - 3; });
   std::vector<Sweep> sweeps = random_sweeps(random, 30);
   sweeps.push_back({{3, -2, 4}, {4, -2, 5}, 2.5});
-  const CarvedSurface all = CarvedSurface(made).with(sweeps), but = CarvedSurface(made, {kept}).with(sweeps);
-  CarvedSurface one_by_one(made, {kept});
+  const CarvedSurface all = CarvedSurface(made).with(sweeps),
+                      but = CarvedSurface(made, {stored}).with(sweeps);
+  CarvedSurface one_by_one(made, {stored});
   for (auto sweep = sweeps.rbegin(); sweep != sweeps.rend(); ++sweep)
     one_by_one = one_by_one.with({{*sweep}});
   EXPECT_EQ(one_by_one.surface()->content_hash(), but.surface()->content_hash());
 
   std::uniform_real_distribution<double> place(-8, 8);
-  int kept_places = 0, saved = 0, gone = 0;
+  int retained_points = 0, saved = 0, gone = 0;
   for (int n = 0; n < 100'000; ++n) {
     const Point<Patient> at(place(random), place(random), place(random));
     // within a cell's length of the protected surface the result is not specified
-    const double from_kept_mm = kept->distance_mm(at), cell_mm = spacing_mm.norm();
+    const double from_retained_mm = stored->distance_mm(at), cell_mm = spacing_mm.norm();
     const bool was = made->distance_mm(at) < -0.05, is = but.surface()->distance_mm(at) < 0;
-    if (from_kept_mm < -0.3 && was) {
-      ++kept_places;
+    if (from_retained_mm < -0.3 && was) {
+      ++retained_points;
       saved += all.surface()->distance_mm(at) > 0 ? 1 : 0;
       ASSERT_TRUE(is) << at.eigen().transpose();
     }
-    if (from_kept_mm > cell_mm && all.surface()->distance_mm(at) > cell_mm) {
+    if (from_retained_mm > cell_mm && all.surface()->distance_mm(at) > cell_mm) {
       gone += was ? 1 : 0;
       ASSERT_FALSE(is) << at.eigen().transpose();
     }
   }
-  EXPECT_GT(kept_places, 500);
+  EXPECT_GT(retained_points, 500);
   EXPECT_GT(saved, 0);
   EXPECT_GT(gone, 100);
 }

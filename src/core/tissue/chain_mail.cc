@@ -18,29 +18,30 @@ constexpr int kPasses = 4;
 constexpr double kAtRest_mm = 1e-3;
 
 struct Step {
-  int axis, way;
+  int axis, path;
 };
 constexpr Step kNeighbours[] = {{0, 1}, {0, -1}, {1, 1}, {1, -1}, {2, 1}, {2, -1}};
 
 std::array<int, 3> beside(int i, int j, int k, int neighbour) {
   std::array<int, 3> at{i, j, k};
-  at[static_cast<std::size_t>(kNeighbours[neighbour].axis)] += kNeighbours[neighbour].way;
+  at[static_cast<std::size_t>(kNeighbours[neighbour].axis)] += kNeighbours[neighbour].path;
   return at;
 }
 
 }  // namespace
 
-bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, Dent& dent) {
-  if (device >= static_cast<std::size_t>(std::clamp(felt.devices, 0, kMaxDevices))) return false;
-  const DeviceTick& told = felt.device[device];
-  const Tissue* const tissue = model.tissue_of(told.contact_label[0]);
-  if (told.contact_label[0] == 0 || tissue == nullptr || !model.moves_visibly(*tissue)) return false;
-  dent.at =
-      Point<Patient>(told.contact_patient_mm[0], told.contact_patient_mm[1], told.contact_patient_mm[2]);
-  dent.outward =
-      Vector<Patient>(told.normal_patient[0], told.normal_patient[1], told.normal_patient[2]).normalized();
-  dent.depth_mm = told.depth_mm;
-  dent.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldFeel.min_radius_mm);
+bool find_dent(const Model& model, const TickRecord& record, std::size_t device, Dent& dent) {
+  if (device >= static_cast<std::size_t>(std::clamp(record.devices, 0, kMaxDevices))) return false;
+  const DeviceTick& device_tick = record.device[device];
+  const Tissue* const tissue = model.tissue_of(device_tick.contact_label[0]);
+  if (device_tick.contact_label[0] == 0 || tissue == nullptr || !model.moves_visibly(*tissue)) return false;
+  dent.at = Point<Patient>(device_tick.contact_patient_mm[0], device_tick.contact_patient_mm[1],
+                           device_tick.contact_patient_mm[2]);
+  dent.outward = Vector<Patient>(device_tick.normal_patient[0], device_tick.normal_patient[1],
+                                 device_tick.normal_patient[2])
+                     .normalized();
+  dent.depth_mm = device_tick.depth_mm;
+  dent.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldSettings.min_radius_mm);
   return dent.at.all_finite() && dent.outward.all_finite() && dent.outward.norm() > 0.5;
 }
 
@@ -52,7 +53,7 @@ struct ChainMail::Bounds {
 ChainMail::ChainMail(const ElasticGrid& grid)
     : box_(grid.box()), layout_(grid.layout()), moved_mm_(grid.layout()) {
   state_.resize(number(0, 0, layout_.cells[2] + 1), kFree);
-  seen_.resize(state_.size());
+  observed_.resize(state_.size());
   const auto& cells = layout_.cells;
   for_each_node({{0, 0, 0}, cells}, [&](int i, int j, int k) {
     const bool face = i == 0 || j == 0 || k == 0 || i == cells[0] || j == cells[1] || k == cells[2];
@@ -68,7 +69,7 @@ std::size_t ChainMail::number(int i, int j, int k) const {
 }
 
 ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const {
-  const auto [axis, way] = kNeighbours[neighbour];
+  const auto [axis, path] = kNeighbours[neighbour];
   const auto at = beside(i, j, k, neighbour);
   const auto edge_mm = static_cast<float>(box_.cell_mm);
   const float shorter = (1 - static_cast<float>(kLeast)) * edge_mm,
@@ -80,8 +81,8 @@ ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const
     const auto n = static_cast<std::size_t>(c);
     // relative to a neighbour in the positive direction the node may approach by `shorter` and recede by
     // `longer`
-    const float back = c != axis ? aside : way > 0 ? longer : shorter;
-    const float on = c != axis ? aside : way > 0 ? shorter : longer;
+    const float back = c != axis ? aside : path > 0 ? longer : shorter;
+    const float on = c != axis ? aside : path > 0 ? shorter : longer;
     bounds.low[n] = its - back;
     bounds.high[n] = its + on;
   }
@@ -91,10 +92,10 @@ ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const
 void ChainMail::queue_neighbours(int i, int j, int k) {
   for (int neighbour = 0; neighbour < 6; ++neighbour) {
     const auto at = beside(i, j, k, neighbour);
-    bool within = true;
+    bool is_inside = true;
     for (std::size_t axis = 0; axis < 3; ++axis)
-      within = within && at[axis] >= 0 && at[axis] <= layout_.cells[axis];
-    if (!within) continue;
+      is_inside = is_inside && at[axis] >= 0 && at[axis] <= layout_.cells[axis];
+    if (!is_inside) continue;
     // the pulling neighbour as seen from there is in the opposite direction
     queue_.push_back({static_cast<std::int16_t>(at[0]), static_cast<std::int16_t>(at[1]),
                       static_cast<std::int16_t>(at[2]), static_cast<std::int16_t>(neighbour ^ 1)});
@@ -107,18 +108,18 @@ void ChainMail::pull() {
   for (std::size_t n = 0; n < queue_.size(); ++n) {
     const Link link = queue_[n];
     const std::size_t node = number(link.i, link.j, link.k);
-    if (state_[node] != kFree || seen_[node] == move_) continue;
+    if (state_[node] != kFree || observed_[node] == move_) continue;
     const Bounds bounds = bounds_of(link.i, link.j, link.k, link.by);
-    bool moves = false;
+    bool is_moving = false;
     for (int c = 0; c < 3; ++c) {
       float& moved = moved_mm_.values[layout_.node(link.i, link.j, link.k, c)];
       const float bound = std::clamp(moved, bounds.low[static_cast<std::size_t>(c)],
                                      bounds.high[static_cast<std::size_t>(c)]);
-      moves = moves || bound != moved;
+      is_moving = is_moving || bound != moved;
       moved = bound;
     }
-    if (!moves) continue;
-    seen_[node] = move_;
+    if (!is_moving) continue;
+    observed_[node] = move_;
     queue_neighbours(link.i, link.j, link.k);
   }
   queue_.clear();
@@ -226,13 +227,13 @@ struct ChainMailTissue::Region {
 ChainMailTissue::ChainMailTissue() = default;
 ChainMailTissue::~ChainMailTissue() = default;
 
-void ChainMailTissue::advance(const Model& model, const TickRecord& felt) {
+void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
   std::vector<ElasticMaterial> by_label = materials_of(model);
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     std::unique_ptr<Region>& region = regions_[d];
     Dent dent;
-    const bool pressed = find_dent(model, felt, d, dent);
+    const bool pressed = find_dent(model, record, d, dent);
     const bool same = region != nullptr && region->labels.made == labels.made &&
                       region->labels.taken == labels.taken && region->by_label == by_label;
     if (pressed) {

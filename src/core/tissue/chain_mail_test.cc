@@ -126,8 +126,10 @@ TEST(ChainMail, ATissueThatIsHeldSpreadsEvenlyToAllSides) {
   // where no bound is active, the mean of its neighbours
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis)
-    for (const int way : {-1, 1})
-      mean += moved_mm(mail, 8 + way * (axis == 0), 4 + way * (axis == 1), 7 + way * (axis == 2)) / 6;
+    for (const int direction : {-1, 1})
+      mean += moved_mm(mail, 8 + direction * (axis == 0), 4 + direction * (axis == 1),
+                       7 + direction * (axis == 2)) /
+              6;
   EXPECT_LT((mean - moved_mm(mail, 8, 4, 7)).norm(), 1e-4);
 }
 
@@ -144,9 +146,9 @@ TEST(ChainMail, BoneStaysWhereThereIsNoRoom) {
 }
 
 TickRecord dented_at(double x, double y, double depth_mm) {
-  TickRecord felt = testing::pressed_at(x, y);
-  felt.device[0].depth_mm = depth_mm;
-  return felt;
+  TickRecord record = testing::pressed_at(x, y);
+  record.device[0].depth_mm = depth_mm;
+  return record;
 }
 
 TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {

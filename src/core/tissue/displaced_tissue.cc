@@ -45,18 +45,18 @@ std::vector<bool> empty_nodes(const ElasticGrid& grid) {
 
 }  // namespace
 
-DisplacedTissue::DisplacedTissue(const Model& model, const TickRecord& felt) {
+DisplacedTissue::DisplacedTissue(const Model& model, const TickRecord& record) {
   if (model.labels == nullptr) return;
-  if (is_elastic(model.tissue_law)) solve(model, felt);
-  if (model.tissue_law == TissueLaw::kChainMail) move(model, felt);
+  if (is_elastic(model.tissue_law)) solve(model, record);
+  if (model.tissue_law == TissueLaw::kChainMail) move(model, record);
 }
 
-void DisplacedTissue::move(const Model& model, const TickRecord& felt) {
+void DisplacedTissue::move(const Model& model, const TickRecord& record) {
   constexpr int kPasses = 64;  // one second of frames
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     Dent dent;
-    if (!find_dent(model, felt, d, dent)) continue;
+    if (!find_dent(model, record, d, dent)) continue;
     const std::array<int, 3> first = first_cell_around(model, middle_below(model, dent.at, dent.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, dent.at});
     ChainMail mail(cells.grid());
@@ -66,16 +66,16 @@ void DisplacedTissue::move(const Model& model, const TickRecord& felt) {
   }
 }
 
-void DisplacedTissue::solve(const Model& model, const TickRecord& felt) {
+void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     Dent press;
-    const double pressed_N = felt.device[d].contact_N[0];  // contact with the deformable tissue only
-    if (!find_dent(model, felt, d, press) || !(pressed_N > 0 && std::isfinite(pressed_N))) continue;
+    const double pressed_N = record.device[d].contact_N[0];  // contact with the deformable tissue only
+    if (!find_dent(model, record, d, press) || !(pressed_N > 0 && std::isfinite(pressed_N))) continue;
     const std::array<int, 3> first = first_cell_around(model, middle_below(model, press.at, press.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
-    const double cell_mm = grid.box().cell_mm, min_mm = kSolvingFeel.min_patch_cells * cell_mm;
+    const double cell_mm = grid.box().cell_mm, min_mm = kSolverSettings.min_patch_cells * cell_mm;
     const double modulus = PressurePatch(grid, press.at, press.outward, min_mm).contact_modulus();
     if (!(modulus > 0)) continue;
     const double touched_mm = cube_root(0.75 * pressed_N * press.radius_mm / modulus);
@@ -93,7 +93,7 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& felt) {
       spot.patch_radius_mm = rho_mm;
       spot.poissons_ratio = patch.poissons_ratio();
       spot.find_surroundings();
-      force_N = instantaneous_force_N(felt.device[d], tissue_at(spot), press.radius_mm,
+      force_N = instantaneous_force_N(record.device[d], tissue_at(spot), press.radius_mm,
                                       max_deformable_stiffness_N_per_mm(model));
     }
     parts_.emplace_back(grid, unit_mm, force_N);

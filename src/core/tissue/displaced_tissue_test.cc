@@ -14,10 +14,10 @@ using testing::pressed_at;
 using testing::soft_block;
 
 TickRecord pressed_with(double x, double y, double force_N) {
-  TickRecord felt = pressed_at(x, y);
-  felt.device[0].contact_N[0] = force_N;
-  felt.device[0].depth_mm = 1;
-  return felt;
+  TickRecord record = pressed_at(x, y);
+  record.device[0].contact_N[0] = force_N;
+  record.device[0].depth_mm = 1;
+  return record;
 }
 
 TEST(DisplacedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
@@ -54,9 +54,9 @@ TEST(DisplacedTissue, WhatIsEmptyGoesAlongAndNothingIsFolded) {
   EXPECT_NEAR(-yielded.moved_mm({0, 0, 1}).z() / dent_mm, 1, 0.25);
   double before = -1e9;
   for (double z = -19; z < 38; z += 0.05) {
-    const double seen = z + yielded.moved_mm({0, 0, z}).z();
-    ASSERT_GT(seen, before) << "folded at " << z;
-    before = seen;
+    const double observed = z + yielded.moved_mm({0, 0, z}).z();
+    ASSERT_GT(observed, before) << "folded at " << z;
+    before = observed;
   }
   // bone is fixed, and distant tissue is at rest
   EXPECT_EQ(yielded.moved_mm({0, 0, -25}).norm(), 0);
@@ -74,12 +74,12 @@ TEST(DisplacedTissue, IsStrainedAsItsPlacesMove) {
     const Point<Patient> middle = corner + Vector<Patient>(1.5 * cells);
     Eigen::Matrix3d gradient = Eigen::Matrix3d::Identity();
     for (int axis = 0; axis < 3; ++axis) {
-      Eigen::Vector3d way = Eigen::Vector3d::Zero();
-      way[axis] = 0.01;
-      gradient.col(axis) +=
-          (yielded.moved_mm(middle + Vector<Patient>(way)) - yielded.moved_mm(middle - Vector<Patient>(way)))
-              .eigen() /
-          0.02;
+      Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
+      displacement[axis] = 0.01;
+      gradient.col(axis) += (yielded.moved_mm(middle + Vector<Patient>(displacement)) -
+                             yielded.moved_mm(middle - Vector<Patient>(displacement)))
+                                .eigen() /
+                            0.02;
     }
     const Eigen::Matrix3d back = gradient.inverse();
     Eigen::Matrix3d e = 0.5 * (Eigen::Matrix3d::Identity() - back.transpose() * back);

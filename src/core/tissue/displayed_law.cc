@@ -3,17 +3,17 @@
 namespace palpate {
 
 Model displayed_under_law(const Model& model, TissueLaw law) {
-  Model seen = model;
-  seen.tissue_law = law;
-  seen.relaxation_times = {};
-  if (!is_elastic(law)) return seen;
-  for (const Tissue& tissue : seen.tissues)
+  Model observed = model;
+  observed.tissue_law = law;
+  observed.relaxation_times = {};
+  if (!is_elastic(law)) return observed;
+  for (const Tissue& tissue : observed.tissues)
     // models never have more relaxation times than the capacity
-    if (tissue.elastic && tissue.felt && !seen.relaxation_times.add(tissue.relaxation)) {
-      seen.relaxation_times = {};
+    if (tissue.elastic && tissue.touchable && !observed.relaxation_times.add(tissue.relaxation)) {
+      observed.relaxation_times = {};
       break;
     }
-  return seen;
+  return observed;
 }
 
 }  // namespace palpate

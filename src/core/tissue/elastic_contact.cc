@@ -24,17 +24,17 @@ struct PlaceInCell {
   bool inside[3];  ///< False where the point was clamped to the cell's boundary
 };
 
-bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eigen::Vector3d& down,
+bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& position, const Eigen::Vector3d& down,
                double reach, PlaceInCell& found) {
   constexpr double kStep = 0.25;
-  for (double way = 1e-3; way <= reach; way += kStep) {
-    const Eigen::Vector3d below = place + way * down;
+  for (double distance = 1e-3; distance <= reach; distance += kStep) {
+    const Eigen::Vector3d below = position + distance * down;
     for (int a = 0; a < 3; ++a) found.cell[a] = static_cast<int>(std::floor(below[a]));
     const auto [i, j, k] = found.cell;
     if (!grid.layout().contains_cell(i, j, k) || grid.mu()[grid.layout().cell(i, j, k)] == 0) continue;
-    found.place = place;
+    found.place = position;
     for (int a = 0; a < 3; ++a) {
-      const double fraction = place[a] - found.cell[a];
+      const double fraction = position[a] - found.cell[a];
       found.fraction[a] = std::clamp(fraction, 0.0, 1.0);
       found.inside[a] = fraction == found.fraction[a];
     }
@@ -113,20 +113,20 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at,
   spread(grid, places);
 }
 
-PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Patient>> places,
+PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Patient>> positions,
                              const Vector<Patient>& outward)
     : outward_(grid.box().axes.transpose() * outward.eigen()), axes_(grid.box().axes) {
   std::vector<Eigen::Vector3d> in_cells;
-  for (const Point<Patient>& place : places)
-    in_cells.push_back(grid.box().local_mm(place) / grid.box().cell_mm);
+  for (const Point<Patient>& position : positions)
+    in_cells.push_back(grid.box().local_mm(position) / grid.box().cell_mm);
   spread(grid, in_cells);
 }
 
-void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> wanted) {
+void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> requested) {
   const double h = grid.box().cell_mm;
   std::vector<PlaceInCell> places;
   double modulus = 0, poissons_ratio = 0;
-  for (const Eigen::Vector3d& at : wanted) {
+  for (const Eigen::Vector3d& at : requested) {
     PlaceInCell place;
     if (!find_cell(grid, at, -outward_, kReach, place)) continue;
     places.push_back(place);
@@ -287,15 +287,15 @@ Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::V
         if (pressed[static_cast<std::size_t>(n)]) set.push_back(n);
       if (set.empty()) break;
       const Eigen::MatrixXd part = compliance(set, set);
-      const Eigen::VectorXd asked = part.ldlt().solve(Eigen::VectorXd(depth_mm(set)));
+      const Eigen::VectorXd requested = part.ldlt().solve(Eigen::VectorXd(depth_mm(set)));
       // largest step for which no patch pulls
       double step = 1;
       for (std::size_t n = 0; n < set.size(); ++n)
-        if (asked[static_cast<Eigen::Index>(n)] <= 0)
-          step = std::min(step, force[set[n]] / (force[set[n]] - asked[static_cast<Eigen::Index>(n)]));
+        if (requested[static_cast<Eigen::Index>(n)] <= 0)
+          step = std::min(step, force[set[n]] / (force[set[n]] - requested[static_cast<Eigen::Index>(n)]));
       for (std::size_t n = 0; n < set.size(); ++n) {
         double& f = force[set[n]];
-        f += step * (asked[static_cast<Eigen::Index>(n)] - f);
+        f += step * (requested[static_cast<Eigen::Index>(n)] - f);
         if (step < 1 && f <= 1e-12 * force.maxCoeff()) {
           f = 0;
           pressed[static_cast<std::size_t>(set[n])] = false;

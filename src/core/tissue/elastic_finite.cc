@@ -57,7 +57,7 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
-  FiniteSolution told;
+  FiniteSolution solution;
   // residual r = f - forces(at); returns the least volume fraction
   const auto left_over = [&](const ElasticValues& at) {
     const double least = k.apply_finite(at, s.q);
@@ -74,10 +74,10 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
     return scale > 0 ? norm / scale : norm;
   };
 
-  told.min_volume = left_over(u);
+  solution.min_volume = left_over(u);
   scale += held.norm(s.q);
-  told.residual = part();
-  while (told.residual > settings.tolerance && told.steps < settings.max_steps) {
+  solution.residual = part();
+  while (solution.residual > settings.tolerance && solution.steps < settings.max_steps) {
     // Solves T step = r by conjugate gradients, truncated where the tangent T is not positive definite.
     std::fill(s.step.begin(), s.step.end(), 0.0f);
     s.tried = s.r;
@@ -105,7 +105,7 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
         s.step[m] += alpha * s.p[m];
         s.r[m] -= alpha * s.q[m];
       }
-      ++told.iterations;
+      ++solution.iterations;
     }
     const double downhill = dot(s.tried, s.step);
 
@@ -115,21 +115,21 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
     for (int n = 0; n <= kMaxHalvings && !good; ++n, length /= 2) {
       for (std::size_t m = 0; m < u.size(); ++m) s.tried[m] = u[m] + static_cast<float>(length) * s.step[m];
       least = left_over(s.tried);
-      good = (least >= settings.min_volume || least > told.min_volume) &&
+      good = (least >= settings.min_volume || least > solution.min_volume) &&
              std::abs(dot(s.r, s.step)) <= kGoodPart * std::abs(downhill);
     }
     if (!good) {
-      told.stuck = true;
+      solution.stuck = true;
       left_over(u);
       break;
     }
     u = s.tried;
-    told.min_volume = least;
-    told.residual = part();
-    ++told.steps;
+    solution.min_volume = least;
+    solution.residual = part();
+    ++solution.steps;
   }
-  told.converged = told.residual <= settings.tolerance;
-  return told;
+  solution.converged = solution.residual <= settings.tolerance;
+  return solution;
 }
 
 }  // namespace palpate

@@ -70,11 +70,11 @@ TEST(ElasticFinite, ForcesAreTheSlopeOfTheEnergy) {
   ElasticField force(grid.layout());
   solver.finite_forces(u, force);
   const SlowElastic slow(grid);
-  const Eigen::VectorXd at = slow.from(u), told = slow.from(force);
+  const Eigen::VectorXd at = slow.from(u), reported = slow.from(force);
   for (int n = 0; n < slow.values(); ++n) {
     const Eigen::VectorXd step = 1e-5 * Eigen::VectorXd::Unit(slow.values(), n);
-    EXPECT_NEAR((energy_of(grid, at + step) - energy_of(grid, at - step)) / 2e-5, told[n],
-                1e-5 * told.cwiseAbs().maxCoeff());
+    EXPECT_NEAR((energy_of(grid, at + step) - energy_of(grid, at - step)) / 2e-5, reported[n],
+                1e-5 * reported.cwiseAbs().maxCoeff());
   }
 }
 
@@ -86,28 +86,30 @@ TEST(ElasticFinite, TheTangentIsTheSlopeOfTheForcesOnEverySimdTarget) {
     return internal::elastic::Operator(grid.layout(), 0.7, grid.mu(), grid.lambda(), grid.springs(), free);
   }());
   internal::elastic::Operator& k = multigrid.finest();
-  const ElasticField u = random_displacement(grid, 0.1f, random), way = random_displacement(grid, 1, random);
-  ElasticField high = u, low = u, at_high(grid.layout()), at_low(grid.layout()), told(grid.layout()), first;
+  const ElasticField u = random_displacement(grid, 0.1f, random), path = random_displacement(grid, 1, random);
+  ElasticField high = u, low = u, at_high(grid.layout()), at_low(grid.layout()), reported(grid.layout()),
+               first;
   constexpr float kStep = 1e-3f;
   for (std::size_t n = 0; n < u.values.size(); ++n) {
-    high.values[n] += kStep * way.values[n];
-    low.values[n] -= kStep * way.values[n];
+    high.values[n] += kStep * path.values[n];
+    low.values[n] -= kStep * path.values[n];
   }
   for (const std::int64_t target : test::all_targets()) {
     SCOPED_TRACE(test::target_name(target));
     const test::OnlyTargets only(target);
     k.apply_finite(high.values, at_high.values);
     k.apply_finite(low.values, at_low.values);
-    k.apply_tangent(u.values, way.values, told.values);
+    k.apply_tangent(u.values, path.values, reported.values);
     double most = 0, off = 0;
     for (std::size_t n = 0; n < u.values.size(); ++n) {
       const double slope = (static_cast<double>(at_high.values[n]) - at_low.values[n]) / (2 * kStep);
       most = std::max(most, std::abs(slope));
-      off = std::max(off, std::abs(slope - told.values[n]));
+      off = std::max(off, std::abs(slope - reported.values[n]));
     }
     EXPECT_LE(off, 2e-3 * most);
-    if (first.values.empty()) first = told;
-    ASSERT_EQ(std::memcmp(told.values.data(), first.values.data(), told.values.size() * sizeof(float)), 0);
+    if (first.values.empty()) first = reported;
+    ASSERT_EQ(
+        std::memcmp(reported.values.data(), first.values.data(), reported.values.size() * sizeof(float)), 0);
   }
 }
 
@@ -180,8 +182,8 @@ TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
   for (const float force_N : {0.01f, 0.1f, 1.0f, -1.0f}) {
     load.values[grid.layout().node(7, 6, 6, 2)] = -force_N;
     for (int frame = 0; frame < 10; ++frame) {
-      const FiniteSolution told = solver.solve_neo_hookean(load, u, settings);
-      EXPECT_GE(told.min_volume, settings.min_volume);
+      const FiniteSolution solution = solver.solve_neo_hookean(load, u, settings);
+      EXPECT_GE(solution.min_volume, settings.min_volume);
       ASSERT_TRUE(
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));
     }

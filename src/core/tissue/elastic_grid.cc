@@ -62,9 +62,9 @@ CellBox CellBox::clipped(const std::array<int, 3>& cells) const {
 
 ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double max_change) {
   if (from.matter == Matter::kRigid || to.matter == Matter::kRigid) return to;
-  const double way = static_cast<double>(to.fill) - from.fill;
-  if (std::abs(way) <= max_change) return to;
-  const double fill = std::max(from.fill + (way > 0 ? max_change : -max_change), kMinFill);
+  const double distance = static_cast<double>(to.fill) - from.fill;
+  if (std::abs(distance) <= max_change) return to;
+  const double fill = std::max(from.fill + (distance > 0 ? max_change : -max_change), kMinFill);
   // if the remaining change is larger, at least one of the two is soft
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
   const double part = fill / solid.fill;
@@ -164,7 +164,7 @@ ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, doub
 
 Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
                                            std::span<const ElasticMaterial> by_label, const ElasticBox& box,
-                                           const Bricks<std::uint8_t>* taken) {
+                                           const Bricks<std::uint8_t>* removed) {
   if (!(box.cell_mm > 0) || !std::isfinite(box.cell_mm))
     return Error{ErrorKind::kBadInput, "cells of " + std::to_string(box.cell_mm) + " mm", "",
                  "give more than 0"};
@@ -175,7 +175,7 @@ Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
 
   const LabelCells cells(labels.geometry(), by_label, box);
   ElasticGrid made(box);
-  made.set_cells(made.all_cells(), [&](int i, int j, int k) { return cells.cell(labels, taken, i, j, k); });
+  made.set_cells(made.all_cells(), [&](int i, int j, int k) { return cells.cell(labels, removed, i, j, k); });
   return made;
 }
 
@@ -211,10 +211,10 @@ void ElasticGrid::set_springs(const CellBox& cells) {
       for_each_corner(i, j, k, [&](int a, int b, int c) {
         const std::array<int, 3> node{a, b, c};
         if (node[axis] != cell[axis] + end || !cells.contains_node(a, b, c)) return;
-        const Eigen::Vector3d way_mm = Eigen::Vector3d(a, b, c) * h - about_mm_;
+        const Eigen::Vector3d displacement_mm = Eigen::Vector3d(a, b, c) * h - about_mm_;
         // closer than a cell the load's field is unknown
-        const double r = std::max(way_mm.norm(), h);
-        const double spring = 3 / (3 - 2 * nu) * mu * (h * h / 4) * std::abs(way_mm[axis]) / (r * r);
+        const double r = std::max(displacement_mm.norm(), h);
+        const double spring = 3 / (3 - 2 * nu) * mu * (h * h / 4) * std::abs(displacement_mm[axis]) / (r * r);
         for (int component = 0; component < 3; ++component)
           springs_[layout_.node(a, b, c, component)] +=
               static_cast<float>(component == axis ? kAlongNormal * spring : spring);
@@ -229,13 +229,13 @@ std::size_t ElasticGrid::hold_loose_parts() {
 
 std::size_t ElasticGrid::LooseParts::hold(const ElasticGrid& grid, std::vector<std::uint8_t>& held) {
   const ElasticLayout& layout = grid.layout();
-  seen_.assign(grid.mu().size(), false);
+  observed_.assign(grid.mu().size(), false);
   std::size_t loose = 0;
   for_each_cell(grid.all_cells(), [&](int i, int j, int k) {
-    if (grid.mu()[layout.cell(i, j, k)] == 0 || seen_[layout.cell(i, j, k)]) return;
+    if (grid.mu()[layout.cell(i, j, k)] == 0 || observed_[layout.cell(i, j, k)]) return;
     // flood fill over cells that share faces, counting constrained nodes in each direction
     part_.assign(1, {i, j, k});
-    seen_[layout.cell(i, j, k)] = true;
+    observed_[layout.cell(i, j, k)] = true;
     std::array<int, 3> holds{0, 0, 0};
     const auto is_held = [&] { return *std::min_element(holds.begin(), holds.end()) >= kHoldingNodes; };
     for (std::size_t n = 0; n < part_.size(); ++n) {
@@ -252,8 +252,8 @@ std::size_t ElasticGrid::LooseParts::hold(const ElasticGrid& grid, std::vector<s
           next[axis] += step;
           if (!layout.contains_cell(next[0], next[1], next[2])) continue;
           const std::size_t cell = layout.cell(next[0], next[1], next[2]);
-          if (grid.mu()[cell] == 0 || seen_[cell]) continue;
-          seen_[cell] = true;
+          if (grid.mu()[cell] == 0 || observed_[cell]) continue;
+          observed_[cell] = true;
           part_.push_back(next);
         }
       }

@@ -375,7 +375,7 @@ void Multigrid::solve_coarsest(const ElasticValues& b, ElasticValues& x) {
 }
 
 void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero,
-                       bool want_residual) {
+                       bool residual_needed) {
   const std::size_t values = b.size();
   const float* const inverse = level.k.inverse_diagonal().data();
   float* const r = level.residual.data();
@@ -404,7 +404,7 @@ void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, b
       p[n] += d[n];
     }
   }
-  if (!want_residual) return;
+  if (!residual_needed) return;
   level.k.apply(level.step, level.product);
   for (std::size_t n = 0; n < values; ++n) r[n] -= product[n];
 }

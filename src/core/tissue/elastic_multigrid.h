@@ -95,7 +95,7 @@ class Multigrid {
   static double greatest_eigenvalue(Level& level);
   void factorize();
   // smooths x, which is 0 if `from_zero`; sets level.residual to b - K x if requested
-  void smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero, bool want_residual);
+  void smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero, bool residual_needed);
   void solve_coarsest(const ElasticValues& b, ElasticValues& x);
   void cycle(std::size_t number, const ElasticValues& b, ElasticValues& x);
 

@@ -80,7 +80,7 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
-  ElasticSolution told;
+  ElasticSolution solution;
 
   // initial residual, and the load that it is relative to
   double scale = s.held_norm(displacement_mm);
@@ -99,13 +99,13 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
 
   // preconditioned conjugate gradients
   double rz = 0;
-  for (told.residual = part(); !(told.residual <= tolerance) && told.iterations < max_iterations;
-       told.residual = part()) {
+  for (solution.residual = part(); !(solution.residual <= tolerance) && solution.iterations < max_iterations;
+       solution.residual = part()) {
     s.multigrid.cycle(s.r, s.z);
     const double next = dot(s.r, s.z);
     // the V-cycle is positive definite, so this fails only if the residual is rounding error or not finite
     if (!(next > 0) || !std::isfinite(next)) break;
-    const float beta = told.iterations == 0 ? 0.0f : static_cast<float>(next / rz);
+    const float beta = solution.iterations == 0 ? 0.0f : static_cast<float>(next / rz);
     rz = next;
     for (std::size_t n = 0; n < u.size(); ++n) s.p[n] = s.z[n] + beta * s.p[n];
     k.apply(s.p, s.q);
@@ -116,10 +116,10 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
       u[n] += alpha * s.p[n];
       s.r[n] -= alpha * s.q[n];
     }
-    ++told.iterations;
+    ++solution.iterations;
   }
-  told.converged = told.residual <= tolerance;
-  return told;
+  solution.converged = solution.residual <= tolerance;
+  return solution;
 }
 
 }  // namespace palpate

@@ -97,8 +97,8 @@ TEST(ElasticSolver, IsTheDenseSolution) {
   }
   const Eigen::VectorXd expected = dense.partialPivLu().solve(right);
   ElasticSolver solver(grid);
-  const ElasticSolution told = solver.solve(load, u, kMany, 1e-6);
-  EXPECT_TRUE(told.converged);
+  const ElasticSolution solution = solver.solve(load, u, kMany, 1e-6);
+  EXPECT_TRUE(solution.converged);
   EXPECT_LE((slow.from(u) - expected).cwiseAbs().maxCoeff(), 1e-4 * expected.cwiseAbs().maxCoeff());
 }
 
@@ -113,9 +113,9 @@ TEST(ElasticSolver, NeedsFewIterationsWhateverTheNumberOfCells) {
       ElasticSolver solver(grid);
       ElasticField load(grid.layout()), u(grid.layout());
       press_down(grid, n / 2, n / 2, 0.01f, load);
-      const ElasticSolution told = solver.solve(load, u, kMany, 1e-3);
-      EXPECT_TRUE(told.converged);
-      EXPECT_LE(told.iterations, stiff > 10 ? 16 : 10) << n;
+      const ElasticSolution solution = solver.solve(load, u, kMany, 1e-3);
+      EXPECT_TRUE(solution.converged);
+      EXPECT_LE(solution.iterations, stiff > 10 ? 16 : 10) << n;
     }
   }
 }
@@ -140,10 +140,10 @@ TEST(ElasticSolver, IsBoundedByWhatItIsGiven) {
   ElasticSolver solver(grid);
   ElasticField load(grid.layout()), u(grid.layout());
   press_down(grid, 7, 7, 0.01f, load);
-  const ElasticSolution told = solver.solve(load, u, 2, 1e-9);
-  EXPECT_EQ(told.iterations, 2);
-  EXPECT_FALSE(told.converged);
-  EXPECT_GT(told.residual, 1e-9);
+  const ElasticSolution solution = solver.solve(load, u, 2, 1e-9);
+  EXPECT_EQ(solution.iterations, 2);
+  EXPECT_FALSE(solution.converged);
+  EXPECT_GT(solution.residual, 1e-9);
 }
 
 TEST(ElasticSolver, ASolutionHasTheSameBitsOnEverySimdTarget) {
@@ -204,9 +204,9 @@ TEST(ElasticSolver, RandomScenesStayFiniteAndComeBackToRest) {
                 j = static_cast<int>(random() % static_cast<unsigned>(cells[1] + 1)),
                 k = static_cast<int>(random() % static_cast<unsigned>(cells[2] + 1));
       for (int c = 0; c < 3; ++c) load.values[grid.layout().node(i, j, k, c)] = push(random);
-      const ElasticSolution told = solver.solve(load, u, 60, 1e-3);
-      converged += told.converged;
-      ASSERT_TRUE(std::isfinite(told.residual));
+      const ElasticSolution solution = solver.solve(load, u, 60, 1e-3);
+      converged += solution.converged;
+      ASSERT_TRUE(std::isfinite(solution.residual));
       ASSERT_TRUE(
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));
     }

@@ -69,16 +69,16 @@ LabelCells::LabelCells(const GridGeometry& labels, std::span<const ElasticMateri
       part_[a].push_back(voxels_per_mm.col(a) * ((n + 0.5) * box.cell_mm / samples_));
 }
 
-ElasticCell LabelCells::cell(const Bricks<LabelId>& labels, const Bricks<std::uint8_t>* taken, int i, int j,
+ElasticCell LabelCells::cell(const Bricks<LabelId>& labels, const Bricks<std::uint8_t>* removed, int i, int j,
                              int k) const {
   ElasticMixture mixture;
   LabelId label = 0;
-  std::uint8_t gone = 0;
+  std::uint8_t lost = 0;
   int times = 0;
   const auto add = [&] {
     if (times == 0) return;
     const bool is_air = label == 0 || label >= by_label_.size();
-    mixture.add(is_air ? ElasticMaterial{} : by_label_[label], times, 1 - gone / kAllTaken);
+    mixture.add(is_air ? ElasticMaterial{} : by_label_[label], times, 1 - lost / kAllTaken);
   };
   std::array<int, 3> voxel;
   for (int c = 0; c < samples_; ++c)
@@ -88,12 +88,12 @@ ElasticCell LabelCells::cell(const Bricks<LabelId>& labels, const Bricks<std::ui
         const Eigen::Vector3d at = row + part_[0][i * samples_ + a];
         for (int axis = 0; axis < 3; ++axis) voxel[axis] = static_cast<int>(std::floor(at[axis] + 0.5));
         const LabelId here = labels.anywhere(voxel[0], voxel[1], voxel[2]);
-        const std::uint8_t gone_here =
-            taken != nullptr ? taken->anywhere(voxel[0], voxel[1], voxel[2]) : std::uint8_t{0};
-        if (here != label || gone_here != gone) {
+        const std::uint8_t removed_here =
+            removed != nullptr ? removed->anywhere(voxel[0], voxel[1], voxel[2]) : std::uint8_t{0};
+        if (here != label || removed_here != lost) {
           add();
           label = here;
-          gone = gone_here;
+          lost = removed_here;
           times = 0;
         }
         ++times;

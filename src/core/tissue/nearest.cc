@@ -20,7 +20,7 @@ NearestMeter::NearestMeter(const Model& model)
   for (std::size_t d = 0; d < kMaxDevices; ++d) tools_[d] = model.tool_of(d);
 }
 
-void NearestMeter::see(const TickRecord& tick) {
+void NearestMeter::observe(const TickRecord& tick) {
   if (protected_.empty()) return;
   const bool switched_on = (tick.switches & kSwitchMotor) != 0;
   // without force the motor stands still, and without a proxy the burr's position is unknown
@@ -29,14 +29,14 @@ void NearestMeter::see(const TickRecord& tick) {
     const DeviceTick& device = tick.device[d];
     const Tool& tool = tools_[d];
     if (!tool.motor_is_on(switched_on, device.buttons)) continue;
-    if ((device.flags & kStill) != 0 || device.age_s >= kCuttingFeel.motor_timeout_s) continue;
+    if ((device.flags & kStill) != 0 || device.age_s >= kCuttingSettings.motor_timeout_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
     const Sweep head{at, at, tool.radius_mm, 0, row_mm(*tool.burr, tick, device), tool.burr->end_radius_mm};
     if (head.is_of_ball())
-      for (const ProtectedStructure& structure : protected_) see(at, tool.radius_mm, structure);
+      for (const ProtectedStructure& structure : protected_) observe(at, tool.radius_mm, structure);
     else
-      see(head);
+      observe(head);
   }
 }
 
@@ -47,20 +47,20 @@ Vector<Patient> NearestMeter::row_mm(const BurrSettings& burr, const TickRecord&
   return tool_in_patient(X_WorldPatient_, tick, device, burr.spindle * burr.length_mm);
 }
 
-void NearestMeter::see(const Sweep& sweep) {
+void NearestMeter::observe(const Sweep& sweep) {
   for (const ProtectedStructure& structure : protected_)
     for_balls_of(sweep, structure.surface->position().geometry().min_spacing_mm(),
-                 [&](const Point<Patient>& at, double radius_mm) { see(at, radius_mm, structure); });
+                 [&](const Point<Patient>& at, double radius_mm) { observe(at, radius_mm, structure); });
 }
 
-void NearestMeter::see(const std::map<LabelId, double>& nearest_mm) {
+void NearestMeter::observe(const std::map<LabelId, double>& nearest_mm) {
   for (const auto& [label, mm] : nearest_mm) {
     const auto [known, is_new] = nearest_mm_.try_emplace(label, mm);
     if (!is_new) known->second = std::min(known->second, mm);
   }
 }
 
-void NearestMeter::see(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure) {
+void NearestMeter::observe(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure) {
   const double distance_mm = structure.surface->distance_mm(at);
   if (distance_mm >= structure.surface->outside_mm()) return;
   const double gap_mm = std::max(0.0, distance_mm - radius_mm);

@@ -33,30 +33,30 @@ TickRecord held_at(double z_mm) {
 
 TEST(NearestMeter, TellsOfWhatWasCut) {
   NearestMeter meter(spared_below());
-  meter.see(Sweep{{0, 0, 8}, {1, 0, 8}, 2});
+  meter.observe(Sweep{{0, 0, 8}, {1, 0, 8}, 2});
   EXPECT_TRUE(meter.nearest_mm().empty()) << "beyond what the distances tell";
-  meter.see(Sweep{{0, 0, 3}, {1, 0, 2.5}, 2});
+  meter.observe(Sweep{{0, 0, 3}, {1, 0, 2.5}, 2});
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.01);
-  meter.see(Sweep{{0, 0, 3.5}, {0, 0, 3.5}, 2});
+  meter.observe(Sweep{{0, 0, 3.5}, {0, 0, 3.5}, 2});
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.01) << "farther away again";
-  meter.see(Sweep{{0, 0, 4}, {0, 0, 1}, 2});
+  meter.observe(Sweep{{0, 0, 4}, {0, 0, 1}, 2});
   EXPECT_EQ(meter.nearest_mm().at(kBone), 0);
 }
 
 TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   NearestMeter meter(spared_below());
   TickRecord tick = held_at(3);
-  meter.see(tick);
+  meter.observe(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 1, 0.01);
   // with several devices, each has the burr
   tick = held_at(3.5);
   tick.devices = 2;
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
-  meter.see(tick);
+  meter.observe(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.25, 0.01);
   NearestMeter other(spared_below());
-  other.see(meter.nearest_mm());
-  other.see(held_at(3));
+  other.observe(meter.nearest_mm());
+  other.observe(held_at(3));
   EXPECT_EQ(other.nearest_mm(), meter.nearest_mm());
 }
 
@@ -68,7 +68,7 @@ TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
   tick.devices = 2;
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
   NearestMeter beside_probe(model);
-  beside_probe.see(tick);
+  beside_probe.observe(tick);
   EXPECT_NEAR(beside_probe.nearest_mm().at(kBone), 1.5, 0.01) << "a probe comes as near as it likes";
   // each device with its own head and pedal
   second.burr = BurrSettings{.pedal = 5};
@@ -77,16 +77,16 @@ TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
   tick.switches = 0;
   tick.device[0].buttons = 1u << 3;
   EXPECT_TRUE(motor_was_on(model, tick));
-  beside_burr.see(tick);
+  beside_burr.observe(tick);
   EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.5, 0.01);
   tick.device[1].buttons = 1u << 3;
-  beside_burr.see(tick);
+  beside_burr.observe(tick);
   EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.5, 0.01) << "the first one's pedal is not its own";
   tick.device[0].buttons = 0;
   EXPECT_FALSE(motor_was_on(model, tick));
   tick.device[1].buttons = 1u << 5;
   EXPECT_TRUE(motor_was_on(model, tick));
-  beside_burr.see(tick);
+  beside_burr.observe(tick);
   EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.25, 0.01);
 }
 
@@ -100,12 +100,12 @@ TEST(NearestMeter, CountsAllOfACylinder) {
   // far end down in the patient, independent of the object's rotation
   const Eigen::Quaterniond object(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
   const Vector<World> down = model.X_WorldPatient * Vector<Patient>(0, 0, -1);
-  const Eigen::Quaterniond held = shortest_rotation(Eigen::Vector3d::UnitZ(), object * down.eigen());
-  tick.rotation_felt_wxyz = {object.w(), object.x(), object.y(), object.z()};
-  tick.device[0].orientation_wxyz = {held.w(), held.x(), held.y(), held.z()};
-  meter.see(tick);
+  const Eigen::Quaterniond rotation = shortest_rotation(Eigen::Vector3d::UnitZ(), object * down.eigen());
+  tick.rotation_applied_wxyz = {object.w(), object.x(), object.y(), object.z()};
+  tick.device[0].orientation_wxyz = {rotation.w(), rotation.x(), rotation.y(), rotation.z()};
+  meter.observe(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 7.5 - 5 - 1, 0.02);
-  meter.see(Sweep{{0, 0, 6}, {1, 0, 6}, 2, 0, {0, 0, -5}, 0.5});
+  meter.observe(Sweep{{0, 0, 6}, {1, 0, 6}, 2, 0, {0, 0, -5}, 0.5});
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.02);
 }
 
@@ -114,28 +114,28 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   NearestMeter meter(model);
   TickRecord tick = held_at(2);
   tick.switches = 0;
-  meter.see(tick);
+  meter.observe(tick);
   for (const std::uint32_t flag :
        {kFlagPaused, kFlagClutched, kFlagRamp, kFlagInside, kFlagJump, kFlagEmergencyStop}) {
     tick = held_at(2);
     tick.device[0].flags = flag;
-    meter.see(tick);
+    meter.observe(tick);
   }
   tick = held_at(2);
-  tick.device[0].age_s = kCuttingFeel.motor_timeout_s;
-  meter.see(tick);
+  tick.device[0].age_s = kCuttingSettings.motor_timeout_s;
+  meter.observe(tick);
   EXPECT_TRUE(meter.nearest_mm().empty());
   // its pose is stale, and it keeps running
   NearestMeter late(model);
-  tick.device[0].age_s = 0.9 * kCuttingFeel.motor_timeout_s;
+  tick.device[0].age_s = 0.9 * kCuttingSettings.motor_timeout_s;
   tick.device[0].flags = kFlagStale;
-  late.see(tick);
+  late.observe(tick);
   EXPECT_NEAR(late.nearest_mm().at(kBone), 0, 0.01);
   tick = held_at(2);
   tick.switches = 0;
   tick.device[0].buttons = 1u << 3;
   EXPECT_TRUE(motor_was_on(model, tick)) << "by its pedal";
-  meter.see(tick);
+  meter.observe(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.01);
   EXPECT_FALSE(motor_was_on(Model(), held_at(2))) << "a tool without a motor";
 }

@@ -24,17 +24,17 @@ class RowEnergy {
     if (!(mu > 0)) return 0;
     double slope[3][3], unseen = 0;
     for (int axis = 0; axis < 3; ++axis) {
-      double sum[4], way[4];
+      double sum[4], path[4];
       for (int corner = 0; corner < 4; ++corner) {
         const double here = row_[corner][axis][i], next = row_[corner][axis][i + 1];
         sum[corner] = here + next;
-        way[corner] = next - here;
+        path[corner] = next - here;
       }
-      slope[axis][0] = (way[0] + way[1] + way[2] + way[3]) * per_cell_;
+      slope[axis][0] = (path[0] + path[1] + path[2] + path[3]) * per_cell_;
       slope[axis][1] = (sum[1] - sum[0] + sum[3] - sum[2]) * per_cell_;
       slope[axis][2] = (sum[2] - sum[0] + sum[3] - sum[1]) * per_cell_;
-      const double xy = way[1] - way[0] + way[3] - way[2], xz = way[2] - way[0] + way[3] - way[1],
-                   yz = sum[0] - sum[1] - sum[2] + sum[3], xyz = way[0] - way[1] - way[2] + way[3];
+      const double xy = path[1] - path[0] + path[3] - path[2], xz = path[2] - path[0] + path[3] - path[1],
+                   yz = sum[0] - sum[1] - sum[2] + sum[3], xyz = path[0] - path[1] - path[2] + path[3];
       unseen += xy * xy + xz * xz + yz * yz + xyz * xyz;
     }
     const double trace = slope[0][0] + slope[1][1] + slope[2][2];
@@ -62,7 +62,7 @@ int yielding_tissue(const Model& model, const Bricks<LabelId>& labels, const Poi
     voxel[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(at[axis] + 0.5));
   const LabelId label = labels.anywhere(voxel[0], voxel[1], voxel[2]);
   const Tissue* tissue = model.tissue_of(label);
-  if (tissue == nullptr || !tissue->felt || !model.is_deformable(*tissue)) return -1;
+  if (tissue == nullptr || !tissue->touchable || !model.is_deformable(*tissue)) return -1;
   return model.tissue_of_label[label];
 }
 

@@ -27,9 +27,9 @@ std::shared_ptr<Model> relaxing_block(const Relaxation& block, const Relaxation&
   return model;
 }
 
-LocalCompliance settled(const Model& model, const TickRecord& felt) {
+LocalCompliance settled(const Model& model, const TickRecord& record) {
   YieldSolver solver;
-  for (int n = 0; n < 12; ++n) solver.solve(model, felt);
+  for (int n = 0; n < 12; ++n) solver.solve(model, record);
   return solver.frame().spot[0];
 }
 
@@ -93,10 +93,10 @@ TEST(RelaxationWeights, ATissueCountsByWhatGivesWayOfIt) {
   };
   // the ball of 100 kPa contributes little, and nothing far from it
   for (const double x : {0.0, 4.0}) {
-    const double told = share_of_ball(x);
+    const double reported = share_of_ball(x);
     const double change = std::log(compliance(x, 90) / compliance(x, 110)) / std::log(110.0 / 90);
     EXPECT_GT(change, 0);
-    EXPECT_NEAR(told, change, 0.35 * change + 0.002) << x;
+    EXPECT_NEAR(reported, change, 0.35 * change + 0.002) << x;
   }
   EXPECT_LT(share_of_ball(25), 0.1 * share_of_ball(0));
 }

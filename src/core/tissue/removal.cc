@@ -14,7 +14,7 @@ namespace {
 
 // Depth of the sampling point in material from which an edge begins to count: half of lookahead_mm, so that
 // next to a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
-constexpr double kCounts_mm = kCuttingFeel.lookahead_mm / 2;
+constexpr double kCounts_mm = kCuttingSettings.lookahead_mm / 2;
 
 /// Pose of the burr's head as constrained by one layer.
 struct HeadPose {
@@ -23,9 +23,9 @@ struct HeadPose {
 };
 
 /// A burr at the hand's attitude, and at those of the layers' proxies.
-class HeldBurr {
+class BurrTool {
  public:
-  HeldBurr(const Burr& burr, const ToolPose& hand) : burr_(burr), hand_(hand), head_(burr.head(0)) {}
+  BurrTool(const Burr& burr, const ToolPose& hand) : burr_(burr), hand_(hand), head_(burr.head(0)) {}
 
   const Burr& operator*() const { return burr_; }
   const Burr* operator->() const { return &burr_; }
@@ -65,18 +65,18 @@ bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Pati
 }
 
 /// Displacements of both ends of a head's axis.
-struct HeadWay {
+struct HeadDisplacement {
   double length_mm = 0;                  // displacement of the end that moves farther
   std::array<Vector<Patient>, 2> along;  // unit vectors
   std::array<double, 2> part{};          // fraction of length_mm
 
-  HeadWay(const Vector<Patient>& first, const Vector<Patient>& last) {
-    const std::array ways{first, last};
+  HeadDisplacement(const Vector<Patient>& first, const Vector<Patient>& last) {
+    const std::array paths{first, last};
     const std::array lengths{first.norm(), last.norm()};
     length_mm = std::max(lengths[0], lengths[1]);
     for (std::size_t end = 0; end < 2; ++end) {
       if (!(lengths[end] > 0)) continue;
-      along[end] = ways[end] / lengths[end];
+      along[end] = paths[end] / lengths[end];
       part[end] = lengths[end] / length_mm;
     }
   }
@@ -90,20 +90,22 @@ struct Front {
 };
 
 /// Samples the material around a burr's head.
-class Ahead {
+class MaterialSampler {
  public:
   /// @param head  at the layer's attitude
   /// @param at    position of the head in that layer
-  Ahead(std::span<const ContactSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
-        const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
+  MaterialSampler(std::span<const ContactSurface> surfaces, const BurrTool& burr, const ToolSphere& head,
+                  const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
       : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
-    const double near_mm = burr_.widest_mm() + kCuttingFeel.lookahead_mm;
+    const double near_mm = burr_.widest_mm() + kCuttingSettings.lookahead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
-      const ContactSurface& felt = surfaces[s];
-      const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
-      if (felt.layer != number || felt.surface == nullptr || layer.punctured[s] || covered) continue;
-      if (is_known_beyond(*felt.surface, head, at_, near_mm) && felt.surface->outside_mm() > 0) continue;
-      if (is_farther(*felt.surface, head, at_, burr_.radius_mm + kCuttingFeel.lookahead_mm)) continue;
+      const ContactSurface& surface = surfaces[s];
+      const bool covered =
+          surface.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(surface.beneath)];
+      if (surface.layer != number || surface.surface == nullptr || layer.punctured[s] || covered) continue;
+      if (is_known_beyond(*surface.surface, head, at_, near_mm) && surface.surface->outside_mm() > 0)
+        continue;
+      if (is_farther(*surface.surface, head, at_, burr_.radius_mm + kCuttingSettings.lookahead_mm)) continue;
       near_[count_++] = static_cast<int>(s);
     }
     if (count_ == 0) return;
@@ -113,13 +115,13 @@ class Ahead {
       swept_[swept_count_++].emplace(*sweep);
   }
 
-  Front along(const HeadWay& way) const {
+  Front along(const HeadDisplacement& displacement) const {
     if (count_ == 0) return {};
     Sum sum;
     const bool is_ball = head_.along_mm == Vector<Patient>();
     for (std::size_t end = 0; end < (is_ball ? 1 : 2); ++end)
-      if (way.part[end] > 0) add_end(end, way, sum);
-    if (!is_ball) add_side(way, sum);
+      if (displacement.part[end] > 0) add_end(end, displacement, sum);
+    if (!is_ball) add_side(displacement, sum);
     return front_of(sum);
   }
 
@@ -132,13 +134,13 @@ class Ahead {
       const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
       const Point<Patient> middle = at_ + head_.along_mm * contact.axis_fraction;
       // the contact normal is smoothed and may point past the edge
-      const ContactSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const Vector<Patient> outward =
-          sample_central_differences(felt.surface->position(), middle).gradient.normalized();
+          sample_central_differences(surface.surface->position(), middle).gradient.normalized();
       // between voxels the edge may read closer than it is
       const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
-      add(middle - outward * felt.clearance_error_mm, -outward, radius_mm,
-          std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions, 0, sum);
+      add(middle - outward * surface.clearance_error_mm, -outward, radius_mm,
+          std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions, 0, sum);
     }
     return front_of(sum);
   }
@@ -160,15 +162,15 @@ class Ahead {
   }
 
   // samples the hemisphere of one end, except where the rest of the head covers it
-  void add_end(std::size_t end, const HeadWay& way, Sum& sum) const {
+  void add_end(std::size_t end, const HeadDisplacement& displacement, Sum& sum) const {
     const double along_row = end == 0 ? 0 : 1, radius_mm = head_.radius_at_mm(along_row);
-    const Vector<Patient>& ahead = way.along[end];
+    const Vector<Patient>& ahead = displacement.along[end];
     const Vector<Patient> side = perpendicular(ahead), up = ahead.cross(side);
     const double share_mm2 =
-        std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions * way.part[end];
-    for (int n = 0; n < kCuttingFeel.directions; ++n) {
+        std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions * displacement.part[end];
+    for (int n = 0; n < kCuttingSettings.directions; ++n) {
       // Vogel's spiral: points evenly spread over a disc
-      const double r = std::sqrt((n + 0.5) / kCuttingFeel.directions), turn = n * kGoldenAngle;
+      const double r = std::sqrt((n + 0.5) / kCuttingSettings.directions), turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           ahead * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
       // only the end that extends farther in this direction
@@ -178,23 +180,24 @@ class Ahead {
   }
 
   // samples the lateral surface, which is straight along the axis
-  void add_side(const HeadWay& way, Sum& sum) const {
+  void add_side(const HeadDisplacement& displacement, Sum& sum) const {
     const double length_mm = head_.along_mm.norm(), slope = head_.widens_mm / length_mm;
     if (!(std::abs(slope) < 1)) return;
     const double cosine = std::sqrt(1 - slope * slope);
     const Vector<Patient> axis = head_.along_mm / length_mm, side = perpendicular(axis),
                           up = axis.cross(side);
-    const std::array ways{way.along[0] * way.part[0], way.along[1] * way.part[1]};
-    for (int n = 0; n < kCuttingFeel.lateral_samples; ++n) {
+    const std::array paths{displacement.along[0] * displacement.part[0],
+                           displacement.along[1] * displacement.part[1]};
+    for (int n = 0; n < kCuttingSettings.lateral_samples; ++n) {
       // spiral with even spacing along and around the axis
-      const double part = (n + 0.5) / kCuttingFeel.lateral_samples, turn = n * kGoldenAngle;
+      const double part = (n + 0.5) / kCuttingSettings.lateral_samples, turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           axis * -slope + (side * std::cos(turn) + up * std::sin(turn)) * cosine;
-      const double ahead = direction.dot(ways[0] * (1 - part) + ways[1] * part);
+      const double ahead = direction.dot(paths[0] * (1 - part) + paths[1] * part);
       if (!(ahead > 0)) continue;
       const double radius_mm = head_.radius_at_mm(part);
       const double share_mm2 =
-          2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kCuttingFeel.lateral_samples;
+          2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kCuttingSettings.lateral_samples;
       add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, kCounts_mm, sum);
     }
   }
@@ -202,7 +205,8 @@ class Ahead {
   // @param counts_mm  depth in material at which a point begins to count
   void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
            double counts_mm, Sum& sum) const {
-    const Material material = before(middle + direction * (radius_mm + kCuttingFeel.lookahead_mm), counts_mm);
+    const Material material =
+        before(middle + direction * (radius_mm + kCuttingSettings.lookahead_mm), counts_mm);
     if (!(material.part > 0)) return;
     const double area_mm2 = share_mm2 * material.part;
     sum.area_mm2 += area_mm2;
@@ -210,11 +214,11 @@ class Ahead {
     sum.energy += area_mm2 * material.energy;
   }
 
-  Material before(const Point<Patient>& place, double counts_mm) const {
+  Material before(const Point<Patient>& position, double counts_mm) const {
     double min_mm = std::numeric_limits<double>::infinity();
     int surface = -1;
     for (std::size_t n = 0; n < count_; ++n) {
-      const double distance_mm = surfaces_[static_cast<std::size_t>(near_[n])].surface->distance_mm(place);
+      const double distance_mm = surfaces_[static_cast<std::size_t>(near_[n])].surface->distance_mm(position);
       if (distance_mm < min_mm) {
         min_mm = distance_mm;
         surface = near_[n];
@@ -222,13 +226,13 @@ class Ahead {
     }
     if (!(min_mm < 0)) return {};
     for (std::size_t n = 0; n < swept_count_; ++n) {
-      min_mm = std::max(min_mm, swept_[n]->depth_mm(place));
+      min_mm = std::max(min_mm, swept_[n]->depth_mm(position));
       if (!(min_mm < 0)) return {};
     }
     double cut = 0, energy = 0;  // shares of structures that are not protected
-    for (const OwnerShare& share : owners_at(surfaces_, surface, place).all()) {
+    for (const OwnerShare& share : owners_at(surfaces_, surface, position).all()) {
       const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
-      if (structure.kept) continue;
+      if (structure.is_protected) continue;
       cut += share.part;
       energy += share.part * structure.cutting_energy_mJ_per_mm3;
     }
@@ -256,15 +260,15 @@ class Ahead {
 };
 
 // appends a path to the sweeps, or extends the last one; false if the capacity is exhausted
-bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrState& state) {
+bool sweep(const BurrTool& burr, const HeadPose& from, const HeadPose& to, BurrState& state) {
   const Vector<Patient> axis_mm = burr.head(to.attitude).along_mm;
   if (state.sweeps > 0 && !state.closed) {
     Sweep& last = state.sweep[static_cast<std::size_t>(state.sweeps - 1)];
     const Sweep longer{last.from, to.at, burr->radius_mm, burr->stroke, axis_mm, last.end_radius_mm};
-    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kCuttingFeel.max_deviation_mm &&
-        (to.at - last.from).norm() <= kCuttingFeel.max_sweep_mm &&
-        distance_to_way_mm(longer, last.to) <= kCuttingFeel.max_deviation_mm &&
-        (axis_mm - state.began_axis_mm).norm() <= kCuttingFeel.max_turn_mm) {
+    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kCuttingSettings.max_deviation_mm &&
+        (to.at - last.from).norm() <= kCuttingSettings.max_sweep_mm &&
+        distance_to_path_mm(longer, last.to) <= kCuttingSettings.max_deviation_mm &&
+        (axis_mm - state.began_axis_mm).norm() <= kCuttingSettings.max_turn_mm) {
       last = longer;
       return true;
     }
@@ -279,18 +283,18 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
 }
 
 // largest penetration of a burr with its full radii into the surfaces that its proxies are in contact with
-double penetration_mm(std::span<const ContactSurface> surfaces, const HeldBurr& burr,
+double penetration_mm(std::span<const ContactSurface> surfaces, const BurrTool& burr,
                       const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double sunk = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    const ContactSurface& felt = surfaces[s];
-    const ProxyLayer& layer = proxy.layer(felt.layer);
-    const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
-    if (felt.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
+    const ContactSurface& surface = surfaces[s];
+    const ProxyLayer& layer = proxy.layer(surface.layer);
+    const bool covered = surface.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(surface.beneath)];
+    if (surface.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
     const ToolSphere head = burr.head(layer.attitude);
-    if (is_farther(*felt.surface, head, layer.position, radius_mm)) continue;
-    const NearestPart nearest = nearest_part(*felt.surface, head, layer.position, radius_mm);
+    if (is_farther(*surface.surface, head, layer.position, radius_mm)) continue;
+    const NearestPart nearest = nearest_part(*surface.surface, head, layer.position, radius_mm);
     sunk = std::max(sunk, radius_mm - nearest.distance_mm);
   }
   return sunk;
@@ -298,26 +302,27 @@ double penetration_mm(std::span<const ContactSurface> surfaces, const HeldBurr& 
 
 // Largest lack of clearance of the head where material was removed, as the interpolated surfaces read. It
 // decreases towards uncut material, so that nothing jumps.
-double short_of_room_mm(std::span<const ContactSurface> surfaces, const HeldBurr& burr,
-                        const ProxyState& proxy) {
+double missing_clearance_mm(std::span<const ContactSurface> surfaces, const BurrTool& burr,
+                            const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double most = 0;
-  for (const ContactSurface& felt : surfaces) {
-    if (felt.made == nullptr || felt.clearance_error_mm <= most || !proxy.layer(felt.layer).coupled) continue;
-    const Point<Patient>& at = proxy.layer(felt.layer).position;
-    const ToolSphere head = burr.head(proxy.layer(felt.layer).attitude);
-    if (is_farther(*felt.made, head, at, radius_mm - most)) continue;
-    const NearestPart nearest = nearest_part(*felt.made, head, at, radius_mm - most);
-    most = std::max(most, std::min(felt.clearance_error_mm, radius_mm - nearest.distance_mm));
+  for (const ContactSurface& surface : surfaces) {
+    if (surface.made == nullptr || surface.clearance_error_mm <= most || !proxy.layer(surface.layer).coupled)
+      continue;
+    const Point<Patient>& at = proxy.layer(surface.layer).position;
+    const ToolSphere head = burr.head(proxy.layer(surface.layer).attitude);
+    if (is_farther(*surface.made, head, at, radius_mm - most)) continue;
+    const NearestPart nearest = nearest_part(*surface.made, head, at, radius_mm - most);
+    most = std::max(most, std::min(surface.clearance_error_mm, radius_mm - nearest.distance_mm));
   }
   return most;
 }
 
 /// Volume removed by a burr that sinks in by a feed: its front area grows with depth as for a ball entering a
 /// plane.
-class Sinking {
+class FeedVolume {
  public:
-  Sinking(double front_mm2, double radius_mm)
+  FeedVolume(double front_mm2, double radius_mm)
       : front_mm2_(front_mm2), grows_mm_(std::numbers::pi * radius_mm) {}
 
   double volume_mm3(double feed_mm) const { return (front_mm2_ + grows_mm_ * feed_mm) * feed_mm; }
@@ -348,26 +353,26 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
 // Pose of a head after a displacement, corrected so that it enters no protected structure deeper than before:
 // moved next to the structure, so that it slides, or back to the start. A slight penetration, as rebuilt
 // surfaces can cause, is resolved at recovery_mm per tick.
-HeadPose outside_protected(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
+HeadPose outside_protected(const BurrTool& burr, const HeadPose& from, const HeadPose& to) {
   if (burr->spared.empty()) return to;
   const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
-  Point<Patient> place = to.at;
-  for (int n = 0; n < kCuttingFeel.max_iterations; ++n) {
+  Point<Patient> position = to.at;
+  for (int n = 0; n < kCuttingSettings.max_iterations; ++n) {
     bool clear = true;
     for (const ProtectedStructure& structure : burr->spared) {
-      const Surface& kept = *structure.surface;
-      if (!structure.kept || is_known_beyond(kept, is, place, burr->widest_mm())) continue;
-      const NearestPart nearest = nearest_part(kept, is, place, burr->radius_mm);
+      const Surface& stored = *structure.surface;
+      if (!structure.is_protected || is_known_beyond(stored, is, position, burr->widest_mm())) continue;
+      const NearestPart nearest = nearest_part(stored, is, position, burr->radius_mm);
       if (nearest.distance_mm >= burr->radius_mm) continue;
       const double min_mm =
-          std::min(burr->radius_mm,
-                   nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kCuttingFeel.recovery_mm);
+          std::min(burr->radius_mm, nearest_part(stored, was, from.at, burr->radius_mm).distance_mm +
+                                        kCuttingSettings.recovery_mm);
       const double in_mm = min_mm - nearest.distance_mm;
-      if (in_mm <= kCuttingFeel.contact_tolerance_mm) continue;
+      if (in_mm <= kCuttingSettings.contact_tolerance_mm) continue;
       clear = false;
-      place += kept.outward(place + is.along_mm * nearest.axis_fraction) * in_mm;
+      position += stored.outward(position + is.along_mm * nearest.axis_fraction) * in_mm;
     }
-    if (clear) return {place, to.attitude};
+    if (clear) return {position, to.attitude};
   }
   return {from.at, burr.is_ball() ? to.attitude : from.attitude};
 }
@@ -395,9 +400,9 @@ double Burr::widest_mm() const {
 
 ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
-  const HeldBurr held(burr, hand);
+  const BurrTool held(burr, hand);
   state.open_s += options.dt_s;
-  if (state.open_s >= kCuttingFeel.max_sweep_s) state.closed = true;
+  if (state.open_s >= kCuttingSettings.max_sweep_s) state.closed = true;
   // After a reset of the proxy, sweeps made so far are still to be carved but are not extended.
   if (!proxy.layer(std::max(state.layer, 0)).coupled) {
     state.penetration_mm = state.pressed_N = state.front_mm2 = 0;
@@ -407,19 +412,19 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // Inset allowed by the motor's work in this tick, estimated from the last tick's press force.
   const bool cuts = burr.revolutions_per_s > 0 && !state.full;
   const bool in_material = cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3);
-  const Sinking sinking(state.front_mm2, burr.widest_mm());
+  const FeedVolume feed_volume(state.front_mm2, burr.widest_mm());
   const double mJ_per_N = in_material ? burr.grip * state.edge_mm_per_s * options.dt_s : 0;
   const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
   state.inset_mm = state.penetration_mm;
   if (in_material) {
     const double feed_mm =
-        sinking.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
+        feed_volume.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
     state.inset_mm =
-        std::min(state.penetration_mm + std::min(feed_mm, kCuttingFeel.max_feed_mm),
-                 std::max(state.penetration_mm, kCuttingFeel.max_inset_fraction * burr.thinnest_mm()));
+        std::min(state.penetration_mm + std::min(feed_mm, kCuttingSettings.max_feed_mm),
+                 std::max(state.penetration_mm, kCuttingSettings.max_inset_fraction * burr.thinnest_mm()));
   }
   // a burr that does not cut must be able to leave by the path on which it entered
-  if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
+  if (!cuts) state.inset_mm = std::max(state.inset_mm, missing_clearance_mm(surfaces, held, proxy));
   if (!(burr.revolutions_per_s > 0)) state.closed = true;
 
   const int was_in = state.layer;
@@ -433,7 +438,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions led = options;
   led.max_slip_N_per_s = std::numeric_limits<double>::infinity();
-  if (cuts) led.max_away = kCuttingFeel.max_distance_increase;
+  if (cuts) led.max_away = kCuttingSettings.max_distance_increase;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
@@ -459,8 +464,8 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   if (in_material) {
     const double now_N = std::min(result.force_N.norm(), burr.max_press_N);
     const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
-    const double unspent_work_mJ =
-        std::min(state.unspent_work_mJ + work_mJ, energy * sinking.volume_mm3(kCuttingFeel.max_feed_mm));
+    const double unspent_work_mJ = std::min(state.unspent_work_mJ + work_mJ,
+                                            energy * feed_volume.volume_mm3(kCuttingSettings.max_feed_mm));
     state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
     state.unspent_work_mJ = std::max(state.unspent_work_mJ, unspent_work_mJ);
   }
@@ -468,12 +473,13 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const HeadPose from = before[static_cast<std::size_t>(is_in)], to{layer.position, layer.attitude};
   const Vector<Patient> moved = to.at - from.at;
   const Vector<Patient> turned = held.head(to.attitude).along_mm - held.head(from.attitude).along_mm;
-  const HeadWay way(moved, moved + turned);
-  if (was_in == is_in && way.length_mm > kCuttingFeel.at_rest_mm) {
+  const HeadDisplacement displacement(moved, moved + turned);
+  if (was_in == is_in && displacement.length_mm > kCuttingSettings.at_rest_mm) {
     const HeadPose middle = held.partway(from, to, 0.5);
     const Front swept =
-        Ahead(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state).along(way);
-    const double cost_mJ = swept.area_mm2 * way.length_mm * swept.energy_mJ_per_mm3;
+        MaterialSampler(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state)
+            .along(displacement);
+    const double cost_mJ = swept.area_mm2 * displacement.length_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // motion through material is limited by the motor's work and by the capacity for sweeps
       double part = std::min(1.0, state.unspent_work_mJ / cost_mJ);
@@ -487,7 +493,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
         const HeadPose pose = held.partway(before[n], {layered.position, layered.attitude}, part);
         move_to(outside_protected(held, before[n], pose), hand.tip, layered, result.of_layer[n], result);
       }
-      state.taken_mm3 += swept.area_mm2 * way.length_mm * part;
+      state.removed_mm3 += swept.area_mm2 * displacement.length_mm * part;
       state.unspent_work_mJ -= cost_mJ * part;
     }
   }
@@ -496,7 +502,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
 
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
-  const Ahead ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state);
+  const MaterialSampler ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state);
   Front front = ahead.along({push, push});
   if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
   state.front_mm2 = front.area_mm2;
@@ -507,15 +513,15 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
 
 void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                  std::uint64_t carved, const ProxyState& proxy, BurrState& state) {
-  const auto gone = static_cast<int>(
+  const auto removed = static_cast<int>(
       std::min<std::uint64_t>(carved > state.first ? carved - state.first : 0, state.sweeps));
-  std::move(state.sweep.begin() + gone, state.sweep.begin() + state.sweeps, state.sweep.begin());
-  state.first += static_cast<std::uint64_t>(gone);
-  state.sweeps -= gone;
-  if (gone > 0) state.full = false;
-  const double sunk = penetration_mm(surfaces, HeldBurr(burr, hand), proxy);
-  const bool fits = sunk > 0 && sunk + kCuttingFeel.surface_error_mm < burr.thinnest_mm();
-  state.penetration_mm = state.inset_mm = fits ? sunk + kCuttingFeel.surface_error_mm : 0;
+  std::move(state.sweep.begin() + removed, state.sweep.begin() + state.sweeps, state.sweep.begin());
+  state.first += static_cast<std::uint64_t>(removed);
+  state.sweeps -= removed;
+  if (removed > 0) state.full = false;
+  const double sunk = penetration_mm(surfaces, BurrTool(burr, hand), proxy);
+  const bool fits = sunk > 0 && sunk + kCuttingSettings.surface_error_mm < burr.thinnest_mm();
+  state.penetration_mm = state.inset_mm = fits ? sunk + kCuttingSettings.surface_error_mm : 0;
 }
 
 std::uint64_t finished_sweeps(const BurrState& state) {

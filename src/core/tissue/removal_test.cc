@@ -35,9 +35,9 @@ class LedBurr {
     burr_.axis = spindle_ = row.spindle;
     burr_.length_mm = row.length_mm;
     burr_.end_radius_mm = row.end_radius_mm;
-    felt_[0].surface = carved_.surface();
-    felt_[0].stiffness_N_per_mm = 2;
-    felt_[0].cutting_energy_mJ_per_mm3 = 100;
+    surfaces_[0].surface = carved_.surface();
+    surfaces_[0].stiffness_N_per_mm = 2;
+    surfaces_[0].cutting_energy_mJ_per_mm3 = 100;
     options_.friction = false;
   }
 
@@ -48,47 +48,48 @@ class LedBurr {
   ProxyResult lead_to(const Point<Patient>& to, const Eigen::Quaterniond& attitude, int ticks) {
     const Vector<Patient> step = (to - tip_) / ticks;
     const Eigen::Quaterniond from = attitude_;
-    ProxyResult felt;
+    ProxyResult result;
     for (int n = 0; n < ticks; ++n) {
       tip_ += step;
       if (attitude.coeffs() != from.coeffs()) {
         attitude_ = from.slerp((n + 1.0) / ticks, attitude);
         burr_.axis = Vector<Patient>(attitude_ * spindle_.eigen());
       }
-      felt = advance_burr(felt_, burr_, pose(), proxy_, state_, options_);
-      if (state_.taken_mm3 > 0) {
-        EXPECT_LE(state_.taken_mm3 * felt_[0].cutting_energy_mJ_per_mm3, state_.work_mJ + 1e-9);
+      result = advance_burr(surfaces_, burr_, pose(), proxy_, state_, options_);
+      if (state_.removed_mm3 > 0) {
+        EXPECT_LE(state_.removed_mm3 * surfaces_[0].cutting_energy_mJ_per_mm3, state_.work_mJ + 1e-9);
       }
     }
-    return felt;
+    return result;
   }
   void carve() {
     const std::uint64_t count = finished_sweeps(state_);
     carved_ = carved_.with(state_.pending().first(count - state_.first));
-    for (ContactSurface& felt : felt_) {
-      felt.surface = carved_.surface();
-      felt.made = carved_.made();
-      felt.clearance_error_mm = carved_.clearance_error_mm();
+    for (ContactSurface& surface : surfaces_) {
+      surface.surface = carved_.surface();
+      surface.made = carved_.made();
+      surface.clearance_error_mm = carved_.clearance_error_mm();
     }
-    rebase_burr(felt_, burr_, pose(), count, proxy_, state_);
+    rebase_burr(surfaces_, burr_, pose(), count, proxy_, state_);
     const ToolSphere head = burr_.head(state_.inset_mm);
     std::vector<SurfaceCorrespondence> before;
-    for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
-    transfer_proxy(felt_, {&head, 1}, pose(), before, proxy_);
+    for (std::int16_t n = 0; n < static_cast<std::int16_t>(surfaces_.size()); ++n)
+      before.push_back({n, false});
+    transfer_proxy(surfaces_, {&head, 1}, pose(), before, proxy_);
   }
   /// Adds a softer adjacent structure, so that the bone contributes its stiffness in two layers.
   void in_two_layers() {
-    felt_[0].layer = 1;
-    felt_[0].from_N_per_mm = 0.5;
-    ContactSurface outer = felt_[0];
+    surfaces_[0].layer = 1;
+    surfaces_[0].from_N_per_mm = 0.5;
+    ContactSurface outer = surfaces_[0];
     outer.structure = outer.layer = 0;
     outer.from_N_per_mm = 0;
     outer.to_N_per_mm = 0.5;
-    felt_.push_back(outer);
+    surfaces_.push_back(outer);
   }
 
   CarvedSurface carved_;
-  std::vector<ContactSurface> felt_{1};
+  std::vector<ContactSurface> surfaces_{1};
   Burr burr_;
   BurrState state_;
   ProxyState proxy_;
@@ -103,25 +104,25 @@ TEST(Removal, AMotorThatIsOffLeavesABall) {
   ProxyState ball;
   const ToolSphere sphere{Vector<Patient>(), 2};
   off.lead_to(Point<Patient>(0, 0, 2.5), 1);
-  (void)advance_proxy(off.felt_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
+  (void)advance_proxy(off.surfaces_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
   for (int n = 1; n <= 200; ++n) {
     const Point<Patient> tip(0.02 * n, 0.01 * n, 2.5 - 0.01 * n);
     const ProxyResult is = off.lead_to(tip, 1);
     const ProxyResult expected =
-        advance_proxy(off.felt_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
+        advance_proxy(off.surfaces_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
     ASSERT_EQ(is.force_N, expected.force_N);
     ASSERT_EQ(off.proxy_.position, ball.position);
   }
   EXPECT_GT(ball.contacts, 0);
-  EXPECT_EQ(off.state_.taken_mm3, 0);
+  EXPECT_EQ(off.state_.removed_mm3, 0);
   EXPECT_TRUE(off.state_.pending().empty());
 }
 
 TEST(Removal, WhatCannotBeCutIsNot) {
   LedBurr burr;
-  burr.felt_[0].cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
+  burr.surfaces_[0].cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
   burr.lead_to(Point<Patient>(0, 0, 1), 50);
-  EXPECT_EQ(burr.state_.taken_mm3, 0);
+  EXPECT_EQ(burr.state_.removed_mm3, 0);
   EXPECT_TRUE(burr.state_.pending().empty());
   EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
 }
@@ -141,7 +142,7 @@ TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
     last_N = force_N;
     last_mm = burr.proxy_.position.z();
   }
-  EXPECT_GT(burr.state_.taken_mm3, 0.1);
+  EXPECT_GT(burr.state_.removed_mm3, 0.1);
 }
 
 TEST(Removal, InLayersItIsOneBurr) {
@@ -158,18 +159,18 @@ TEST(Removal, InLayersItIsOneBurr) {
     EXPECT_LT((two.proxy_.layer(0).position - two.proxy_.layer(1).position).norm(), 0.01) << n;
     EXPECT_NEAR(in_two.stored_mJ, 0.25 * in_two.force_N.squared_norm(), 1e-3) << n;
   }
-  EXPECT_GT(one.state_.taken_mm3, 3);
-  EXPECT_NEAR(two.state_.taken_mm3, one.state_.taken_mm3, 0.02 * one.state_.taken_mm3);
+  EXPECT_GT(one.state_.removed_mm3, 3);
+  EXPECT_NEAR(two.state_.removed_mm3, one.state_.removed_mm3, 0.02 * one.state_.removed_mm3);
 }
 
 TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
   LedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 20);
   const Point<Patient> in(1.3, 0.8, -3);
-  const Vector<Patient> way = in - burr.tip_;
+  const Vector<Patient> displacement = in - burr.tip_;
   const Point<Patient> from = burr.tip_;
   for (int n = 1; n <= 100; ++n) {
-    burr.lead_to(from + way * (0.01 * n), 20);
+    burr.lead_to(from + displacement * (0.01 * n), 20);
     burr.carve();
   }
   ASSERT_LT((burr.proxy_.position - in).norm(), 0.4);
@@ -177,15 +178,15 @@ TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
   EXPECT_LT(burr.carved_.clearance_error_mm(), 0.6) << "a voxel";
 
   burr.burr_.revolutions_per_s = 0;
-  const double taken_mm3 = burr.state_.taken_mm3;
+  const double removed_mm3 = burr.state_.removed_mm3;
   for (int n = 99; n >= 0; --n) {
-    const ProxyResult felt = burr.lead_to(from + way * (0.01 * n), 10);
+    const ProxyResult result = burr.lead_to(from + displacement * (0.01 * n), 10);
     // no longer pressed into the bottom
     if (n < 90) {
-      EXPECT_LT(felt.force_N.norm(), 0.2) << n;
+      EXPECT_LT(result.force_N.norm(), 0.2) << n;
     }
   }
-  EXPECT_EQ(burr.state_.taken_mm3, taken_mm3);
+  EXPECT_EQ(burr.state_.removed_mm3, removed_mm3);
   // outside the hole it is a full ball again
   burr.lead_to(Point<Patient>(-6, 0, 2.5), 100);
   burr.lead_to(Point<Patient>(-6, 0, 1.5), 100);
@@ -209,10 +210,10 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
     burr.lead_to(Point<Patient>(aside(random), aside(random), 2.2), 100);
     const Point<Patient> from = burr.tip_;
     // with up to 10 N, towards it and next to it
-    const Vector<Patient> way = Point<Patient>(aside(random), aside(random), depth(random)) - from;
+    const Vector<Patient> displacement = Point<Patient>(aside(random), aside(random), depth(random)) - from;
     for (int n = 1; n <= 20; ++n) {
       for (int tick = 1; tick <= 20; ++tick) {
-        burr.lead_to(from + way * ((n - 1 + 0.05 * tick) / 20), 1);
+        burr.lead_to(from + displacement * ((n - 1 + 0.05 * tick) / 20), 1);
         const double gap_mm = structure.surface->distance_mm(burr.proxy_.position) - burr.burr_.radius_mm;
         ASSERT_GT(gap_mm, -0.01) << stroke;
         nearest_mm = std::min(nearest_mm, gap_mm);
@@ -222,7 +223,7 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
     }
   }
   EXPECT_LT(nearest_mm, 0.01) << "it was met";
-  EXPECT_GT(burr.state_.taken_mm3, 50);
+  EXPECT_GT(burr.state_.removed_mm3, 50);
   // nothing of it is removed, while material directly above is
   int above = 0;
   for (double x = -4; x <= 4; x += 0.1)
@@ -243,18 +244,18 @@ TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
     LedBurr off(0, row);
     ProxyState head;
     off.lead_to(Point<Patient>(0, 0, 2.6), 1);
-    (void)advance_proxy(off.felt_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
+    (void)advance_proxy(off.surfaces_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
     for (int n = 1; n <= 100; ++n) {
       const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.002 * n, Eigen::Vector3d(1, 2, 3).normalized()));
       const Point<Patient> tip(0.02 * n, 0.01 * n, 2.6 - 0.01 * n);
       const ProxyResult is = off.lead_to(tip, turned, 1);
       const ProxyResult expected =
-          advance_proxy(off.felt_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
+          advance_proxy(off.surfaces_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
       ASSERT_EQ(is.force_N, expected.force_N);
       ASSERT_EQ(off.proxy_.position, head.position);
     }
     EXPECT_GT(head.contacts, 0);
-    EXPECT_EQ(off.state_.taken_mm3, 0);
+    EXPECT_EQ(off.state_.removed_mm3, 0);
   }
 }
 
@@ -266,20 +267,20 @@ double swept_mm3(const Surface& block, const std::vector<SweptShape>& shapes) {
     low = low.min(shape.low() - shape.widest_mm());
     high = high.max(shape.high() + shape.widest_mm());
   }
-  int taken = 0;
+  int used = 0;
   for (double z = low[2]; z < std::min(high[2], 0.1); z += kCell_mm)
     for (double y = low[1]; y < high[1]; y += kCell_mm)
       for (double x = low[0]; x < high[0]; x += kCell_mm) {
         const Point<Patient> at(x, y, z);
-        taken += block.distance_mm(at) < 0 &&
-                 std::any_of(shapes.begin(), shapes.end(),
-                             [&](const auto& shape) { return shape.depth_mm(at) > 0; });
+        used += block.distance_mm(at) < 0 &&
+                std::any_of(shapes.begin(), shapes.end(),
+                            [&](const auto& shape) { return shape.depth_mm(at) > 0; });
       }
-  return taken * kCell_mm * kCell_mm * kCell_mm;
+  return used * kCell_mm * kCell_mm * kCell_mm;
 }
 
 // motion of a head, carved all along, and its result
-struct LedWay {
+struct GuidedPath {
   const char* name;
   Row row;
   Vector<Patient> along;  // from above the block
@@ -287,12 +288,12 @@ struct LedWay {
 };
 
 TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
-  const LedWay ways[] = {{"cylinder, milling sideways", kLyingCylinder, {0, 3, -2}},
-                         {"cylinder, drilling", kStandingCylinder, {0, 0, -3}},
-                         {"cylinder, turning", kLyingCylinder, {0, 0, -1.5}, 0.3},
-                         {"cone, pressed sideways", kLyingCone, {0, 0, -2}},
-                         {"cone, drilling and turning", kStandingCone, {1, 0, -3}, 0.3}};
-  for (const LedWay& led : ways) {
+  const GuidedPath paths[] = {{"cylinder, milling sideways", kLyingCylinder, {0, 3, -2}},
+                              {"cylinder, drilling", kStandingCylinder, {0, 0, -3}},
+                              {"cylinder, turning", kLyingCylinder, {0, 0, -1.5}, 0.3},
+                              {"cone, pressed sideways", kLyingCone, {0, 0, -2}},
+                              {"cone, drilling and turning", kStandingCone, {1, 0, -3}, 0.3}};
+  for (const GuidedPath& led : paths) {
     SCOPED_TRACE(led.name);
     LedBurr burr(1000, led.row);
     burr.lead_to(Point<Patient>(-2, -2, 2.05), 50);
@@ -310,7 +311,7 @@ TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
     for (const Sweep& sweep : burr.state_.pending()) shapes.emplace_back(sweep);
     const double swept = swept_mm3(*burr.carved_.made(), shapes);
     // material that is only grazed counts little
-    EXPECT_NEAR(burr.state_.taken_mm3 / swept, 1, 0.1);
+    EXPECT_NEAR(burr.state_.removed_mm3 / swept, 1, 0.1);
     EXPECT_GT(swept, 10);
   }
 }
@@ -323,18 +324,18 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
   for (const Row& row : {kLyingCylinder, kStandingCone}) {
     LedBurr burr(1000, row);
     // soft enough for it to follow
-    burr.felt_[0].cutting_energy_mJ_per_mm3 = 5;
+    burr.surfaces_[0].cutting_energy_mJ_per_mm3 = 5;
     burr.lead_to(Point<Patient>(-2, 0, 1.9), 50);
     std::vector<Point<Patient>> been;
     std::vector<SweptShape> shapes;
     for (int leg = 0; leg < 12; ++leg) {
       const Eigen::Vector3d axis(about(random), about(random), about(random));
       const Eigen::Quaterniond aim = burr.attitude_ * Eigen::AngleAxisd(0.15, axis.normalized());
-      const Vector<Patient> way(0.5 * about(random), 0.5 * about(random), -0.2);
+      const Vector<Patient> displacement(0.5 * about(random), 0.5 * about(random), -0.2);
       const Point<Patient> from = burr.tip_;
       const Eigen::Quaterniond was = burr.attitude_;
       for (int n = 1; n <= 20; ++n) {
-        burr.lead_to(from + way * (0.05 * n), was.slerp(0.05 * n, aim), 1);
+        burr.lead_to(from + displacement * (0.05 * n), was.slerp(0.05 * n, aim), 1);
         const ToolSphere head = burr.burr_.head(0);
         const ToolSphere held = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
         for (int m = 0; m < 40; ++m) {
@@ -394,15 +395,15 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
   lead(Vector<Patient>(0, 0, -7), burr.attitude_);
   for (int stroke = 0; stroke < 25; ++stroke) {
     // with 5 N at the proxy, and rotated as a hand would
-    const Vector<Patient> way =
+    const Vector<Patient> displacement =
         Vector<Patient>(about(random) + 0.5, about(random), 0.5 * about(random)).normalized() * 2.5;
     const Eigen::Vector3d axis(about(random), about(random), about(random));
-    lead(burr.proxy_.position + way - burr.tip_,
+    lead(burr.proxy_.position + displacement - burr.tip_,
          Eigen::Quaterniond(Eigen::AngleAxisd(0.2 * about(random), axis.normalized())));
   }
   EXPECT_LT(nearest_mm, 0.01) << "it was met";
   EXPECT_LT(deepest_mm, 0.01);
-  EXPECT_GT(burr.state_.taken_mm3, 50);
+  EXPECT_GT(burr.state_.removed_mm3, 50);
   int beside = 0;
   for (double x = 0; x <= 8; x += 0.1)
     for (double y = -4; y <= 4; y += 0.2)
@@ -420,7 +421,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
 TEST(Removal, TheRimOfAGrooveGivesWay) {
   // moved along an existing groove, whose rim it meets from the side
   LedBurr burr;
-  for (ContactSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
+  for (ContactSurface& surface : burr.surfaces_) surface.cutting_energy_mJ_per_mm3 = 2;
   for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
     burr.lead_to(Point<Patient>(-2.5, y, 2.2), 50);
     for (const Point<Patient>& to : {Point<Patient>(-2.5, y, 0.5), Point<Patient>(2.5, y, 0.5)}) {
@@ -438,21 +439,21 @@ TEST(Removal, TheRimOfAGrooveGivesWay) {
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
   // surfaces that are never rebuilt, material soft enough for a long path, on a spiral
   LedBurr burr;
-  burr.felt_[0].cutting_energy_mJ_per_mm3 = 5;
+  burr.surfaces_[0].cutting_energy_mJ_per_mm3 = 5;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
   for (int n = 0; n < 400; ++n)
     burr.lead_to(Point<Patient>(0.01 * n * std::sin(0.1 * n), 0.01 * n * std::cos(0.1 * n), 1 - 0.02 * n), 5);
   EXPECT_TRUE(burr.state_.full);
   EXPECT_LE(burr.state_.pending().size(), burr.state_.sweep.size());
   EXPECT_LE(burr.state_.inset_mm, 1.6 + 1e-9);
-  const double taken_mm3 = burr.state_.taken_mm3;
+  const double removed_mm3 = burr.state_.removed_mm3;
   burr.lead_to(Point<Patient>(0, 0, -8), 100);
-  EXPECT_EQ(burr.state_.taken_mm3, taken_mm3) << "no more than is remembered";
+  EXPECT_EQ(burr.state_.removed_mm3, removed_mm3) << "no more than is remembered";
   burr.carve();
   EXPECT_FALSE(burr.state_.full);
   EXPECT_TRUE(burr.proxy_.coupled);
   burr.lead_to(Point<Patient>(0, 0, -9), 100);
-  EXPECT_GT(burr.state_.taken_mm3, taken_mm3);
+  EXPECT_GT(burr.state_.removed_mm3, removed_mm3);
 }
 
 TEST(Removal, SweepsThatCameMeanwhileStay) {
@@ -467,12 +468,12 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
       << "what is being carved grows no more";
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
   const std::uint64_t all = finished_sweeps(burr.state_);
-  rebase_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
+  rebase_burr(burr.surfaces_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
   // repeating the call loses nothing
-  rebase_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
+  rebase_burr(burr.surfaces_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 
@@ -480,9 +481,9 @@ TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
   LedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 100);
   std::uint64_t finished = finished_sweeps(burr.state_);
-  ASSERT_GT(burr.state_.taken_mm3, 0);
+  ASSERT_GT(burr.state_.removed_mm3, 0);
   // with little pressure it sinks in by less than would start another sweep
-  constexpr int kTicks = static_cast<int>(kCuttingFeel.max_sweep_s / 0.001);
+  constexpr int kTicks = static_cast<int>(kCuttingSettings.max_sweep_s / 0.001);
   for (int n = 0; n < 5; ++n) {
     burr.lead_to(burr.tip_, kTicks + 1);
     EXPECT_GT(finished_sweeps(burr.state_), finished) << n;

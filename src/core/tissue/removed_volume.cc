@@ -45,7 +45,7 @@ bool RemovedVolume::redo() {
 }
 
 Point<Voxel> RemovedVolume::place(int i, int j, int k, int n) {
-  const auto along = [](int voxel, int place) { return voxel + (place + 0.5) / kAlong - 0.5; };
+  const auto along = [](int voxel, int index) { return voxel + (index + 0.5) / kAlong - 0.5; };
   return {along(i, n % kAlong), along(j, n / kAlong % kAlong), along(k, n / (kAlong * kAlong))};
 }
 

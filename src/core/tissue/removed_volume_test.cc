@@ -45,8 +45,8 @@ TEST(RemovedVolume, ABallAndACapsuleHaveTheirVolume) {
     for (const double turn : {0.0, 0.5}) {
       const Model model = blocks(Eigen::Vector3d::Constant(spacing_mm), testing::turned_by(turn));
       for (const double radius_mm : {2.0, 3.0})
-        for (const double way_mm : {0.0, 2.5}) {
-          const Sweep sweep{{-1.13, 0.27, -5.4}, {-1.13 + way_mm, 0.27, -5.4}, radius_mm};
+        for (const double distance_mm : {0.0, 2.5}) {
+          const Sweep sweep{{-1.13, 0.27, -5.4}, {-1.13 + distance_mm, 0.27, -5.4}, radius_mm};
           RemovedVolume removed(model);
           removed.add(std::vector<Cut>{{0, sweep}});
           const auto volumes = removed.by_label_mm3();
@@ -102,7 +102,7 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const LabelId label = model.labels->at(i, j, k);
-        if (!model.is_felt(label)) continue;
+        if (!model.is_touchable(label)) continue;
         for (int place_n = 0; place_n < 64; ++place_n) {
           const auto part = [](int n) { return -0.375 + 0.25 * n; };
           const Point<Patient> at =
@@ -176,10 +176,10 @@ TEST(RemovedVolume, WhatIsKeptDoesNotCount) {
   alarmed.add(cuts);
   EXPECT_GT(alarmed.by_label_mm3().at(kBone), 1);
   model.tissues[static_cast<std::size_t>(model.tissue_of_label[kBone])].protection = Protection::kKeep;
-  RemovedVolume kept(model);
-  kept.add(cuts);
-  EXPECT_EQ(kept.by_label_mm3().count(kBone), 0u);
-  EXPECT_GT(kept.by_label_mm3().at(kCartilage), 1);
+  RemovedVolume stored(model);
+  stored.add(cuts);
+  EXPECT_EQ(stored.by_label_mm3().count(kBone), 0u);
+  EXPECT_GT(stored.by_label_mm3().at(kCartilage), 1);
 }
 
 }  // namespace

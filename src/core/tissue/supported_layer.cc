@@ -45,15 +45,15 @@ std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
     const Point<Patient> start =
         at + outward * above_mm + Vector<Patient>(circle_mm * (x * across + y * other));
     const Eigen::Vector3d first = (X_VoxelPatient * start).eigen();
-    const Eigen::Vector3d way = X_VoxelPatient.linear() * (-step_mm * outward.eigen());
+    const Eigen::Vector3d displacement = X_VoxelPatient.linear() * (-step_mm * outward.eigen());
     double thick_mm = 0;
     bool on_base = false;
     const int steps = static_cast<int>(std::ceil((max_mm + 2 * above_mm) / step_mm));
     for (int n = 0; n < steps && !on_base; ++n) {
-      const Eigen::Vector3d place = first + (n + 0.5) * way;
+      const Eigen::Vector3d position = first + (n + 0.5) * displacement;
       std::array<int, 3> voxel;
       for (int axis = 0; axis < 3; ++axis)
-        voxel[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(place[axis] + 0.5));
+        voxel[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(position[axis] + 0.5));
       const LabelId label = labels.made->anywhere(voxel[0], voxel[1], voxel[2]);
       const ElasticMaterial material = label < by_label.size() ? by_label[label] : ElasticMaterial{};
       const double left = labels.taken != nullptr

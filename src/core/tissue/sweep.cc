@@ -7,9 +7,9 @@ namespace palpate {
 namespace {
 
 // distance of a point from the path of a ball's centre; `from` is relative to the path's start
-double to_way_mm(const Vector<Patient>& way, double squared, const Vector<Patient>& from) {
-  const double part = squared > 0 ? std::clamp(from.dot(way) / squared, 0.0, 1.0) : 0.0;
-  return (from - way * part).norm();
+double to_path_mm(const Vector<Patient>& displacement, double squared, const Vector<Patient>& from) {
+  const double part = squared > 0 ? std::clamp(from.dot(displacement) / squared, 0.0, 1.0) : 0.0;
+  return (from - displacement * part).norm();
 }
 
 }  // namespace
@@ -19,7 +19,7 @@ double Sweep::widest_mm() const {
 }
 
 SweptShape::SweptShape(const Sweep& sweep)
-    : sweep_(sweep), way_(sweep.to - sweep.from), way_squared_(way_.squared_norm()) {
+    : sweep_(sweep), path_(sweep.to - sweep.from), path_squared_(path_.squared_norm()) {
   const Eigen::Array3d from = sweep.from.eigen().array(), to = sweep.to.eigen().array();
   low_ = from.min(to);
   high_ = from.max(to);
@@ -34,14 +34,14 @@ SweptShape::SweptShape(const Sweep& sweep)
 
   // a path along the axis, or a zero one, spans no plane with it
   constexpr double kMinSine = 1e-6;
-  const Vector<Patient> across = way_.cross(sweep.axis_mm);
+  const Vector<Patient> across = path_.cross(sweep.axis_mm);
   determinant_ = across.squared_norm();
-  if (!(determinant_ > kMinSine * kMinSine * way_squared_ * axis_squared_)) return;
+  if (!(determinant_ > kMinSine * kMinSine * path_squared_ * axis_squared_)) return;
   normal_ = across / std::sqrt(determinant_);
-  dot_ = way_.dot(sweep.axis_mm);
+  dot_ = path_.dot(sweep.axis_mm);
   // the gradient is orthogonal to the path, along which the radius is constant
-  const Vector<Patient> off_way = sweep.axis_mm - way_ * (dot_ / way_squared_);
-  gradient_ = off_way * (widens_mm_ / off_way.squared_norm());
+  const Vector<Patient> off_path = sweep.axis_mm - path_ * (dot_ / path_squared_);
+  gradient_ = off_path * (widens_mm_ / off_path.squared_norm());
   const double squared = gradient_.squared_norm();
   has_inside_ = squared < 1;
   if (has_inside_) plane_sine_ = std::sqrt(1 - squared);
@@ -62,24 +62,24 @@ double SweptShape::head_depth_mm(const Vector<Patient>& from) const {
 
 double SweptShape::depth_mm(const Point<Patient>& at) const {
   const Vector<Patient> from = at - sweep_.from;
-  const double first_mm = sweep_.radius_mm - to_way_mm(way_, way_squared_, from);
+  const double first_mm = sweep_.radius_mm - to_path_mm(path_, path_squared_, from);
   if (sweep_.is_of_ball()) return first_mm;
   if (has_inside_) {
     const double height_mm = std::abs(from.dot(normal_));
     const Vector<Patient> best = from + gradient_ * (height_mm / plane_sine_);
     // coordinates along path and axis, by Cramer's rule
-    const double by_way = best.dot(way_), by_axis = best.dot(sweep_.axis_mm);
-    const double s = by_way * axis_squared_ - by_axis * dot_, t = by_axis * way_squared_ - by_way * dot_;
+    const double by_path = best.dot(path_), by_axis = best.dot(sweep_.axis_mm);
+    const double s = by_path * axis_squared_ - by_axis * dot_, t = by_axis * path_squared_ - by_path * dot_;
     if (s >= 0 && s <= determinant_ && t >= 0 && t <= determinant_)
       return sweep_.radius_mm + gradient_.dot(from) - height_mm * plane_sine_;
   }
-  const double last_mm = sweep_.end_radius_mm - to_way_mm(way_, way_squared_, from - sweep_.axis_mm);
-  return std::max({first_mm, last_mm, head_depth_mm(from), head_depth_mm(from - way_)});
+  const double last_mm = sweep_.end_radius_mm - to_path_mm(path_, path_squared_, from - sweep_.axis_mm);
+  return std::max({first_mm, last_mm, head_depth_mm(from), head_depth_mm(from - path_)});
 }
 
-double distance_to_way_mm(const Sweep& sweep, const Point<Patient>& at) {
-  const Vector<Patient> way = sweep.to - sweep.from;
-  return to_way_mm(way, way.squared_norm(), at - sweep.from);
+double distance_to_path_mm(const Sweep& sweep, const Point<Patient>& at) {
+  const Vector<Patient> displacement = sweep.to - sweep.from;
+  return to_path_mm(displacement, displacement.squared_norm(), at - sweep.from);
 }
 
 }  // namespace palpate

@@ -51,19 +51,19 @@ TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
     sweep.radius_mm = 0.3 + 2 * unit(random);
     sweep.end_radius_mm = n % 3 == 0 ? sweep.radius_mm : 0.3 + 2 * unit(random);
     sweep.axis_mm = vector(0.2 + 5 * unit(random));
-    Vector<Patient> way = vector(3 * unit(random));
+    Vector<Patient> displacement = vector(3 * unit(random));
     // along the axis, nearly so, zero, or almost zero
-    if (n % 8 == 1) way = sweep.axis_mm * (0.3 * about(random));
-    if (n % 8 == 2) way = sweep.axis_mm * 0.3 + vector(1e-5);
-    if (n % 8 == 3) way = {};
-    if (n % 8 == 4) way = vector(1e-6);
-    sweep.to = sweep.from + way;
+    if (n % 8 == 1) displacement = sweep.axis_mm * (0.3 * about(random));
+    if (n % 8 == 2) displacement = sweep.axis_mm * 0.3 + vector(1e-5);
+    if (n % 8 == 3) displacement = {};
+    if (n % 8 == 4) displacement = vector(1e-6);
+    sweep.to = sweep.from + displacement;
     const SweptShape shape(sweep);
     for (int m = 0; m < 12; ++m) {
       Point<Patient> at(place(random), place(random), place(random));
       // every other point is near it, some in the plane of path and axis
       if (m % 2 == 0)
-        at = sweep.from + way * unit(random) + sweep.axis_mm * unit(random) +
+        at = sweep.from + displacement * unit(random) + sweep.axis_mm * unit(random) +
              vector(m % 4 == 0 ? 1.2 * sweep.radius_mm * unit(random) : 0);
       const double expected_mm = searched_depth_mm(sweep, at), is_mm = shape.depth_mm(at);
       ASSERT_NEAR(is_mm, expected_mm, 1e-6) << n << ' ' << m;
@@ -86,7 +86,7 @@ TEST(Sweep, OneBallIsAWayWithRoundEnds) {
   EXPECT_EQ(shape.depth_mm(Point<Patient>(1, 5, 4)), -1);
   EXPECT_EQ(shape.depth_mm(Point<Patient>(1, 2, 0)), -1);
   EXPECT_EQ(shape.widest_mm(), 2);
-  EXPECT_EQ(distance_to_way_mm(sweep, Point<Patient>(1, 5, 4)), 3);
+  EXPECT_EQ(distance_to_path_mm(sweep, Point<Patient>(1, 5, 4)), 3);
 }
 
 TEST(Sweep, ABallThatHoldsTheOtherIsAllOfTheHead) {

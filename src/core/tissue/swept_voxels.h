@@ -29,14 +29,14 @@ inline MiddlesOfSweep middles_of(const Sweep& sweep, const Transform<Voxel, Pati
 /// Calls run(centre, radius) for balls that cover a sweep, at most `apart_mm` apart.
 template <class F>
 void for_balls_of(const Sweep& sweep, double apart_mm, const F& run) {
-  const Vector<Patient> way = sweep.to - sweep.from;
-  const int steps = 1 + static_cast<int>(way.norm() / apart_mm);
+  const Vector<Patient> displacement = sweep.to - sweep.from;
+  const int steps = 1 + static_cast<int>(displacement.norm() / apart_mm);
   const int along = sweep.is_of_ball() ? 0 : 1 + static_cast<int>(sweep.axis_mm.norm() / apart_mm);
   for (int m = 0; m <= along; ++m) {
     const double part = along > 0 ? static_cast<double>(m) / along : 0;
     const double wider_mm = along > 0 ? (sweep.end_radius_mm - sweep.radius_mm) * part : 0;
     for (int n = 0; n <= steps; ++n) {
-      const Point<Patient> at = sweep.from + way * (static_cast<double>(n) / steps);
+      const Point<Patient> at = sweep.from + displacement * (static_cast<double>(n) / steps);
       run(at + sweep.axis_mm * part, sweep.radius_mm + wider_mm);
     }
   }
@@ -62,7 +62,7 @@ inline std::vector<bool> labels_that_are_cut(const Model& model) {
   std::vector<bool> is_cut(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   for (std::size_t label = 0; label < is_cut.size(); ++label) {
     const auto id = static_cast<LabelId>(label);
-    is_cut[label] = model.is_felt(id) && model.tissue_of(id)->protection != Protection::kKeep;
+    is_cut[label] = model.is_touchable(id) && model.tissue_of(id)->protection != Protection::kKeep;
   }
   return is_cut;
 }

@@ -45,7 +45,7 @@ inline std::shared_ptr<const Model> layer_block(const LayerScene& scene) {
   skin.elastic = ElasticConstants{scene.skin_modulus_kPa, scene.poissons_ratio};
   model->tissues = {fat, skin, bone};
   model->tissue_of_label = {-1, 0, 1, 2};
-  model->surfaces = {felt_surface(
+  model->surfaces = {make_contact_surface(
       cube_grid(24, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 14)};
   model->surfaces[0].yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*fat.elastic);
   model->label_of_surface = {1};
@@ -55,14 +55,14 @@ inline std::shared_ptr<const Model> layer_block(const LayerScene& scene) {
 
 /// Tick of a tool at rest at that depth.
 inline TickRecord layer_pressed(double depth_mm, double force_N) {
-  TickRecord felt;
-  DeviceTick& device = felt.device[0];
+  TickRecord record;
+  DeviceTick& device = record.device[0];
   device.contact_label[0] = device.label = 1;
   device.normal_patient = {0, 0, 1};
   device.depth_mm = depth_mm;
   device.contact_N[0] = force_N;
   device.tip_patient_mm = {0, 0, -depth_mm};
-  return felt;
+  return record;
 }
 
 }  // namespace palpate::testing

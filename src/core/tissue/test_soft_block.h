@@ -37,7 +37,7 @@ inline std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t versio
   ball.elastic = ElasticConstants{100, 0.45};
   model->tissues = {tissue, ball, plate};
   model->tissue_of_label = {-1, 0, 1, 2};
-  model->surfaces = {felt_surface(
+  model->surfaces = {make_contact_surface(
       cube_grid(kSoftBlockHalf, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12)};
   model->label_of_surface = {1};
   model->tools[0].radius_mm = 3;
@@ -45,23 +45,23 @@ inline std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t versio
 }
 
 inline TickRecord tool_at(const Eigen::Vector3d& at, const Eigen::Vector3d& velocity_mm_s = {0, 0, 0}) {
-  TickRecord felt;
+  TickRecord record;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    felt.device[0].tip_patient_mm[axis] = at[static_cast<Eigen::Index>(axis)];
-    felt.device[0].velocity_patient_mm_s[axis] = velocity_mm_s[static_cast<Eigen::Index>(axis)];
+    record.device[0].tip_patient_mm[axis] = at[static_cast<Eigen::Index>(axis)];
+    record.device[0].velocity_patient_mm_s[axis] = velocity_mm_s[static_cast<Eigen::Index>(axis)];
   }
-  return felt;
+  return record;
 }
 
 // a tool pressed in at that point
 inline TickRecord pressed_at(double x, double y, double speed_x_mm_s = 0) {
-  TickRecord felt = tool_at({x, y, -1}, {speed_x_mm_s, 0, 0});
-  DeviceTick& device = felt.device[0];
+  TickRecord record = tool_at({x, y, -1}, {speed_x_mm_s, 0, 0});
+  DeviceTick& device = record.device[0];
   device.contact_label[0] = device.label = 1;
   device.contact_patient_mm = {x, y, 0};
   device.normal_patient = {0, 0, 1};
   device.contact_N[0] = 0.2;
-  return felt;
+  return record;
 }
 
 }  // namespace palpate::testing

@@ -14,12 +14,12 @@ TissueLaw law_of(const ModelChange& change) {
   return static_cast<TissueLaw>(change.tissue - ModelChange::kLaw);
 }
 
-void LawHistory::hear(const ModelChange& change) {
+void LawHistory::on_event(const ModelChange& change) {
   // whatever a file says, versions rise
   if (!change.is_of_law() || change.version < laws_.back().version) return;
   const double coarsened = change.contact.stiffness_N_per_mm;
-  const bool tells_cells = coarsened >= 1 && coarsened <= kMaxTissueCoarsening;
-  laws_.push_back({change.version, law_of(change), tells_cells ? coarsened : laws_.back().coarsened});
+  const bool reports_cells = coarsened >= 1 && coarsened <= kMaxTissueCoarsening;
+  laws_.push_back({change.version, law_of(change), reports_cells ? coarsened : laws_.back().coarsened});
 }
 
 const LawHistory::From& LawHistory::from(std::uint32_t version) const {

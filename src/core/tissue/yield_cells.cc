@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 
 namespace palpate {
 namespace {
@@ -11,8 +11,8 @@ namespace {
 std::array<int, 3> cells_of_box(const Model& model) {
   const auto& [along, across] =
       model.tissue_law == TissueLaw::kNeoHookean
-          ? std::pair(kSolvingFeel.finite_cells_along, kSolvingFeel.finite_cells_across)
-          : std::pair(kSolvingFeel.cells_along, kSolvingFeel.cells_across);
+          ? std::pair(kSolverSettings.finite_cells_along, kSolverSettings.finite_cells_across)
+          : std::pair(kSolverSettings.cells_along, kSolverSettings.cells_across);
   const auto fewer = [&](int cells) {
     return static_cast<int>(std::floor(cells / model.tissue_coarsened + 0.5));
   };
@@ -27,7 +27,7 @@ ElasticBox lattice_of(const Model& model) {
 
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward) {
   const ElasticBox lattice = lattice_of(model);
-  const double depth_cells = kSolvingFeel.depth_cells / model.tissue_coarsened;
+  const double depth_cells = kSolverSettings.depth_cells / model.tissue_coarsened;
   return lattice.local_mm(at - outward * (depth_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
@@ -35,8 +35,8 @@ std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& 
   const std::array<int, 3> cells = cells_of_box(model);
   std::array<int, 3> first;
   for (int axis = 0; axis < 3; ++axis) {
-    const double step = kSolvingFeel.step_cells;
-    first[axis] = kSolvingFeel.step_cells *
+    const double step = kSolverSettings.step_cells;
+    first[axis] = kSolverSettings.step_cells *
                   static_cast<int>(std::floor((middle[axis] - 0.5 * cells[axis]) / step + 0.5));
   }
   return first;
@@ -46,17 +46,17 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
   const std::array<int, 3> cells = cells_of_box(model);
   for (int axis = 0; axis < 3; ++axis)
     if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) >
-        kSolvingFeel.max_offset_cells / model.tissue_coarsened)
+        kSolverSettings.max_offset_cells / model.tissue_coarsened)
       return false;
   return true;
 }
 
-double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm,
+double instantaneous_force_N(const DeviceTick& device, const ContactLaw& tissue, double radius_mm,
                              double max_N_per_mm) {
-  if (!(tissue.modulus_N_per_mm2 > 0)) return felt.contact_N[0];
+  if (!(tissue.modulus_N_per_mm2 > 0)) return device.contact_N[0];
   // fmin, because the device's limit is NaN if unknown
-  return yield_force(tissue, felt.depth_mm, radius_mm,
-                     std::fmin(RenderedStiffness(felt).max_in_patient(), max_N_per_mm))
+  return yield_force(tissue, device.depth_mm, radius_mm,
+                     std::fmin(RenderedStiffness(device).max_in_patient(), max_N_per_mm))
       .force_N;
 }
 

@@ -25,7 +25,7 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
 /// YieldSolver::displacing_force_N for relaxing tissue.
 /// @param tissue        tissue at the contact
 /// @param max_N_per_mm  max_deformable_stiffness_N_per_mm() of the model
-double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm,
+double instantaneous_force_N(const DeviceTick& device, const ContactLaw& tissue, double radius_mm,
                              double max_N_per_mm);
 /// Cells of a box, with springs on its faces for a load at YieldBox::about.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,

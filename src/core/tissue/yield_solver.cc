@@ -43,14 +43,14 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
   OnSurface found{near, {}};
   for (int step = 0; step < kSteps; ++step) {
     const Surface* nearest = nullptr;
-    double distance_mm = kSolvingFeel.reach_mm;
-    for (const ContactSurface& felt : model.surfaces) {
-      if (felt.surface == nullptr || felt.layer != 0 || felt.beneath >= 0) continue;
-      if (felt.surface->is_beyond(found.at, std::abs(distance_mm))) continue;
-      const double mm = felt.surface->distance_mm(found.at);
-      if (mm >= felt.surface->outside_mm() || std::abs(mm) >= std::abs(distance_mm)) continue;
+    double distance_mm = kSolverSettings.reach_mm;
+    for (const ContactSurface& surface : model.surfaces) {
+      if (surface.surface == nullptr || surface.layer != 0 || surface.beneath >= 0) continue;
+      if (surface.surface->is_beyond(found.at, std::abs(distance_mm))) continue;
+      const double mm = surface.surface->distance_mm(found.at);
+      if (mm >= surface.surface->outside_mm() || std::abs(mm) >= std::abs(distance_mm)) continue;
       distance_mm = mm;
-      nearest = felt.surface.get();
+      nearest = surface.surface.get();
     }
     if (nearest == nullptr) return std::nullopt;
     found.outward = nearest->outward(found.at);
@@ -62,55 +62,57 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
 
 // contact point predicted lead_frames ahead of the tick: displaced along the surface while in contact,
 // otherwise nearest to the predicted tip
-std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& felt) {
-  const auto tip = tagged<Point<Patient>>(felt.tip_patient_mm);
-  Vector<Patient> way =
-      tagged<Vector<Patient>>(felt.velocity_patient_mm_s) * (kSolvingFeel.lead_frames * kYieldFrame_s);
-  if (!tip.all_finite() || !way.all_finite()) return std::nullopt;
-  if (way.norm() > kSolvingFeel.max_lead_mm) way = way.normalized() * kSolvingFeel.max_lead_mm;
-  if (felt.contact_label[0] == 0) return find_surface(model, tip + way);
-  const auto normal = tagged<Vector<Patient>>(felt.normal_patient);
-  const Point<Patient> place(felt.contact_patient_mm[0], felt.contact_patient_mm[1],
-                             felt.contact_patient_mm[2]);
-  return find_surface(model, place + (way - normal * way.dot(normal)));
+std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& device) {
+  const auto tip = tagged<Point<Patient>>(device.tip_patient_mm);
+  Vector<Patient> displacement =
+      tagged<Vector<Patient>>(device.velocity_patient_mm_s) * (kSolverSettings.lead_frames * kYieldFrame_s);
+  if (!tip.all_finite() || !displacement.all_finite()) return std::nullopt;
+  if (displacement.norm() > kSolverSettings.max_lead_mm)
+    displacement = displacement.normalized() * kSolverSettings.max_lead_mm;
+  if (device.contact_label[0] == 0) return find_surface(model, tip + displacement);
+  const auto normal = tagged<Vector<Patient>>(device.normal_patient);
+  const Point<Patient> position(device.contact_patient_mm[0], device.contact_patient_mm[1],
+                                device.contact_patient_mm[2]);
+  return find_surface(model, position + (displacement - normal * displacement.dot(normal)));
 }
 
 // Replaces the surroundings of a spot by those of a thin layer, by the more the fewer cells it is thick.
 void support_by_layer(const SupportedLayer& layer, double cell_mm, LocalCompliance& spot) {
   const double at_layer_mm_per_N =
       layer_base_mm_per_N(layer.thickness_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
-  const double resolved = std::clamp((layer.thickness_mm / cell_mm - kSolvingFeel.thin_layer_cells) /
-                                         (kSolvingFeel.resolved_layer_cells - kSolvingFeel.thin_layer_cells),
-                                     0.0, 1.0);
+  const double resolved =
+      std::clamp((layer.thickness_mm / cell_mm - kSolverSettings.thin_layer_cells) /
+                     (kSolverSettings.resolved_layer_cells - kSolverSettings.thin_layer_cells),
+                 0.0, 1.0);
   spot.surroundings_mm_per_N = (1 - resolved) * at_layer_mm_per_N + resolved * spot.surroundings_mm_per_N;
   spot.surroundings_per_compliance *= resolved;
 }
 
-bool presses(const DeviceTick& felt) {
-  return felt.contact_label[0] != 0 && felt.depth_mm > 0;
+bool presses(const DeviceTick& device) {
+  return device.contact_label[0] != 0 && device.depth_mm > 0;
 }
 
 // Depth predicted lead_frames ahead of the tick, mm; not above 0: no contact. Only the increase is limited to
 // max_lead_mm.
-double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm) {
-  const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
-  const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
-                          kSolvingFeel.lead_frames * kYieldFrame_s;
-  const double now_mm = presses(felt) ? felt.depth_mm : radius_mm - above.dot(contact.outward);
-  return now_mm + std::min(sinks_mm, kSolvingFeel.max_lead_mm);
+double expected_depth_mm(const DeviceTick& device, const OnSurface& contact, double radius_mm) {
+  const Vector<Patient> above = tagged<Point<Patient>>(device.tip_patient_mm) - contact.at;
+  const double sinks_mm = -tagged<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
+                          kSolverSettings.lead_frames * kYieldFrame_s;
+  const double now_mm = presses(device) ? device.depth_mm : radius_mm - above.dot(contact.outward);
+  return now_mm + std::min(sinks_mm, kSolverSettings.max_lead_mm);
 }
 
 // Contact radius at a predicted depth: sqrt(R d) (Hertz). While in contact, at most the radius implied by
 // the force, (3 F R / 4 E*)^(1/3), scaled from the current depth in proportion to sqrt(d): the part of the
 // depth by which the surroundings yield does not widen the contact.
 // @param force_N  YieldSolver::displacing_force_N
-double radius_at_depth_mm(const DeviceTick& felt, double force_N, double depth_mm, double radius_mm,
+double radius_at_depth_mm(const DeviceTick& device, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
   if (!(depth_mm > 0)) return 0;
   const double hertz_mm = std::sqrt(radius_mm * depth_mm);
-  if (!presses(felt)) return hertz_mm;
+  if (!presses(device)) return hertz_mm;
   const double touched_mm = cube_root(0.75 * force_N * radius_mm / modulus_N_per_mm2);
-  return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
+  return std::min(touched_mm * std::sqrt(depth_mm / device.depth_mm), hertz_mm);
 }
 
 }  // namespace
@@ -127,9 +129,9 @@ double yield_cell_mm(const Model& model) {
   return made_mm * model.tissue_coarsened;
 }
 
-std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
+std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& device,
                                        const std::optional<YieldBox>& before) {
-  const auto contact = expected_contact(model, felt);
+  const auto contact = expected_contact(model, device);
   if (!contact) return before;
   const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
   if (before && is_around(model, before->first_cell, middle)) return before;
@@ -155,23 +157,23 @@ struct YieldSolver::NeoHookeanBody {
   ElasticField correction_mm;  ///< u - s u1; its means under the patch are 0
   ElasticField turning_mm;     ///< y - F u1: response of the linear body to the excess forces
   ElasticField u_mm, force_N;  ///< Scratch
-  double give_mm = 0;          ///< Displacement of the patch, s W, in the last frame; 0: none
-  /// Upper limit of give_mm as a fraction of the patch's radius: reduced when a solution fails, raised again
-  /// after each success.
-  double max_give = kSolvingFeel.max_indentation;
+  double compliance_mm = 0;    ///< Displacement of the patch, s W, in the last frame; 0: none
+  /// Upper limit of compliance_mm as a fraction of the patch's radius: reduced when a solution fails, raised
+  /// again after each success.
+  double max_compliance_ratio = kSolverSettings.max_indentation;
   double depth_mm = 0;  ///< Predicted depth of the tool in the last frame; 0: no contact
-  /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_give is not raised.
-  /// 0: none.
+  /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_compliance_ratio is
+  /// not raised. 0: none.
   double failed_mm = 0;
   double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Last published C and F (LocalCompliance)
 
   explicit NeoHookeanBody(const ElasticLayout& layout)
       : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
-  // discards the solution; max_give and depth_mm are kept
+  // discards the solution; max_compliance_ratio and depth_mm are kept
   void forget() {
     for (ElasticField* field : {&correction_mm, &turning_mm})
       std::fill(field->values.begin(), field->values.end(), 0.0f);
-    give_mm = stiffening_mm_per_N2 = finite_N = failed_mm = 0;
+    compliance_mm = stiffening_mm_per_N2 = finite_N = failed_mm = 0;
   }
 };
 
@@ -199,7 +201,7 @@ struct YieldSolver::Region {
         cells(yield_cells(model, by_label, where)),
         solver([&]() -> const ElasticGrid& {
           if (before != nullptr && before->is_of(cells.labels(), by_label))
-            cells.copy_overlap(before->cells, way_from(*before));
+            cells.copy_overlap(before->cells, displacement_from(*before));
           return cells.grid();
         }()),
         unit_mm(cells.grid().layout()),
@@ -227,7 +229,7 @@ struct YieldSolver::Region {
   }
 
   // offset that added to a cell's index in this box gives its index in the box of `other`
-  std::array<int, 3> way_from(const Region& other) const {
+  std::array<int, 3> displacement_from(const Region& other) const {
     const auto &here = box.first_cell, &there = other.box.first_cell;
     return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
   }
@@ -238,19 +240,19 @@ struct YieldSolver::Region {
     if (finite == nullptr || before.finite == nullptr) return;
     copy_overlap(before, before.finite->correction_mm, finite->correction_mm);
     copy_overlap(before, before.finite->turning_mm, finite->turning_mm);
-    finite->give_mm = before.finite->give_mm;
-    finite->max_give = before.finite->max_give;
+    finite->compliance_mm = before.finite->compliance_mm;
+    finite->max_compliance_ratio = before.finite->max_compliance_ratio;
     finite->stiffening_mm_per_N2 = before.finite->stiffening_mm_per_N2;
     finite->finite_N = before.finite->finite_N;
   }
   void copy_overlap(const Region& before, const ElasticField& from, ElasticField& to) {
     const ElasticLayout& layout = grid().layout();
     const auto& all = layout.cells;
-    const std::array<int, 3> way = way_from(before);
+    const std::array<int, 3> path = displacement_from(before);
     for (int k = 0; k <= all[2]; ++k)
       for (int j = 0; j <= all[1]; ++j)
         for (int i = 0; i <= all[0]; ++i) {
-          const int a = i + way[0], b = j + way[1], c = k + way[2];
+          const int a = i + path[0], b = j + path[1], c = k + path[2];
           if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
           for (int axis = 0; axis < 3; ++axis)
             to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
@@ -274,16 +276,16 @@ struct YieldSolver::Region {
 
 void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew,
                                             LocalCompliance& spot) {
-  // factors of max_give after a failure and after a success; maximum ratio of the displacements of
-  // consecutive frames by which the last correction is extrapolated; relative change of depth below which the
-  // tool is at rest
+  // factors of max_compliance_ratio after a failure and after a success; maximum ratio of the displacements
+  // of consecutive frames by which the last correction is extrapolated; relative change of depth below which
+  // the tool is at rest
   constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2, kAtRest = 0.05;
   NeoHookeanBody& f = *finite;
   const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRest * mm; };
   const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
   f.depth_mm = std::max(depth_mm, 0.0);
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
-  const HeldMeans surface = patch.columns(kSolvingFeel.min_load_fraction);
+  const HeldMeans surface = patch.columns(kSolverSettings.min_load_fraction);
 
   // displacement of the patch at the predicted depth, by the last published contact law
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
@@ -296,11 +298,12 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
   const double expected_mm =
       w * expected_N - stiffening_depth_mm(f.stiffening_mm_per_N2, f.finite_N, expected_N);
-  const double give_mm = std::clamp(expected_mm, kSolvingFeel.min_indentation * rho_mm, f.max_give * rho_mm);
-  const double s = give_mm / w;
+  const double compliance_mm =
+      std::clamp(expected_mm, kSolverSettings.min_indentation * rho_mm, f.max_compliance_ratio * rho_mm);
+  const double s = compliance_mm / w;
 
   // initial guess: the previous correction, which grows with the square of the displacement
-  const double grown = f.give_mm > 0 ? std::min(give_mm / f.give_mm, kFarthest) : 0;
+  const double grown = f.compliance_mm > 0 ? std::min(compliance_mm / f.compliance_mm, kFarthest) : 0;
   const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
   for (float& value : f.turning_mm.values) value *= by;
   for (float& value : f.correction_mm.values) value *= by;
@@ -312,39 +315,40 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   // constrained, because their column bears less than min_load_fraction
   for (float& value : load_N.values) value *= force_by;
   FiniteSettings settings;
-  settings.max_steps = kSolvingFeel.finite_steps;
-  settings.max_iterations = anew ? kSolvingFeel.first_iterations : kSolvingFeel.finite_iterations;
-  settings.min_volume = kSolvingFeel.min_volume;
+  settings.max_steps = kSolverSettings.finite_steps;
+  settings.max_iterations = anew ? kSolverSettings.first_iterations : kSolverSettings.finite_iterations;
+  settings.min_volume = kSolverSettings.min_volume;
   const FiniteSolution found = solver.solve_neo_hookean(load_N, f.u_mm, settings, surface);
   solver.finite_forces(f.u_mm, f.force_N);
   const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
   const double stiffer = (force_N - s) / force_N;
-  if (!(found.min_volume >= kSolvingFeel.min_volume) || found.stuck ||
-      !(std::abs(stiffer) <= kYieldFeel.max_stiffening) || !(force_N > 0)) {
-    const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.min_indentation);
+  if (!(found.min_volume >= kSolverSettings.min_volume) || found.stuck ||
+      !(std::abs(stiffer) <= kYieldSettings.max_stiffening) || !(force_N > 0)) {
+    const double less = std::max(kSlower * compliance_mm / rho_mm, kSolverSettings.min_indentation);
     if (at_rest && f.finite_N > 0) {
       // The previous result stays in effect, and no greater displacement is attempted until the tool moves:
       // otherwise the force on a resting tool would oscillate with every attempt.
       spot.finite_N = f.finite_N;
       spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
-      f.give_mm = give_mm;
+      f.compliance_mm = compliance_mm;
       f.failed_mm = depth_mm;
     } else {
       // falls back to the linear law; the next attempt is shallower and starts from the linear solution
       f.forget();
     }
-    f.max_give = less;
+    f.max_compliance_ratio = less;
     return;
   }
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
-  f.give_mm = give_mm;
-  if (f.failed_mm == 0) f.max_give = std::min(kFaster * f.max_give, kSolvingFeel.max_indentation);
+  f.compliance_mm = compliance_mm;
+  if (f.failed_mm == 0)
+    f.max_compliance_ratio = std::min(kFaster * f.max_compliance_ratio, kSolverSettings.max_indentation);
 
   // K (y - F u1) = f(u) - F J^T: the response to the forces that exceed those of the linear body under F
   patch.add(-force_N, f.force_N);
   solver.solve(f.force_N, f.turning_mm,
-               anew ? kSolvingFeel.first_iterations : kSolvingFeel.tangential_iterations, kTolerance);
+               anew ? kSolverSettings.first_iterations : kSolverSettings.tangential_iterations, kTolerance);
   spot.finite_N = f.finite_N = force_N;
   spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * stiffer / force_N;
   spot.stiffening_slope =
@@ -356,17 +360,17 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
 YieldSolver::YieldSolver() = default;
 YieldSolver::~YieldSolver() = default;
 
-const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& felt) {
+const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& record) {
   frame_.number += 1;
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
-    const DeviceTick& device = felt.device[d];
+    const DeviceTick& device = record.device[d];
     // computed first, because it reads the previous frame's spot
     const double force_N = displacing_force_N(d, device);
     LocalCompliance& spot = frame_.spot[d];
     spot = {};
-    if (d >= static_cast<std::size_t>(felt.devices)) continue;
+    if (d >= static_cast<std::size_t>(record.devices)) continue;
     const auto contact = expected_contact(model, device);
     if (!contact) continue;
 
@@ -380,10 +384,10 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     const bool anew = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid().box().cell_mm;
-    const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.min_radius_mm);
+    const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldSettings.min_radius_mm);
     region->radius_mm = radius_mm;
     region->max_N_per_mm = max_deformable_stiffness_N_per_mm(model);
-    const double min_mm = kSolvingFeel.min_patch_cells * cell_mm;
+    const double min_mm = kSolverSettings.min_patch_cells * cell_mm;
     if (!(region->modulus > 0))
       region->modulus =
           PressurePatch(region->grid(), contact->at, contact->outward, min_mm).contact_modulus();
@@ -395,7 +399,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
     const auto layer =
         supported_layer(labels, by_label, contact->at, contact->outward, std::max(touched_mm, 0.5 * cell_mm),
-                        kSolvingFeel.resolved_layer_cells * cell_mm);
+                        kSolverSettings.resolved_layer_cells * cell_mm);
     spot.at = contact->at;
     spot.patch_radius_mm = rho_mm;
     if (layer) {
@@ -408,7 +412,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
       std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
       patch.add(1, region->load_N);
       region->solver.solve(region->load_N, region->unit_mm,
-                           anew ? kSolvingFeel.first_iterations : kSolvingFeel.iterations, kTolerance);
+                           anew ? kSolverSettings.first_iterations : kSolverSettings.iterations, kTolerance);
       spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
       // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
       spot.slope_per_N = patch.change(region->unit_mm) * 2;
@@ -471,10 +475,12 @@ bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
   return true;
 }
 
-double YieldSolver::displacing_force_N(std::size_t device, const DeviceTick& felt) const {
+double YieldSolver::displacing_force_N(std::size_t device, const DeviceTick& device_tick) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
-  if (region == nullptr || !region->shares || !frame_.spot[device].is_known()) return felt.contact_N[0];
-  return instantaneous_force_N(felt, tissue_at(frame_.spot[device]), region->radius_mm, region->max_N_per_mm);
+  if (region == nullptr || !region->shares || !frame_.spot[device].is_known())
+    return device_tick.contact_N[0];
+  return instantaneous_force_N(device_tick, tissue_at(frame_.spot[device]), region->radius_mm,
+                               region->max_N_per_mm);
 }
 
 bool VirtualClockYieldSolver::advance(const Model& model, const TickRecord* before) {

@@ -23,14 +23,14 @@ namespace palpate {
 namespace {
 
 using testing::cube_grid;
-using testing::felt_surface;
+using testing::make_contact_surface;
 using testing::pressed_at;
 using testing::soft_block;
 using testing::tool_at;
 
-double settled_compliance(const Model& model, const TickRecord& felt) {
+double settled_compliance(const Model& model, const TickRecord& record) {
   YieldSolver solver;
-  for (int n = 0; n < 12; ++n) solver.solve(model, felt);
+  for (int n = 0; n < 12; ++n) solver.solve(model, record);
   return solver.frame().spot[0].compliance_mm_per_N;
 }
 
@@ -144,8 +144,8 @@ TEST(YieldSolver, DependsOnNothingButWhatItWasGiven) {
   const auto model = soft_block(true);
   YieldSolver one, other;
   for (int n = 0; n < 20; ++n) {
-    const TickRecord felt = pressed_at(-15 + 1.5 * n, 0.1 * n, 90);
-    EXPECT_EQ(one.solve(*model, felt).hash(), other.solve(*model, felt).hash());
+    const TickRecord record = pressed_at(-15 + 1.5 * n, 0.1 * n, 90);
+    EXPECT_EQ(one.solve(*model, record).hash(), other.solve(*model, record).hash());
   }
 }
 
@@ -178,15 +178,15 @@ std::shared_ptr<const Model> finite_block(double tissue_kPa = 10, double ball_kP
 }
 // settled, 3 mm deep or at the given depth
 TickRecord deep_at(double x, double y, double depth_mm = 3, double force_N = 0.15) {
-  TickRecord felt = pressed_at(x, y);
-  felt.device[0].tip_patient_mm[2] = 3 - depth_mm;
-  felt.device[0].depth_mm = depth_mm;
-  felt.device[0].contact_N[0] = force_N;
-  return felt;
+  TickRecord record = pressed_at(x, y);
+  record.device[0].tip_patient_mm[2] = 3 - depth_mm;
+  record.device[0].depth_mm = depth_mm;
+  record.device[0].contact_N[0] = force_N;
+  return record;
 }
-LocalCompliance settled_spot(const Model& model, const TickRecord& felt) {
+LocalCompliance settled_spot(const Model& model, const TickRecord& record) {
   YieldSolver solver;
-  for (int n = 0; n < 8; ++n) solver.solve(model, felt);
+  for (int n = 0; n < 8; ++n) solver.solve(model, record);
   return solver.frame().spot[0];
 }
 // relative reduction of the depth at a force, compared with the linear body
@@ -211,8 +211,8 @@ TEST(YieldSolver, ANeoHookeanBodyDependsOnNothingButWhatItWasGiven) {
   const auto model = finite_block();
   YieldSolver one, other;
   for (int n = 0; n < 6; ++n) {
-    const TickRecord felt = deep_at(-4 + 1.5 * n, 0.1 * n);
-    EXPECT_EQ(one.solve(*model, felt).hash(), other.solve(*model, felt).hash());
+    const TickRecord record = deep_at(-4 + 1.5 * n, 0.1 * n);
+    EXPECT_EQ(one.solve(*model, record).hash(), other.solve(*model, record).hash());
     EXPECT_TRUE(one.frame().spot[0].is_finite());
   }
 }
@@ -228,7 +228,7 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
         solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
     ASSERT_TRUE(spot.is_known());
     ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
-    ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.max_stiffening);
+    ASSERT_LE(std::abs(stiffer_part(spot)), kYieldSettings.max_stiffening);
   }
   for (int n = 0; n < 20; ++n) solver.solve(*model, deep_at(0, 0));
   const LocalCompliance& after = solver.frame().spot[0];
@@ -255,12 +255,12 @@ double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule)
       }
   Model model = *soft_block(nodule, 1, TissueLaw::kNeoHookean);
   model.labels = label_bricks(labels);
-  model.surfaces = {felt_surface(
+  model.surfaces = {make_contact_surface(
       cube_grid(kHalfBlock + 2, {1, 1, 1}), [&](const Eigen::Vector3d& p) { return p.dot(up) - off_mm; },
       12)};
   model.tools[0].radius_mm = kSphere_mm;
-  TickRecord felt = tool_at(off_mm * up);
-  DeviceTick& device = felt.device[0];
+  TickRecord record = tool_at(off_mm * up);
+  DeviceTick& device = record.device[0];
   device.contact_label[0] = device.label = 1;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     device.contact_patient_mm[axis] = device.tip_patient_mm[axis];
@@ -268,7 +268,7 @@ double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule)
   }
   device.depth_mm = kSphere_mm;
   device.contact_N[0] = 0.33;
-  const LocalCompliance spot = settled_spot(model, felt);
+  const LocalCompliance spot = settled_spot(model, record);
   return spot.is_finite() ? stiffer_part(spot) : std::numeric_limits<double>::quiet_NaN();
 }
 
@@ -300,15 +300,15 @@ TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
       const double sinks_mm_s = 1000 * (unit(random) - 0.5), slides_mm_s = 400 * (unit(random) - 0.5);
       depth_mm = std::clamp(depth_mm + sinks_mm_s * kYieldFrame_s, -4.0, 9.0);
       x = std::clamp(x + slides_mm_s * kYieldFrame_s, -12.0, 12.0);
-      TickRecord felt = tool_at({x, 0, 3 - depth_mm}, {slides_mm_s, 0, -sinks_mm_s});
+      TickRecord record = tool_at({x, 0, 3 - depth_mm}, {slides_mm_s, 0, -sinks_mm_s});
       if (depth_mm > 0) {
-        felt = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
-        felt.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinks_mm_s};
+        record = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
+        record.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinks_mm_s};
       }
-      const LocalCompliance& spot = solver.solve(*model, felt).spot[0];
+      const LocalCompliance& spot = solver.solve(*model, record).spot[0];
       ASSERT_TRUE(spot.is_known());
       ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
-      ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.max_stiffening);
+      ASSERT_LE(std::abs(stiffer_part(spot)), kYieldSettings.max_stiffening);
       finite += spot.is_finite();
     }
   }
@@ -317,11 +317,11 @@ TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
 
 TEST(YieldSolver, EveryDeviceHasItsOwnPlace) {
   const auto model = soft_block(true);
-  TickRecord felt = pressed_at(0, 0);
-  felt.devices = 2;
-  felt.device[1] = pressed_at(20, 0).device[0];
+  TickRecord record = pressed_at(0, 0);
+  record.devices = 2;
+  record.device[1] = pressed_at(20, 0).device[0];
   YieldSolver solver;
-  for (int n = 0; n < 6; ++n) solver.solve(*model, felt);
+  for (int n = 0; n < 6; ++n) solver.solve(*model, record);
   const auto& spot = solver.frame().spot;
   ASSERT_TRUE(spot[0].is_known() && spot[1].is_known());
   EXPECT_LT(spot[0].compliance_mm_per_N, 0.92 * spot[1].compliance_mm_per_N);
@@ -345,7 +345,7 @@ std::shared_ptr<const Model> plate_on(const std::optional<ElasticConstants>& sup
   model->labels = label_bricks(labels);
   model->tissues[0].elastic = ElasticConstants{200, 0.45};
   model->tissues[1].elastic = support;
-  model->surfaces = {testing::felt_surface(
+  model->surfaces = {testing::make_contact_surface(
       testing::cube_grid(testing::kSoftBlockHalf, {1, 1, 1}),
       [top_mm](const Eigen::Vector3d& p) { return p.z() - top_mm; }, 12)};
   return model;
@@ -367,10 +367,10 @@ std::shared_ptr<const Model> trimmed(const std::shared_ptr<const Model>& model, 
 }
 
 TickRecord pressed_on(double z) {
-  TickRecord felt = pressed_at(0, 0);
-  felt.device[0].tip_patient_mm[2] += z;
-  felt.device[0].contact_patient_mm[2] = z;
-  return felt;
+  TickRecord record = pressed_at(0, 0);
+  record.device[0].tip_patient_mm[2] += z;
+  record.device[0].contact_patient_mm[2] = z;
+  return record;
 }
 
 TEST(YieldSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {

@@ -88,12 +88,12 @@ typename Bricks<T>::Shared Bricks<T>::keep(const Brick& brick) {
     for (const Uniform& one : uniform_)
       if (std::memcmp(one.brick->voxels(), raw, sizeof(T)) == 0) return one.brick;
   }
-  auto kept = std::make_shared<Brick>(brick);
-  kept->uniform = uniform;
-  kept->hash = kHashSeed;
-  hash_bytes(kept->hash, raw, bytes);
-  if (uniform) uniform_.push_back({kept});
-  return kept;
+  auto stored = std::make_shared<Brick>(brick);
+  stored->uniform = uniform;
+  stored->hash = kHashSeed;
+  hash_bytes(stored->hash, raw, bytes);
+  if (uniform) uniform_.push_back({stored});
+  return stored;
 }
 
 template <class T>
@@ -129,11 +129,11 @@ class Bricks<T>::Filling {
         pages_((bricks.table_.size() + kPage - 1) / kPage),
         brick_(std::make_unique<Brick>()) {}
 
-  void put(Shared kept) {
-    bricks_.count_place(*kept);
-    bricks_.table_[number_] = kept->voxels();
-    bricks_.hash_ += hash_at(kept->hash, number_);
-    pages_[number_ / kPage][number_ % kPage] = std::move(kept);
+  void put(Shared stored) {
+    bricks_.count_place(*stored);
+    bricks_.table_[number_] = stored->voxels();
+    bricks_.hash_ += hash_at(stored->hash, number_);
+    pages_[number_ / kPage][number_ % kPage] = std::move(stored);
     ++number_;
   }
   /// Appends a layer of bricks from the box low ... high - 1 of voxels; `outside` beyond the box.
@@ -142,9 +142,9 @@ class Bricks<T>::Filling {
       for (int a = 0; a < bricks_.counts_[0]; ++a) {
         std::fill_n(brick_->voxels(), kStored, bricks_.outside_);
         put_into({a, b, c}, low, high, voxels, brick_->voxels());
-        const Shared kept = bricks_.keep(*brick_);
-        const auto [first, is_new] = made_.try_emplace(kept->hash, kept);
-        put(!is_new && same_voxels(first->second->voxels(), kept->voxels()) ? first->second : kept);
+        const Shared stored = bricks_.keep(*brick_);
+        const auto [first, is_new] = made_.try_emplace(stored->hash, stored);
+        put(!is_new && same_voxels(first->second->voxels(), stored->voxels()) ? first->second : stored);
       }
     }
   }
@@ -202,12 +202,12 @@ Bricks<T> Bricks<T>::of_labels(const Bricks<LabelId>& labels, std::span<const T>
   std::unordered_map<const LabelId*, Shared> made;
   values.fill([&](std::size_t number) {
     const LabelId* const here = labels.brick(number);
-    Shared& kept = made[here];
-    if (kept == nullptr) {
+    Shared& stored = made[here];
+    if (stored == nullptr) {
       std::transform(here, here + kStored, brick->voxels(), [&](LabelId label) { return value_of[label]; });
-      kept = values.keep(*brick);
+      stored = values.keep(*brick);
     }
-    return kept;
+    return stored;
   });
   return values;
 }
@@ -241,12 +241,12 @@ Bricks<T> Bricks<T>::with(const PatchOf<T>& patch) const {
         if (same_voxels(brick->voxels(), was.voxels())) continue;
         std::shared_ptr<Page>& page = own[number / kPage];
         if (page == nullptr) page = std::make_shared<Page>(*pages_[number / kPage]);
-        Shared& kept = (*page)[number % kPage];
-        kept = now.keep(*brick);
-        now.count_place(*kept);
+        Shared& stored = (*page)[number % kPage];
+        stored = now.keep(*brick);
+        now.count_place(*stored);
         now.discount_place(was);
-        now.table_[number] = kept->voxels();
-        now.hash_ += hash_at(kept->hash, number) - hash_at(was.hash, number);
+        now.table_[number] = stored->voxels();
+        now.hash_ += hash_at(stored->hash, number) - hash_at(was.hash, number);
       }
     }
   }
@@ -302,9 +302,9 @@ void BricksBySlices<T>::add(int slices, const T* voxels) {
     filling_->put_layer(layer_, {0, 0, first}, {dims[0], dims[1], end},
                         held_.data() + slice * static_cast<std::size_t>(first - first_));
   }
-  const int kept = std::clamp(first_stored(layer_), first_, end);
-  held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(slice) * (kept - first_));
-  first_ = kept;
+  const int stored = std::clamp(first_stored(layer_), first_, end);
+  held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(slice) * (stored - first_));
+  first_ = stored;
 }
 
 template <class T>

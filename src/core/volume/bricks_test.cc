@@ -280,11 +280,11 @@ TEST(Bricks, PiecesAreThoseOfTheVolume) {
     SCOPED_TRACE("seed 7, volume " + std::to_string(n));
     const auto volume = any_volume<std::uint16_t>(any_grid(random), random);
     const Bricks<std::uint16_t> bricks(volume, 3);
-    std::vector<std::uint16_t> seen;
+    std::vector<std::uint16_t> observed;
     long wrong = 0;
     bricks.for_each_piece([&](const RowPiece<std::uint16_t>& piece) {
-      EXPECT_EQ(volume.geometry().offset(piece.i, piece.j, piece.k), seen.size());
-      seen.insert(seen.end(), piece.voxels, piece.voxels + piece.count);
+      EXPECT_EQ(volume.geometry().offset(piece.i, piece.j, piece.k), observed.size());
+      observed.insert(observed.end(), piece.voxels, piece.voxels + piece.count);
       // neighbours of the piece
       for (int d = -1; d <= 1; ++d)
         for (int e = -1; e <= 1; ++e)
@@ -296,7 +296,7 @@ TEST(Bricks, PiecesAreThoseOfTheVolume) {
       uniform += piece.uniform;
     });
     EXPECT_EQ(wrong, 0);
-    EXPECT_TRUE(seen == volume.voxels());
+    EXPECT_TRUE(observed == volume.voxels());
   }
   EXPECT_GT(uniform, 0);
 }

@@ -20,7 +20,7 @@ bool GridGeometry::same_grid(const GridGeometry& other, double tolerance_voxels)
 
 const Segment* LabelMap::find(LabelId id) const {
   const auto found = std::lower_bound(segments.begin(), segments.end(), id,
-                                      [](const Segment& s, LabelId wanted) { return s.id < wanted; });
+                                      [](const Segment& s, LabelId requested) { return s.id < requested; });
   return found != segments.end() && found->id == id ? &*found : nullptr;
 }
 

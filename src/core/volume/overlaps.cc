@@ -15,29 +15,29 @@ constexpr std::size_t kNoSegment = SIZE_MAX;
 template <class Visit>
 void for_each_labelled_voxel(const LabelMap& labels, const Visit& visit) {
   std::vector<std::vector<std::size_t>> place_of_value(labels.layers.size());
-  for (std::size_t place = 0; place < labels.segments.size(); ++place) {
-    const Segment& segment = labels.segments[place];
+  for (std::size_t index = 0; index < labels.segments.size(); ++index) {
+    const Segment& segment = labels.segments[index];
     std::vector<std::size_t>& of_layer = place_of_value[static_cast<std::size_t>(segment.layer)];
     if (of_layer.size() <= segment.value) of_layer.resize(segment.value + 1u, kNoSegment);
-    of_layer[segment.value] = place;
+    of_layer[segment.value] = index;
   }
-  std::vector<std::size_t> places;
+  std::vector<std::size_t> indices;
   for (std::size_t voxel = 0; voxel < labels.geometry().voxel_count(); ++voxel) {
-    places.clear();
+    indices.clear();
     for (std::size_t layer = 0; layer < labels.layers.size(); ++layer) {
       const LabelId value = labels.layers[layer].voxels()[voxel];
       const std::vector<std::size_t>& of_layer = place_of_value[layer];
       if (value != 0 && value < of_layer.size() && of_layer[value] != kNoSegment)
-        places.push_back(of_layer[value]);
+        indices.push_back(of_layer[value]);
     }
-    if (!places.empty()) visit(voxel, std::span<const std::size_t>(places));
+    if (!indices.empty()) visit(voxel, std::span<const std::size_t>(indices));
   }
 }
 
 std::vector<std::size_t> voxel_counts(const LabelMap& labels) {
   std::vector<std::size_t> counts(labels.segments.size());
   for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> places) {
-    for (const std::size_t place : places) ++counts[place];
+    for (const std::size_t index : places) ++counts[index];
   });
   return counts;
 }
@@ -47,12 +47,12 @@ class SmallerSegment {
  public:
   explicit SmallerSegment(const LabelMap& labels) : labels_(labels), counts_(voxel_counts(labels)) {}
   bool operator()(std::size_t one, std::size_t other) const { return key(one) < key(other); }
-  std::size_t voxels(std::size_t place) const { return counts_[place]; }
+  std::size_t voxels(std::size_t index) const { return counts_[index]; }
 
  private:
-  std::tuple<std::size_t, const std::string&, LabelId> key(std::size_t place) const {
-    const Segment& segment = labels_.segments[place];
-    return {counts_[place], segment.name, segment.id};
+  std::tuple<std::size_t, const std::string&, LabelId> key(std::size_t index) const {
+    const Segment& segment = labels_.segments[index];
+    return {counts_[index], segment.name, segment.id};
   }
   const LabelMap& labels_;
   const std::vector<std::size_t> counts_;
@@ -112,10 +112,10 @@ Volume<LabelId> flatten(const LabelMap& labels, std::span<const SegmentOverlap> 
   Volume<LabelId> flat(labels.geometry());
   for_each_labelled_voxel(labels, [&](std::size_t voxel, std::span<const std::size_t> places) {
     std::size_t best = kNoSegment;
-    for (const std::size_t place : places) {
+    for (const std::size_t index : places) {
       const bool has_nested =
-          std::ranges::any_of(places, [&](std::size_t other) { return is_nested_in[other][place]; });
-      if (!has_nested && (best == kNoSegment || goes_before(place, best))) best = place;
+          std::ranges::any_of(places, [&](std::size_t other) { return is_nested_in[other][index]; });
+      if (!has_nested && (best == kNoSegment || goes_before(index, best))) best = index;
     }
     flat.voxels()[voxel] = segments[best].id;
   });

@@ -32,10 +32,10 @@ Result<std::string> digest_of_file(const std::filesystem::path& file, const EVP_
               EVP_DigestUpdate(context.get(), prefix.data(), prefix.size()) == 1;
   std::array<std::byte, 1 << 16> buffer;
   while (good) {
-    const auto got = opened->read(buffer);
-    if (!got) return got.error();
-    if (*got == 0) break;
-    good = EVP_DigestUpdate(context.get(), buffer.data(), *got) == 1;
+    const auto received = opened->read(buffer);
+    if (!received) return received.error();
+    if (*received == 0) break;
+    good = EVP_DigestUpdate(context.get(), buffer.data(), *received) == 1;
   }
 
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest;

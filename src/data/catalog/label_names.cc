@@ -44,15 +44,15 @@ Result<void> keep_mricron_names(const std::filesystem::path& list, const std::fi
   constexpr std::size_t kMaxBytes = 1 << 20;
   const auto text = read_file(list, kMaxBytes);
   if (!text) return text.error();
-  const auto wanted = mricron_names_to_tsv(*text, list.string());
-  if (!wanted) return wanted.error();
+  const auto requested = mricron_names_to_tsv(*text, list.string());
+  if (!requested) return requested.error();
   const auto present = read_file(table, kMaxBytes);
-  if (present && *present == *wanted) return {};
+  if (present && *present == *requested) return {};
 
   std::error_code failed;
   std::filesystem::create_directories(table.parent_path(), failed);
   if (failed) return output_error(table.parent_path(), failed.value());
-  return write_file(table, *wanted);
+  return write_file(table, *requested);
 }
 
 }  // namespace palpate

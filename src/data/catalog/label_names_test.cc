@@ -50,9 +50,9 @@ TEST(MricronNames, FolderThatCannotBeMade) {
   const TemporaryFolder folder;
   write_text(folder / "list.txt", "1 A\n");
   write_text(folder / "file", "");
-  const auto kept = keep_mricron_names(folder / "list.txt", folder / "file/names.tsv");
-  ASSERT_FALSE(kept);
-  EXPECT_EQ(kept.error().kind, ErrorKind::kOutput);
+  const auto stored = keep_mricron_names(folder / "list.txt", folder / "file/names.tsv");
+  ASSERT_FALSE(stored);
+  EXPECT_EQ(stored.error().kind, ErrorKind::kOutput);
 }
 
 }  // namespace

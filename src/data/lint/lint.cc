@@ -40,7 +40,7 @@ LintReport graded(LintStudy& study) {
       if (std::ranges::find(finding.structures, segment.id) == finding.structures.end()) continue;
       grade.faults += finding.severity == LintSeverity::kFault;
       grade.warnings += finding.severity == LintSeverity::kWarning;
-      grade.undecided += finding.severity == LintSeverity::kCannotTell;
+      grade.undecided += finding.severity == LintSeverity::kUndetermined;
       if (finding.severity == LintSeverity::kFault) faults[segment.id].insert(finding.kind);
     }
     grade.grade = grade_of(faults[segment.id], grade.warnings);

@@ -40,7 +40,7 @@ TEST(Lint, WithoutNamesSidesCannotBeTold) {
   ASSERT_TRUE(report.ok());
   const LintFinding* sides = finding_of(*report, LintKind::kSwappedSides);
   ASSERT_NE(sides, nullptr);
-  EXPECT_EQ(sides->severity, LintSeverity::kCannotTell);
+  EXPECT_EQ(sides->severity, LintSeverity::kUndetermined);
 }
 
 TEST(Lint, WithoutAScanTheBodyCannotBeTold) {
@@ -49,7 +49,7 @@ TEST(Lint, WithoutAScanTheBodyCannotBeTold) {
   ASSERT_TRUE(report.ok());
   const LintFinding* body = finding_of(*report, LintKind::kOutsideBody);
   ASSERT_NE(body, nullptr);
-  EXPECT_EQ(body->severity, LintSeverity::kCannotTell);
+  EXPECT_EQ(body->severity, LintSeverity::kUndetermined);
 }
 
 TEST(Lint, AMapWithoutStructuresIsAFault) {
@@ -116,12 +116,12 @@ TEST(Lint, WhatIsMendedIsGone) {
     EXPECT_FALSE(finding.severity == LintSeverity::kFault && lint_kind(finding.kind).is_mended)
         << finding.sentence;
   // the counts of the mends equal the number of changed voxels
-  std::size_t changed = 0, said = 0;
+  std::size_t changed = 0, stated = 0;
   for (std::size_t n = 0; n < before.layers[0].voxels().size(); ++n)
     changed += before.layers[0].voxels()[n] != one.labels.layers[0].voxels()[n];
-  for (const LintMend& mend : mended->mends) said += mend.voxels;
+  for (const LintMend& mend : mended->mends) stated += mend.voxels;
   EXPECT_GT(changed, 0u);
-  EXPECT_EQ(changed, said);
+  EXPECT_EQ(changed, stated);
   // a second call changes nothing
   const auto again = mended_labels(one.labels);
   ASSERT_TRUE(again.ok());

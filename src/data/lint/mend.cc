@@ -15,12 +15,12 @@ using internal::VoxelRun;
 
 /// Number of faces that each wanted component shares with each neighbouring value, by component.
 std::map<std::uint32_t, std::map<LabelId, std::size_t>> neighbours_of(const RunVolume& runs,
-                                                                      const std::vector<bool>& wanted) {
+                                                                      const std::vector<bool>& requested) {
   std::map<std::uint32_t, std::map<LabelId, std::size_t>> neighbours;
   internal::for_each_face(
       runs, [&](int, const VoxelRun& a, const VoxelRun& b, int faces, const std::array<int, 3>&) {
-        if (wanted[a.node]) neighbours[a.node][b.value] += static_cast<std::size_t>(faces);
-        if (wanted[b.node]) neighbours[b.node][a.value] += static_cast<std::size_t>(faces);
+        if (requested[a.node]) neighbours[a.node][b.value] += static_cast<std::size_t>(faces);
+        if (requested[b.node]) neighbours[b.node][a.value] += static_cast<std::size_t>(faces);
       });
   return neighbours;
 }
@@ -90,16 +90,16 @@ class LayerMender {
 
 void mend_names(MendedLabels& mended) {
   std::vector<Segment>& segments = mended.labels.segments;
-  std::set<std::string> taken;
+  std::set<std::string> used;
   std::vector<Segment*> wrong;
   for (Segment& segment : segments)
-    if (segment.name.empty() || !taken.insert(internal::plain_name(segment.name)).second)
+    if (segment.name.empty() || !used.insert(internal::plain_name(segment.name)).second)
       wrong.push_back(&segment);
   for (Segment* segment : wrong) {
     const bool was_empty = segment->name.empty();
     const std::string base = was_empty ? "structure " + std::to_string(segment->id) : segment->name;
     std::string name = base;
-    for (int n = 2; !taken.insert(internal::plain_name(name)).second || (!was_empty && name == base); ++n)
+    for (int n = 2; !used.insert(internal::plain_name(name)).second || (!was_empty && name == base); ++n)
       name = base + " " + std::to_string(n);
     segment->name = name;
     mended.mends.push_back(

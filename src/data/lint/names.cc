@@ -110,13 +110,13 @@ void check_names(LintStudy& study) {
 void check_sides(LintStudy& study) {
   if (study.statistics.empty()) return;
   if (!study.options.oriented) {
-    study.add(LintKind::kSwappedSides, LintSeverity::kCannotTell, {}, {},
+    study.add(LintKind::kSwappedSides, LintSeverity::kUndetermined, {}, {},
               "sides cannot be checked: the file does not state its orientation in the patient");
     return;
   }
   const std::vector<SidePair> pairs = pairs_of(study);
   if (pairs.empty()) {
-    study.add(LintKind::kSwappedSides, LintSeverity::kCannotTell, {}, {},
+    study.add(LintKind::kSwappedSides, LintSeverity::kUndetermined, {}, {},
               "sides cannot be checked: no pair of structures is named left and right");
     return;
   }
@@ -138,7 +138,7 @@ void check_sides(LintStudy& study) {
     max_mm = std::max(max_mm, -apart_mm);
   }
   if (decided == 0) {
-    study.add(LintKind::kSwappedSides, LintSeverity::kCannotTell, {}, {},
+    study.add(LintKind::kSwappedSides, LintSeverity::kUndetermined, {}, {},
               "sides cannot be checked: structures named left and right overlap");
     return;
   }

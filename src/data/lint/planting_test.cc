@@ -122,7 +122,7 @@ struct ExitLine {
   std::size_t axis;
   int step;
 };
-std::optional<ExitLine> way_out(LintCase& one, Random& random, int deep, int room, int room_at) {
+std::optional<ExitLine> path_out(LintCase& one, Random& random, int deep, int room, int room_at) {
   for (int attempt = 0; attempt < 300; ++attempt) {
     const auto inside = inner_box(one, random, deep);
     if (!inside) return std::nullopt;
@@ -139,38 +139,38 @@ std::optional<ExitLine> way_out(LintCase& one, Random& random, int deep, int roo
 
 Planted neck(LintCase& one, Random& random) {
   const int radius = whole(random, 3, 4), length = whole(random, 2, 3), thick = whole(random, 1, 2);
-  const auto way = way_out(one, random, 2, radius + 1, length + radius);
-  if (!way) return std::nullopt;
-  const std::size_t across = (way->axis + 1) % 3;
+  const auto path = path_out(one, random, 2, radius + 1, length + radius);
+  if (!path) return std::nullopt;
+  const std::size_t across = (path->axis + 1) % 3;
   for (int n = -1; n <= length + 1; ++n)
     for (int t = 0; t < thick; ++t)
-      label_at(one, plus(plus(way->surface, way->axis, way->step * n), across, t)) = way->id;
-  for_each_in_box(plus(way->surface, way->axis, way->step * (length + radius)), radius,
+      label_at(one, plus(plus(path->surface, path->axis, path->step * n), across, t)) = path->id;
+  for_each_in_box(plus(path->surface, path->axis, path->step * (length + radius)), radius,
                   [&](const Index& at, double off) {
-                    if (off <= radius + 0.2) label_at(one, at) = way->id;
+                    if (off <= radius + 0.2) label_at(one, at) = path->id;
                   });
-  return std::vector{way->id};
+  return std::vector{path->id};
 }
 
 Planted open_cavity(LintCase& one, Random& random) {
-  const auto way = way_out(one, random, 4, 0, 0);
-  if (!way) return std::nullopt;
+  const auto path = path_out(one, random, 4, 0, 0);
+  if (!path) return std::nullopt;
   // centre of the cavity, on the same line inside the structure
   constexpr int kRadius = 3;
   const int depth = kRadius + 2 + whole(random, 0, 1);
-  const Index centre = plus(way->surface, way->axis, -way->step * depth);
-  if (!is_inside(one, centre, kRadius + 1) || !is_uniform(one, centre, kRadius - 1, way->id))
+  const Index centre = plus(path->surface, path->axis, -path->step * depth);
+  if (!is_inside(one, centre, kRadius + 1) || !is_uniform(one, centre, kRadius - 1, path->id))
     return std::nullopt;
   bool whole_wall = true;
   for_each_in_box(centre, kRadius + 1, [&](const Index& at, double off) {
-    if (off <= kRadius + 1.2) whole_wall = whole_wall && label_at(one, at) == way->id;
+    if (off <= kRadius + 1.2) whole_wall = whole_wall && label_at(one, at) == path->id;
   });
   if (!whole_wall) return std::nullopt;
   for_each_in_box(centre, kRadius, [&](const Index& at, double off) {
     if (off <= kRadius + 0.2) label_at(one, at) = 0;
   });
-  for (int n = 1; n <= depth; ++n) label_at(one, plus(way->surface, way->axis, -way->step * n)) = 0;
-  return std::vector{way->id};
+  for (int n = 1; n <= depth; ++n) label_at(one, plus(path->surface, path->axis, -path->step * n)) = 0;
+  return std::vector{path->id};
 }
 
 Planted islands(LintCase& one, Random& random) {
@@ -496,7 +496,7 @@ bool is_found(const LintReport& after, const LintReport& before, LintKind kind,
   const auto has = [&](const LintReport& report) {
     double most = -1;
     for (const LintFinding& finding : report.findings) {
-      if (finding.kind != kind || finding.severity == LintSeverity::kCannotTell) continue;
+      if (finding.kind != kind || finding.severity == LintSeverity::kUndetermined) continue;
       const bool names_all = std::ranges::all_of(structures, [&](LabelId id) {
         return std::ranges::find(finding.structures, id) != finding.structures.end();
       });

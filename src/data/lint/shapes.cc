@@ -105,7 +105,7 @@ void report_islands(Layer& layer) {
                   counted(sum.voxels, "voxel") + " in all, " +
                   figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3"));
   for (const auto& [id, sum] : cavities)
-    study.add(LintKind::kHoles, LintSeverity::kCannotTell, {id},
+    study.add(LintKind::kHoles, LintSeverity::kUndetermined, {id},
               {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
               study.name_of(id) + " encloses a cavity of " +
                   figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3") +
@@ -363,10 +363,10 @@ void report_sections(Layer& layer) {
     std::size_t voxels = 0;
   };
   std::array<Terraced, 3> terraced;
-  std::size_t place = 0;
+  std::size_t index = 0;
   for (std::size_t value = 1; value < layer.segment_of_value.size(); ++value) {
     if (layer.segment_of_value[value] == nullptr) continue;
-    const Sections& sections = all[place++];
+    const Sections& sections = all[index++];
     const LabelId id = layer.segment_of_value[value]->id;
     const SegmentStatistics* of = study.statistics_of(id);
     if (of == nullptr) continue;

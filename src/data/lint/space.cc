@@ -287,7 +287,7 @@ Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const P
       undecided.push_back(s.id);
   }
   if (!undecided.empty())
-    study.add(LintKind::kUnreachable, LintSeverity::kCannotTell, undecided, {},
+    study.add(LintKind::kUnreachable, LintSeverity::kUndetermined, undecided, {},
               study.names_of(undecided) + (undecided.size() == 1 ? " is" : " are") +
                   " enclosed by structures whose names do not tell whether a tool can pass through them");
   return {};
@@ -296,7 +296,7 @@ Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const P
 Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span) {
   if (study.statistics.empty()) return {};
   if (study.options.scan == nullptr) {
-    study.add(LintKind::kOutsideBody, LintSeverity::kCannotTell, {}, {},
+    study.add(LintKind::kOutsideBody, LintSeverity::kUndetermined, {}, {},
               "without a scan the outside of the body is unknown");
     return {};
   }

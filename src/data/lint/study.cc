@@ -8,12 +8,12 @@
 
 namespace palpate::internal {
 
-LintStudy::LintStudy(const LabelMap& map, const LintOptions& given, const Progress& how_far)
+LintStudy::LintStudy(const LabelMap& map, const LintOptions& input, const Progress& how_far)
     : labels(map),
-      options(given),
+      options(input),
       progress(how_far),
       grid(map.geometry()),
-      workers(worker_count(given.threads, std::max(1, map.geometry().dims[2]))),
+      workers(worker_count(input.threads, std::max(1, map.geometry().dims[2]))),
       statistics(segment_statistics(map)) {}
 
 const SegmentStatistics* LintStudy::statistics_of(LabelId id) const {

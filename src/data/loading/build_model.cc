@@ -4,7 +4,7 @@
 #include <map>
 
 #include "loading/body.h"
-#include "loading/kept_preparation.h"
+#include "loading/stored_preparation.h"
 #include "palpate/base/reading.h"
 #include "palpate/contact/colours.h"
 #include "palpate/loading/loading.h"
@@ -137,7 +137,7 @@ Volume<std::uint8_t> weights_of(const Volume<LabelId>& flat, const ModelParts& p
   for (std::size_t label = 0; label < parts.tissue_of_label.size(); ++label)
     if (const int tissue = parts.tissue_of_label[label]; tissue >= 0) {
       const Tissue& own = parts.tissues[static_cast<std::size_t>(tissue)];
-      if (own.felt) weight_of_label[label] = weight_of(own, stiffest_N_per_mm);
+      if (own.touchable) weight_of_label[label] = weight_of(own, stiffest_N_per_mm);
     }
   return weigh_labels(flat, weight_of_label);
 }
@@ -199,13 +199,13 @@ void warn_of_thin_structures(const MadeField& made, const Warn& warn) {
   // force that counts as sufficient if the scene has no limit
   constexpr double kHeld_N = 0.5;
   constexpr std::size_t kNamed = 4;
-  const double wanted_N = std::min(
+  const double target_N = std::min(
       {std::isfinite(model.scene_max_force_N) ? model.scene_max_force_N : kHeld_N, made.full_force_N});
   std::vector<RampFigures> thin;
   for (const RampFigures& figures : made.ramps) {
     // a soft tissue does not reach it at any depth
     const double soft_N = model.tissue_of(figures.label)->stiffness_N_per_mm * kDeepestRamp_mm;
-    if (figures.max_N < std::min(wanted_N, 0.99 * soft_N)) thin.push_back(figures);
+    if (figures.max_N < std::min(target_N, 0.99 * soft_N)) thin.push_back(figures);
   }
   if (thin.empty()) return;
   std::stable_sort(thin.begin(), thin.end(),
@@ -220,14 +220,14 @@ void warn_of_thin_structures(const MadeField& made, const Warn& warn) {
     text += (n == 0 ? "thin: " : ", ") + model.name_of(thin[n].label) + (n == 0 ? " gives at most " : " ") +
             newtons(thin[n].max_N);
   if (thin.size() > kNamed) text += " and " + std::to_string(thin.size() - kNamed) + " more,";
-  warn(text + " of " + newtons(wanted_N) + " (direct methods)");
+  warn(text + " of " + newtons(target_N) + " (direct methods)");
 }
 
 // one sentence for each contact layer that merges tissues of different stiffness
 std::vector<Caveat> merged_layers(const Model& model) {
   std::vector<double> stiffnesses;
   for (const Tissue& tissue : model.tissues)
-    if (tissue.felt && !model.is_deformable(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
+    if (tissue.touchable && !model.is_deformable(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
   std::vector<Caveat> caveats;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses))) {
     if (layer.max_N_per_mm <= kSameStiffness * layer.min_N_per_mm) continue;
@@ -279,9 +279,9 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
 // distance before the tool is pushed back.
 ReportedDistances reported_distances_of(const DistanceSettings& settings, const ModelParts& parts,
                                         const std::vector<std::size_t>& voxels) {
-  ReportedDistances told;
-  told.reach_mm = settings.reach_mm;
-  const auto is_kept_away_from = [&](std::size_t label) {
+  ReportedDistances distances;
+  distances.reach_mm = settings.reach_mm;
+  const auto is_protected_from = [&](std::size_t label) {
     return std::ranges::any_of(parts.no_go, [&](const NoGoRegion& region) {
       const auto* structure = std::get_if<NoGoStructure>(&region.place);
       return structure != nullptr && structure->label == label;
@@ -289,14 +289,14 @@ ReportedDistances reported_distances_of(const DistanceSettings& settings, const 
   };
   const auto is_chosen = [&](std::size_t label) {
     const int tissue = label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
-    const bool felt = tissue >= 0 && parts.tissues[static_cast<std::size_t>(tissue)].felt;
+    const bool touchable = tissue >= 0 && parts.tissues[static_cast<std::size_t>(tissue)].touchable;
     return settings.structures == ReportedStructures::kAll ||
-           (felt && settings.structures == ReportedStructures::kFelt);
+           (touchable && settings.structures == ReportedStructures::kTouchable);
   };
   for (std::size_t label = 1; label < voxels.size(); ++label)
-    if (voxels[label] > 0 && (is_chosen(label) || is_kept_away_from(label)))
-      told.structures.push_back(static_cast<LabelId>(label));
-  return told;
+    if (voxels[label] > 0 && (is_chosen(label) || is_protected_from(label)))
+      distances.structures.push_back(static_cast<LabelId>(label));
+  return distances;
 }
 
 LabelId generated_label(std::size_t tissue) {
@@ -334,7 +334,7 @@ Result<void> embed(const Scene& scene, const Volume<float>* scan, ModelParts& pa
 void weigh_embedding(const Scene& scene, const Volume<LabelId>& flat, const ModelParts& parts,
                      double stiffest_N_per_mm, Volume<std::uint8_t>& weights) {
   const auto settings = std::ranges::find_if(scene.tissues, &TissueSettings::embedding);
-  if (settings == scene.tissues.end() || !settings->felt) return;
+  if (settings == scene.tissues.end() || !settings->touchable) return;
   const auto tissue = static_cast<std::size_t>(settings - scene.tissues.begin());
   const std::uint8_t weight = weight_of(parts.tissues[tissue], stiffest_N_per_mm);
   for (std::size_t v = 0; v < flat.voxels().size(); ++v)
@@ -383,7 +383,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   // weights are relative to the stiffest tissue; 0 if none is touchable
   double stiffest = 0;
   for (const Tissue& tissue : parts.tissues)
-    if (tissue.felt) stiffest = std::max(stiffest, tissue.stiffness_N_per_mm);
+    if (tissue.touchable) stiffest = std::max(stiffest, tissue.stiffness_N_per_mm);
   if (stiffest == 0) stiffest = 1;
 
   // each label gets the weight of its tissue
@@ -393,15 +393,15 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   Volume<LabelId> flat;
   std::vector<std::vector<LabelId>> no_go_ids;
   if (volumes.labels) {
-    auto kept_away = resolve_no_go(scene, *volumes.labels);
-    if (!kept_away) return kept_away.error();
-    no_go_ids = *std::move(kept_away);
+    auto protected_labels = resolve_no_go(scene, *volumes.labels);
+    if (!protected_labels) return protected_labels.error();
+    no_go_ids = *std::move(protected_labels);
     auto ids = resolve_labels(scene, *volumes.labels);
     if (!ids) return ids.error();
     for (std::size_t t = 0; t < ids->size(); ++t)
       for (const LabelId id : (*ids)[t]) {
         set_label(parts, id, t);
-        if (parts.tissues[t].felt) weight_of_label[id] = weight_of(parts.tissues[t], stiffest);
+        if (parts.tissues[t].touchable) weight_of_label[id] = weight_of(parts.tissues[t], stiffest);
       }
     progress.report("preparing labels", 0);
     parts.segments = volumes.labels->segments;
@@ -424,17 +424,17 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
                    "tissue '" + settings.name + "' has a threshold but the scene has no scan",
                    scene.source + ":" + std::to_string(settings.line), "name the scan under [data]"};
     const auto [low, high] = *settings.threshold;
-    const bool felt = parts.tissues[t].felt;
+    const bool touchable = parts.tissues[t].touchable;
     const std::uint8_t weight = weight_of(parts.tissues[t], stiffest);
     const LabelId id = generated_label(t);
     set_label(parts, id, t);
-    if (felt) weight_of_label[id] = weight;
+    if (touchable) weight_of_label[id] = weight;
     parts.segments.push_back({id, settings.name, settings.colour.value_or(Rgb{230, 210, 180}), 0, id});
     Volume<std::uint8_t> ramp;
     if (!ramps) ramp = ramp_scan(*scan, low, high, weight / 255.0);
     bool reached = false;
     for (std::size_t v = 0; v < flat.voxels().size(); ++v) {
-      if (felt && !ramps) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
+      if (touchable && !ramps) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
       if (!(scan->voxels()[v] >= 0.5 * (low + high))) continue;
       reached = true;
       LabelId& current = flat.voxels()[v];
@@ -448,9 +448,9 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   if (!ramps) weigh_embedding(scene, flat, parts, stiffest, weights);
   std::sort(parts.segments.begin(), parts.segments.end(),
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
-  std::vector<std::optional<Rgb>> said;
-  for (const TissueSettings& settings : scene.tissues) said.push_back(settings.colour);
-  apply_tissue_colours(parts.segments, parts.tissue_of_label, said);
+  std::vector<std::optional<Rgb>> stated;
+  for (const TissueSettings& settings : scene.tissues) stated.push_back(settings.colour);
+  apply_tissue_colours(parts.segments, parts.tissue_of_label, stated);
 
   parts.labels = label_bricks(flat);
   const std::vector<std::size_t> voxels = label_counts(*parts.labels);

@@ -31,7 +31,7 @@ rests_on = ["bone"]
 [[tissue]]
 name = "fat"
 labels = ["shown"]
-felt = false
+touchable = false
 stiffness = 0.1
 [preparation]
 method = "union-gaussian"
@@ -68,10 +68,10 @@ Scene scene_of(const std::string& text) {
 }
 
 // error message if touchable tissue is required and there is none; such a model can still be displayed
-std::string why_not_felt(const Scene& scene, const Result<std::shared_ptr<const Model>>& model) {
+std::string why_not_touchable(const Scene& scene, const Result<std::shared_ptr<const Model>>& model) {
   if (!model) return "no model: " + model.error().message();
-  const auto felt = require_touchable_tissue({scene, *model, ""});
-  return felt ? "" : felt.error().what;
+  const auto touchable = require_touchable_tissue({scene, *model, ""});
+  return touchable ? "" : touchable.error().what;
 }
 
 // an unfinished scene: no tissue is touchable, or none of them has a voxel
@@ -91,13 +91,13 @@ TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
       for (const ForceMethodInfo& info : kForceMethods) (void)ready_for(*model, {&info.method, 1}).ok();
 
       const LoadedScene loaded{scene, *model, ""};
-      const auto felt = require_touchable_tissue(loaded);
-      ASSERT_FALSE(felt.ok());
-      EXPECT_EQ(felt.error().kind, ErrorKind::kBadInput);
+      const auto touchable = require_touchable_tissue(loaded);
+      ASSERT_FALSE(touchable.ok());
+      EXPECT_EQ(touchable.error().kind, ErrorKind::kBadInput);
       EXPECT_FALSE(simulate(loaded, Script{}, {}, "").ok());
     }
-  const auto felt = build_model(scene_of(kScene), &labels, nullptr);
-  EXPECT_TRUE(has_touchable_tissue(**felt));
+  const auto is_touchable = build_model(scene_of(kScene), &labels, nullptr);
+  EXPECT_TRUE(has_touchable_tissue(**is_touchable));
 }
 
 TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
@@ -108,7 +108,7 @@ TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
   EXPECT_EQ(m.tissue_of(1)->name, "bone");
   EXPECT_EQ(m.tissue_of(2)->name, "bone");
   EXPECT_EQ(m.tissue_of(3)->name, "cartilage");
-  EXPECT_FALSE(m.is_felt(4));
+  EXPECT_FALSE(m.is_touchable(4));
   EXPECT_EQ(m.tissues[1].rests_on, std::vector<int>{0});
   EXPECT_NEAR(m.level_of_label[3], 0.5 / 1.5, 1.0 / 255);
   EXPECT_EQ(m.level_of_label[4], 0.f);
@@ -212,7 +212,7 @@ TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
     PALPATE_CHECK(model.ok());
     const auto ready = ready_for(*model, std::array{ForceMethod::kProxy});
     PALPATE_CHECK(ready.ok());
-    return std::pair((*ready)->protected_structures.size(), (*ready)->surfaces.at(0).kept);
+    return std::pair((*ready)->protected_structures.size(), (*ready)->surfaces.at(0).is_protected);
   };
   EXPECT_EQ(spared("[tool]\nkind = 'burr'\n"), (std::pair<std::size_t, bool>(1, true)));
   EXPECT_EQ(spared("[second_tool]\nkind = 'burr'\n"), (std::pair<std::size_t, bool>(1, true)));
@@ -221,18 +221,19 @@ TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
 
 TEST(BuildModel, WhatKeepsAwayIsToldWhicheverDistancesAreAskedFor) {
   const LabelMap labels = blocks(grid_of(1, 30));
-  const auto told = [&](const std::string& more) {
+  const auto reported = [&](const std::string& more) {
     const auto model = build_model(scene_of(std::string(kScene) + more), &labels, nullptr);
     PALPATE_CHECK(model.ok());
     return (*model)->reported_distances.structures;
   };
   const std::string region = "[[no_go]]\nname = 'there'\nstructures = [2]\n",
                     plane = "[[no_go]]\nname = 'behind'\npoint = [0, 0, 0]\noutward = 'left'\n";
-  EXPECT_EQ(told(""), std::vector<LabelId>());
-  EXPECT_EQ(told(plane), std::vector<LabelId>());
-  EXPECT_EQ(told(region), std::vector<LabelId>{2});
-  EXPECT_EQ(told("[distances]\nstructures = 'all'\n" + region), told("[distances]\nstructures = 'all'\n"));
-  EXPECT_EQ(told("[distances]\nreach = 5\n" + region), std::vector<LabelId>{2});
+  EXPECT_EQ(reported(""), std::vector<LabelId>());
+  EXPECT_EQ(reported(plane), std::vector<LabelId>());
+  EXPECT_EQ(reported(region), std::vector<LabelId>{2});
+  EXPECT_EQ(reported("[distances]\nstructures = 'all'\n" + region),
+            reported("[distances]\nstructures = 'all'\n"));
+  EXPECT_EQ(reported("[distances]\nreach = 5\n" + region), std::vector<LabelId>{2});
 }
 
 TEST(BuildModel, IsReadyForTheScenesMethodAndItsSettingsAreHashed) {
@@ -332,8 +333,8 @@ TEST(BuildModel, CoarserLabelsMoveOntoTheScansGridByNearestNeighbour) {
   ASSERT_TRUE(model.ok());
   EXPECT_EQ(warnings.size(), 2u) << "moved, and part of the labels lies outside";
   EXPECT_TRUE((*model)->labels->geometry().same_grid(scan.geometry()));
-  const Volume<LabelId> felt_labels = (*model)->labels->dense();
-  for (const LabelId label : felt_labels.voxels()) ASSERT_LE(label, 4) << "no label is invented";
+  const Volume<LabelId> touchable_labels = (*model)->labels->dense();
+  for (const LabelId label : touchable_labels.voxels()) ASSERT_LE(label, 4) << "no label is invented";
   EXPECT_EQ((*model)->labels->at(20, 30, 30), labels.layers[0].at(10, 15, 15));
 }
 
@@ -450,7 +451,7 @@ TEST(BuildModel, AThresholdThatNothingReachesIsAnError) {
   const Volume<float> scan(grid_of(1, 20), 40.f);
   const Scene scene =
       scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = [3000, 4000]\n");
-  EXPECT_NE(why_not_felt(scene, build_model(scene, nullptr, &scan)).find("no voxel"), std::string::npos);
+  EXPECT_NE(why_not_touchable(scene, build_model(scene, nullptr, &scan)).find("no voxel"), std::string::npos);
 }
 
 TEST(BuildModel, ASideThatContradictsTheAnatomyIsSaid) {
@@ -569,7 +570,7 @@ TEST(BuildModel, AThresholdWithRampsIsFeltFromItsMiddle) {
   EXPECT_EQ(sample_value(*(*model)->field, Point<Patient>(14, 20, 20)), 0);
   EXPECT_GT(sample_value(*(*model)->field, Point<Patient>(15, 20, 20)), 0);
   const Scene above = scene("[800, 1800]");
-  EXPECT_NE(why_not_felt(above, build_model(above, nullptr, &scan)).find("no voxel"), std::string::npos)
+  EXPECT_NE(why_not_touchable(above, build_model(above, nullptr, &scan)).find("no voxel"), std::string::npos)
       << "nothing reaches 1300";
 }
 
@@ -632,7 +633,7 @@ TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const Point<Patient> centre = grid.X_PatientVoxel() * Point<Voxel>(i, j, k);
-        if (!(*model)->is_felt((*model)->labels->at(i, j, k))) {
+        if (!(*model)->is_touchable((*model)->labels->at(i, j, k))) {
           ASSERT_EQ(spline.sample(centre).value, 0);
         }
         const Point<Patient> between = centre + Vector<Patient>(0.5, 0.4, 0.3);
@@ -670,12 +671,12 @@ TEST(BuildModel, TheGapsOfAKneeAreFree) {
   EXPECT_EQ(value_at(*ramps, 43, 272, 238), 0);
   EXPECT_EQ(value_at(*ramps, 72, 345, 271), 0);
   const auto field = std::get<Volume<std::uint16_t>>(ramps->field->storage());
-  const Volume<LabelId> felt_labels = ramps->labels->dense();
+  const Volume<LabelId> touchable_labels = ramps->labels->dense();
   std::size_t outside = 0, inside = 0;
   for (std::size_t v = 0; v < field.voxels().size(); ++v) {
-    const bool felt = ramps->is_felt(felt_labels.voxels()[v]);
-    outside += !felt && field.voxels()[v] != 0 ? 1 : 0;
-    inside += felt && field.voxels()[v] == 0 ? 1 : 0;
+    const bool touchable = ramps->is_touchable(touchable_labels.voxels()[v]);
+    outside += !touchable && field.voxels()[v] != 0 ? 1 : 0;
+    inside += touchable && field.voxels()[v] == 0 ? 1 : 0;
   }
   EXPECT_EQ(outside, 0u);
   EXPECT_EQ(inside, 0u);
@@ -685,7 +686,7 @@ TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\nfelt = false\n");
   EXPECT_NE(
-      why_not_felt(scene, build_model(scene, &labels, nullptr)).find("nothing in the scene can be felt"),
+      why_not_touchable(scene, build_model(scene, &labels, nullptr)).find("nothing in the scene can be felt"),
       std::string::npos);
 }
 

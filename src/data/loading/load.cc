@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <system_error>
 
-#include "loading/kept_preparation.h"
 #include "loading/proposed_scene.h"
+#include "loading/stored_preparation.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"
@@ -75,7 +75,7 @@ struct FileVolumes {
 };
 
 void take_labels(LabelFile labels, FileVolumes& files) {
-  if (labels.name_source != NameSource::kGivenTable) {
+  if (labels.name_source != NameSource::kSuppliedTable) {
     files.origin_of_names = origin_of_names(labels);
     files.names_table = std::move(labels.names_table);
   }

@@ -14,10 +14,11 @@ MemoryForecast measured_memory(const Model& model) {
   memory.labels = model.labels->bytes();
   if (model.field)
     memory.field = std::visit([](const auto& bricks) { return bricks.bytes(); }, model.field->bricks());
-  std::set<const Surface*> seen;
-  for (const ContactSurface& felt : model.surfaces)
-    if (felt.surface && seen.insert(felt.surface.get()).second)
-      memory.surfaces += felt.surface->position().bricks().bytes() + felt.surface->normal().bricks().bytes();
+  std::set<const Surface*> observed;
+  for (const ContactSurface& surface : model.surfaces)
+    if (surface.surface && observed.insert(surface.surface.get()).second)
+      memory.surfaces +=
+          surface.surface->position().bricks().bytes() + surface.surface->normal().bricks().bytes();
   return memory;
 }
 

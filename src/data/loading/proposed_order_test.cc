@@ -135,7 +135,7 @@ TEST_P(OrderOf, SharedDataHoldsAndTheColoursAreThePresets) {
   for (const TissueSettings& settings : scene->tissues) {
     const TissuePreset* preset = find_preset(settings.preset);
     EXPECT_EQ(settings.colour, preset != nullptr ? preset->values.colour : std::nullopt) << settings.name;
-    if (!settings.felt) continue;
+    if (!settings.touchable) continue;
     Tissue tissue;
     static_cast<TissueProperties&>(tissue) = settings;
     tissues[settings.preset] = tissue;

@@ -9,22 +9,22 @@ namespace palpate {
 namespace {
 
 // summary of the touchable structures of a label map: their number and presets
-std::string felt_of_labels(const Scene& scene, const LabelMap& labels) {
-  std::size_t felt = 0;
+std::string touchable_part_of_labels(const Scene& scene, const LabelMap& labels) {
+  std::size_t touchable = 0;
   std::string presets;
   for (const TissueSettings& tissue : scene.tissues) {
-    if (!tissue.felt) continue;
-    felt += tissue.labels.size();
+    if (!tissue.touchable) continue;
+    touchable += tissue.labels.size();
     presets += (presets.empty() ? "" : ", ") + tissue.preset;
   }
   const std::size_t all = labels.segments.size();
-  if (felt == 0) return "shown only, because no label name matches a tissue";
+  if (touchable == 0) return "shown only, because no label name matches a tissue";
   if (all == 1) return "felt as " + presets;
-  return (felt == all ? "all " : std::to_string(felt) + " of ") + std::to_string(all) + " structures felt (" +
-         presets + ")";
+  return (touchable == all ? "all " : std::to_string(touchable) + " of ") + std::to_string(all) +
+         " structures felt (" + presets + ")";
 }
 
-std::string felt_of_scan(const Scene& scene) {
+std::string touchable_part_of_scan(const Scene& scene) {
   const auto& threshold = scene.tissues.front().threshold;
   PALPATE_CHECK(threshold.has_value());
   char text[80];
@@ -48,24 +48,26 @@ Result<ProposedScene> propose_scene(const NewSceneInput& input) {
   auto scene = parse_scene(*text, "the scene proposed for " + files);
   if (!scene) return scene.error();
   const bool both = !scan.empty() && !labels.empty();
-  std::string note =
-      files + " is a " +
-      (both             ? "scan and its label map"
-       : labels.empty() ? "scan"
-                        : "label map") +
-      ", " + (input.label_map ? felt_of_labels(*scene, *input.label_map) : felt_of_scan(*scene)) +
-      "; to change that: palpate scene new " +
-      (both             ? scan + " " + labels
-       : labels.empty() ? "--scan " + scan
-                        : labels) +
-      (input.volume_of_scan ? " --volume " + std::to_string(*input.volume_of_scan) : "") + " -o scene.toml";
+  std::string note = files + " is a " +
+                     (both             ? "scan and its label map"
+                      : labels.empty() ? "scan"
+                                       : "label map") +
+                     ", " +
+                     (input.label_map ? touchable_part_of_labels(*scene, *input.label_map)
+                                      : touchable_part_of_scan(*scene)) +
+                     "; to change that: palpate scene new " +
+                     (both             ? scan + " " + labels
+                      : labels.empty() ? "--scan " + scan
+                                       : labels) +
+                     (input.volume_of_scan ? " --volume " + std::to_string(*input.volume_of_scan) : "") +
+                     " -o scene.toml";
   return ProposedScene{*std::move(scene), std::move(note)};
 }
 
 bool has_touchable_tissue(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   for (std::size_t label = 0; label < voxels.size(); ++label)
-    if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label))) return true;
+    if (voxels[label] > 0 && model.is_touchable(static_cast<LabelId>(label))) return true;
   return false;
 }
 
@@ -74,11 +76,11 @@ Result<void> require_touchable_tissue(const LoadedScene& loaded) {
   const bool switched_off = loaded.model->greatest_stiffness_N_per_mm() <= 0;
   std::string remedy = loaded.proposed.empty()
                            ? switched_off
-                                 ? "set felt = true, with a preset or a stiffness, on a [[tissue]]"
+                                 ? "set touchable = true, with a preset or a stiffness, on a [[tissue]]"
                                  : "check the labels and thresholds of its tissues (palpate info shows "
                                    "what the files hold)"
                            : "name the labels after tissues (femur, liver, ...) in a table, or write a scene "
-                             "file with palpate scene new and set felt = true in it";
+                             "file with palpate scene new and set touchable = true in it";
   return Error{ErrorKind::kBadInput,
                switched_off ? "nothing in the scene can be felt yet" : "no voxel of the scene can be felt",
                loaded.scene.source, remedy + "; palpate section and explore can show it"};

@@ -103,9 +103,9 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
     const auto ready = ready_for(std::make_shared<const Model>(model), methods);
     ASSERT_TRUE(ready.ok()) << ready.error().message();
     int deepest = 0;
-    for (const ContactSurface& felt : (*ready)->surfaces) {
-      deepest = std::max(deepest, felt.layer);
-      EXPECT_LT(felt.from_N_per_mm, felt.to_N_per_mm);
+    for (const ContactSurface& surface : (*ready)->surfaces) {
+      deepest = std::max(deepest, surface.layer);
+      EXPECT_LT(surface.from_N_per_mm, surface.to_N_per_mm);
     }
     EXPECT_LT(deepest, kMaxLayers);
     EXPECT_GE(deepest, std::min(kStructures, kMaxLayers) / 2);
@@ -115,9 +115,10 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
       double sum = 0;
       for (int layer = 0; layer <= structure.layer; ++layer) {
         const auto of_layer = std::find_if(
-            (*ready)->surfaces.begin(), (*ready)->surfaces.end(), [&](const ContactSurface& felt) {
+            (*ready)->surfaces.begin(), (*ready)->surfaces.end(), [&](const ContactSurface& contact_surface) {
               const Point<Patient> inside(6, 6, 4 + 3 * n);
-              return felt.layer == layer && felt.surface != nullptr && felt.surface->distance_mm(inside) < 0;
+              return contact_surface.layer == layer && contact_surface.surface != nullptr &&
+                     contact_surface.surface->distance_mm(inside) < 0;
             });
         ASSERT_NE(of_layer, (*ready)->surfaces.end()) << n << ", " << layer;
         const double to = layer == structure.layer ? structure.stiffness_N_per_mm : of_layer->to_N_per_mm;
@@ -130,7 +131,7 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
 
 TEST(ReadyFor, WhatTouchesNobodyStaysAsItIs) {
   Model model = *loaded_ball(kShell_mm).model;
-  model.tissues[1].felt = false;
+  model.tissues[1].touchable = false;
   const std::array methods{ForceMethod::kProxy};
   const auto ready = ready_for(std::make_shared<const Model>(model), methods);
   ASSERT_TRUE(ready.ok()) << ready.error().message();

@@ -43,13 +43,13 @@ Shape jaw(double width, double depth) {
 // intersection of a ray from outside with the bone, by sphere tracing
 P on_surface(const Shape& bone, const P& eye, const V& towards) {
   const V step = towards.normalized();
-  double way = 0, free = 1;
-  while (free > 1e-6 && way < 200) {
-    free = bone.distance_mm(eye + way * step);
-    way += free;
+  double distance = 0, free = 1;
+  while (free > 1e-6 && distance < 200) {
+    free = bone.distance_mm(eye + distance * step);
+    distance += free;
   }
-  PALPATE_CHECK(way < 200);
-  return eye + way * step;
+  PALPATE_CHECK(distance < 200);
+  return eye + distance * step;
 }
 
 }  // namespace

@@ -31,10 +31,10 @@ void add_defect(std::vector<PhantomPart>& parts, const KneeParameters& knee, con
       Shape::cylinder(site.point - through, site.point + through, knee.defect_mm / scale.mean());
   const Shape whole = cartilage.shape;
   cartilage.shape = Shape::subtract(whole, hole);
-  const Shape gone = Shape::intersect(whole, hole);
+  const Shape removed = Shape::intersect(whole, hole);
   // painted before the bone, as the cartilage was
   const auto place = parts.begin() + (&cartilage - parts.data());
-  parts.insert(place, {"cartilage_defect", 0, {}, PhantomMaterial::kFluid, gone});
+  parts.insert(place, {"cartilage_defect", 0, {}, PhantomMaterial::kFluid, removed});
 }
 
 void add_lesion(std::vector<PhantomPart>& parts, const KneeParameters& knee, const Eigen::Vector3d& scale) {

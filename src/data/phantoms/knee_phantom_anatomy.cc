@@ -353,19 +353,19 @@ std::size_t knee_site_count(const std::string& structure) {
       std::ranges::count_if(site_views(), [&](const SiteView& view) { return view.structure == structure; }));
 }
 
-KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t place) {
+KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t index) {
   const auto view = std::ranges::find_if(
-      site_views(), [&](const SiteView& v) { return v.structure == structure && place-- == 0; });
+      site_views(), [&](const SiteView& v) { return v.structure == structure && index-- == 0; });
   PALPATE_CHECK(view != site_views().end());
   // sphere tracing: no step exceeds the free distance
   const V step = (view->target - view->eye).normalized();
-  double way = 0, free = 1;
-  while (free > 1e-6 && way < 200) {
-    free = shape.distance_mm(view->eye + way * step);
-    way += free;
+  double distance = 0, free = 1;
+  while (free > 1e-6 && distance < 200) {
+    free = shape.distance_mm(view->eye + distance * step);
+    distance += free;
   }
-  PALPATE_CHECK(way < 200);
-  const P point = view->eye + way * step;
+  PALPATE_CHECK(distance < 200);
+  const P point = view->eye + distance * step;
   return {point, shape.normal(point)};
 }
 

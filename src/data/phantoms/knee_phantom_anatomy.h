@@ -36,8 +36,8 @@ struct KneeSite {
   Vector<Patient> normal;  ///< Outward unit normal.
 };
 /// Finds a site on a structure.
-/// @param place  index of the site, from 0, for a structure with several accessible sites
-KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t place = 0);
+/// @param index  index of the site, from 0, for a structure with several accessible sites
+KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t index = 0);
 /// Number of sites of a structure, at most kMaxKneeSites.
 std::size_t knee_site_count(const std::string& structure);
 inline constexpr std::size_t kMaxKneeSites = 4;

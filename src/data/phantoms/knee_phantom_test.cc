@@ -200,7 +200,7 @@ TEST(KneePhantom, NoTwoStructuresShareAPoint) {
     return near;
   };
   std::atomic<int> shared = 0;
-  std::atomic<int> asked = 0;
+  std::atomic<int> requested = 0;
   const GridGeometry grid = millimetre_grid();
   const auto leaf = [&](const Candidates& candidates, const VoxelBlock& block) {
     block.for_each_voxel([&](int i, int j, int k) {
@@ -208,12 +208,12 @@ TEST(KneePhantom, NoTwoStructuresShareAPoint) {
       int inside = 0;
       for (const auto& [part, node] : candidates) inside += node->distance(p) < 0 ? 1 : 0;
       if (inside > 1) ++shared;
-      ++asked;
+      ++requested;
     });
   };
   ASSERT_TRUE(visit_grid(grid, all, "", {}, narrow, leaf));
   EXPECT_EQ(shared, 0);
-  EXPECT_GT(asked, 20'000);
+  EXPECT_GT(requested, 20'000);
 }
 
 void expect_one_piece_each() {

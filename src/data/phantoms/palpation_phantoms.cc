@@ -31,14 +31,14 @@ constexpr double kApart = 1.5;
 // @param reach_mm   radius of the disc
 // @param nodule_at  nodule at a position x, z in the disc; nullopt if none fits there
 std::optional<std::vector<PhantomNodule>> nodules_in_disc(
-    const NoduleParameters& asked, std::uint64_t seed, double reach_mm,
+    const NoduleParameters& requested, std::uint64_t seed, double reach_mm,
     const std::function<std::optional<PhantomNodule>(double, double)>& nodule_at) {
   constexpr int kCasts = 1000;
-  if (asked.nodules > 0 && reach_mm < 0) return std::nullopt;
+  if (requested.nodules > 0 && reach_mm < 0) return std::nullopt;
   // PhantomVariation does not vary with seed 0
   PhantomVariation chance(seed == 0 ? std::numeric_limits<std::uint64_t>::max() : seed);
   std::vector<PhantomNodule> nodules;
-  for (std::uint64_t n = 0; n < asked.nodules; ++n) {
+  for (std::uint64_t n = 0; n < requested.nodules; ++n) {
     bool placed = false;
     for (int cast = 0; cast < kCasts && !placed; ++cast) {
       const double part = seed == 0 && n == 0 ? 0 : chance.within(0, 1, 0);
@@ -47,7 +47,7 @@ std::optional<std::vector<PhantomNodule>> nodules_in_disc(
       const auto nodule = nodule_at(radius * std::cos(angle), radius * std::sin(angle));
       if (!nodule) continue;
       placed = std::ranges::all_of(nodules, [&](const PhantomNodule& other) {
-        return (nodule->centre - other.centre).norm() >= kApart * asked.diameter_mm;
+        return (nodule->centre - other.centre).norm() >= kApart * requested.diameter_mm;
       });
       if (placed) nodules.push_back(*nodule);
     }
@@ -56,7 +56,7 @@ std::optional<std::vector<PhantomNodule>> nodules_in_disc(
   return nodules;
 }
 
-void add_parts(PhantomPlan& plan, const Shape& tissue, const Shape& plate, const NoduleParameters& asked,
+void add_parts(PhantomPlan& plan, const Shape& tissue, const Shape& plate, const NoduleParameters& requested,
                const std::optional<std::vector<PhantomNodule>>& nodules) {
   // check_phantom() has rejected parameters that do not fit
   PALPATE_CHECK(nodules.has_value());
@@ -67,7 +67,7 @@ void add_parts(PhantomPlan& plan, const Shape& tissue, const Shape& plate, const
   for (const PhantomNodule& nodule : *nodules)
     balls.push_back(Shape::sphere(nodule.centre, nodule.radius_mm));
   plan.parts.push_back({"nodule", kNoduleLabel, kNoduleColour,
-                        asked.visible ? PhantomMaterial::kLesion : PhantomMaterial::kUnseen,
+                        requested.visible ? PhantomMaterial::kLesion : PhantomMaterial::kUnseen,
                         Shape::unite(std::move(balls))});
 }
 
@@ -79,23 +79,23 @@ Shape whole_dome(const DomeParameters& dome) {
 }  // namespace
 
 std::optional<std::vector<PhantomNodule>> nodules_of(const BlockParameters& block) {
-  const NoduleParameters& asked = block.nodules;
-  const double radius = 0.5 * asked.diameter_mm, deep = asked.depth_mm + radius;
+  const NoduleParameters& nodules = block.nodules;
+  const double radius = 0.5 * nodules.diameter_mm, deep = nodules.depth_mm + radius;
   const double reach = 0.5 * block.width_mm - radius - kBeside_mm;
   const bool fits = deep + radius + kBelow_mm <= block.thickness_mm;
-  return nodules_in_disc(asked, block.settings.seed, reach, [&](double x, double z) {
+  return nodules_in_disc(nodules, block.settings.seed, reach, [&](double x, double z) {
     return fits ? std::optional(PhantomNodule{P(x, deep, z), radius, P(x, 0, z)}) : std::nullopt;
   });
 }
 
 std::optional<std::vector<PhantomNodule>> nodules_of(const DomeParameters& dome) {
-  const NoduleParameters& asked = dome.nodules;
-  const double radius = 0.5 * asked.diameter_mm, deep = asked.depth_mm + radius;
+  const NoduleParameters& nodules = dome.nodules;
+  const double radius = 0.5 * nodules.diameter_mm, deep = nodules.depth_mm + radius;
   const double wide = dome.radius_mm * dome.radius_mm, high = dome.height_mm * dome.height_mm;
   // farther out the surface is too steep to be palpated from above
   constexpr double kPart = 0.6;
   const Shape whole = whole_dome(dome);
-  return nodules_in_disc(asked, dome.settings.seed, kPart * dome.radius_mm,
+  return nodules_in_disc(nodules, dome.settings.seed, kPart * dome.radius_mm,
                          [&](double x, double z) -> std::optional<PhantomNodule> {
                            const P surface(x, -dome.height_mm * std::sqrt(1 - (x * x + z * z) / wide), z);
                            const V outward = V(x / wide, surface.y() / high, z / wide).normalized();

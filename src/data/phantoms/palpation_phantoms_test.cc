@@ -71,11 +71,11 @@ TEST(PalpationPhantoms, NodulesHaveTheVolumeOfBalls) {
                            "palpation-dome:spacing=0.5,radius=25,height=25,diameter=10"}) {
     SCOPED_TRACE(name);
     const PhantomParameters parameters = parameters_of(name);
-    const NoduleParameters& asked = *nodule_parameters(parameters);
+    const NoduleParameters& nodules = *nodule_parameters(parameters);
     const auto found = structures_of(palpated(name));
-    const double ball_mm3 = std::numbers::pi / 6 * std::pow(asked.diameter_mm, 3);
-    EXPECT_NEAR(found.at("nodule").volume_mm3 / (static_cast<double>(asked.nodules) * ball_mm3), 1, 0.016);
-    EXPECT_EQ(found.at("nodule").components, static_cast<int>(asked.nodules));
+    const double ball_mm3 = std::numbers::pi / 6 * std::pow(nodules.diameter_mm, 3);
+    EXPECT_NEAR(found.at("nodule").volume_mm3 / (static_cast<double>(nodules.nodules) * ball_mm3), 1, 0.016);
+    EXPECT_EQ(found.at("nodule").components, static_cast<int>(nodules.nodules));
     EXPECT_EQ(found.at("soft_tissue").components, 1);
     EXPECT_EQ(found.at("plate").components, 1);
   }
@@ -225,7 +225,7 @@ TEST(PalpationPhantoms, TheAbdominalWallHasItsLayersOverRibAndLiver) {
     SCOPED_TRACE(variant);
     const std::string name = "abdominal-wall" + std::string(variant);
     const PhantomParameters parameters = parameters_of(name);
-    const auto& asked = std::get<AbdomenParameters>(parameters);
+    const auto& requested = std::get<AbdomenParameters>(parameters);
     const Phantom wall = palpated(name);
     const auto found = structures_of(wall);
     ASSERT_EQ(found.size(), 8u);
@@ -239,9 +239,9 @@ TEST(PalpationPhantoms, TheAbdominalWallHasItsLayersOverRibAndLiver) {
       for (double z = -38.5; z < 39; z += 1) {
         const auto layers = layers_below(wall, Point<Patient>(x, 0, z));
         ASSERT_GE(layers.size(), 5u);
-        EXPECT_EQ(layers[0], (std::pair<std::string, double>("skin", asked.skin_mm)));
-        EXPECT_EQ(layers[1], (std::pair<std::string, double>("fat", asked.fat_mm)));
-        EXPECT_EQ(layers[2], (std::pair<std::string, double>("muscle", asked.muscle_mm)));
+        EXPECT_EQ(layers[0], (std::pair<std::string, double>("skin", requested.skin_mm)));
+        EXPECT_EQ(layers[1], (std::pair<std::string, double>("fat", requested.fat_mm)));
+        EXPECT_EQ(layers[2], (std::pair<std::string, double>("muscle", requested.muscle_mm)));
         below.insert(layers[3].first);
         double inside_mm = 0;
         std::size_t n = 3;

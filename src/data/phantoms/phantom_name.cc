@@ -259,7 +259,7 @@ Result<PhantomParameters> parse_phantom(std::string_view name) {
   PhantomParameters parameters = mean_phantoms()[static_cast<std::size_t>(found - phantom_names().begin())];
   if (base.size() == name.size()) return parameters;
 
-  std::vector<std::string_view> given;
+  std::vector<std::string_view> supplied;
   for (const std::string_view pair : Setter::split(name.substr(base.size() + 1), ',')) {
     const std::size_t equals = pair.find('=');
     if (equals == std::string_view::npos)
@@ -267,9 +267,9 @@ Result<PhantomParameters> parse_phantom(std::string_view name) {
                    std::string(name), known_keys(parameters)};
     const std::string_view key = pair.substr(0, equals);
     Setter setter(key, pair.substr(equals + 1));
-    if (std::ranges::find(given, key) != given.end())
+    if (std::ranges::find(supplied, key) != supplied.end())
       return Error{ErrorKind::kBadInput, "`" + std::string(key) + "` is given twice", std::string(name), ""};
-    given.push_back(key);
+    supplied.push_back(key);
     visit_keys(parameters, setter);
     if (!setter.known)
       return Error{ErrorKind::kBadInput, std::string(base) + " has no key `" + std::string(key) + "`",

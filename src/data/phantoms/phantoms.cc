@@ -104,20 +104,20 @@ Result<void> check_together(const PhantomParameters& all, const GlandParameters&
 }
 
 // requirements of nodules on the voxels and on the tissue around them
-Result<void> check_nodules(const PhantomParameters& all, const NoduleParameters& asked, bool fit,
+Result<void> check_nodules(const PhantomParameters& all, const NoduleParameters& nodules, bool fit,
                            const std::string& tissue, const char* more) {
-  if (asked.nodules == 0) return {};
-  if (auto closed = check_thickness(all, "depth", asked.depth_mm); !closed) return closed;
+  if (nodules.nodules == 0) return {};
+  if (auto closed = check_thickness(all, "depth", nodules.depth_mm); !closed) return closed;
   const double widest_mm = settings_of(all).spacing_mm.maxCoeff();
-  if (asked.diameter_mm < 3 * widest_mm)
+  if (nodules.diameter_mm < 3 * widest_mm)
     return refused(all,
-                   "`diameter` of " + millimetres(asked.diameter_mm) + " is too small for voxels of " +
+                   "`diameter` of " + millimetres(nodules.diameter_mm) + " is too small for voxels of " +
                        millimetres(widest_mm),
                    "it is at least three voxels");
   if (fit) return {};
   return refused(all,
-                 std::to_string(asked.nodules) + (asked.nodules == 1 ? " nodule of " : " nodules of ") +
-                     millimetres(asked.diameter_mm) + " with " + millimetres(asked.depth_mm) +
+                 std::to_string(nodules.nodules) + (nodules.nodules == 1 ? " nodule of " : " nodules of ") +
+                     millimetres(nodules.diameter_mm) + " with " + millimetres(nodules.depth_mm) +
                      " of tissue over each do not fit into " + tissue,
                  std::string("make `depth`, `diameter` or `nodules` less, or ") + more + " more");
 }

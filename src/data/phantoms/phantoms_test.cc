@@ -189,25 +189,25 @@ TEST(Phantoms, ALesionTakesItsLabelFromItsStructure) {
   const Phantom mean = made("knee-phantom:spacing=1.5");
   for (const char* structure : {"femur", "tibia"}) {
     SCOPED_TRACE(structure);
-    const std::string asked = "knee-phantom:spacing=1.5,lesion=6,lesion-in=" + std::string(structure);
-    const Phantom deep = made(asked + ",lesion-depth=6");
+    const std::string requested = "knee-phantom:spacing=1.5,lesion=6,lesion-in=" + std::string(structure);
+    const Phantom deep = made(requested + ",lesion-depth=6");
     ASSERT_NE(deep.labels.find("lesion"), nullptr);
     EXPECT_EQ(deep.labels.find("lesion")->id, 200);
     const LabelId from = mean.labels.find(structure)->id;
-    std::size_t taken = 0, specks = 0;
+    std::size_t used = 0, specks = 0;
     for (std::size_t v = 0; v < labels_of(mean).voxels().size(); ++v) {
       const LabelId before = labels_of(mean).voxels()[v], after = labels_of(deep).voxels()[v];
       if (before == after) continue;
       ASSERT_EQ(before, from);
-      (after == 200 ? taken : specks) += 1;
+      (after == 200 ? used : specks) += 1;
     }
     EXPECT_LT(specks, 15u) << "voxels that the ball cut off";
     const double ball_mm3 = 4 * std::numbers::pi / 3 * 216;
-    const double taken_mm3 = static_cast<double>(taken) * 3.375;
-    EXPECT_LE(taken_mm3, 1.06 * ball_mm3);
-    EXPECT_GE(taken_mm3, 0.9 * ball_mm3);
+    const double removed_mm3 = static_cast<double>(used) * 3.375;
+    EXPECT_LE(removed_mm3, 1.06 * ball_mm3);
+    EXPECT_GE(removed_mm3, 0.9 * ball_mm3);
     // with its centre on the surface about half of it remains, and it is accessible
-    const double half = volume_mm3(made(asked), "lesion");
+    const double half = volume_mm3(made(requested), "lesion");
     EXPECT_GT(half, 0.25 * ball_mm3);
     EXPECT_LT(half, 0.6 * ball_mm3);
   }
@@ -221,13 +221,13 @@ TEST(Phantoms, ALesionIsThereInEveryStructureOfEveryKnee) {
       const auto parts = knee_phantom_parts(knee_shape(n == 0 ? 0 : 1 + random() % 100000));
       const auto found = std::ranges::find(parts, part.name, &PhantomPart::name);
       std::vector<KneeSite> sites;
-      for (std::size_t place = 0; place < knee_site_count(part.name); ++place) {
-        const KneeSite site = knee_site(part.name, found->shape, place);
-        EXPECT_NEAR(found->shape.distance_mm(site.point), 0, 1e-5) << part.name << place;
-        EXPECT_LT(found->shape.distance_mm(site.point - 0.3 * site.normal), 0) << part.name << place;
-        EXPECT_GT(found->shape.distance_mm(site.point + 0.3 * site.normal), 0) << part.name << place;
+      for (std::size_t index = 0; index < knee_site_count(part.name); ++index) {
+        const KneeSite site = knee_site(part.name, found->shape, index);
+        EXPECT_NEAR(found->shape.distance_mm(site.point), 0, 1e-5) << part.name << index;
+        EXPECT_LT(found->shape.distance_mm(site.point - 0.3 * site.normal), 0) << part.name << index;
+        EXPECT_GT(found->shape.distance_mm(site.point + 0.3 * site.normal), 0) << part.name << index;
         for (const KneeSite& other : sites)
-          EXPECT_GT((site.point - other.point).norm(), 5) << part.name << place;
+          EXPECT_GT((site.point - other.point).norm(), 5) << part.name << index;
         sites.push_back(site);
       }
       EXPECT_EQ(sites.size(), part.name.ends_with("_cartilage") ? 4u : 1u) << part.name;
@@ -238,12 +238,12 @@ TEST(Phantoms, ALesionIsThereInEveryStructureOfEveryKnee) {
 TEST(Phantoms, ALesionThatIsNotVisibleIsInTheLabelsAlone) {
   const Phantom without = made("knee-phantom:spacing=1.5,seed=5");
   for (const char* at : {"", ",lesion-at=2"}) {
-    const std::string asked =
+    const std::string requested =
         "knee-phantom:spacing=1.5,seed=5,lesion=4,lesion-in=patellar_cartilage" + std::string(at);
-    const Phantom hidden = made(asked + ",visible=no");
+    const Phantom hidden = made(requested + ",visible=no");
     EXPECT_NE(hidden.labels.find("lesion"), nullptr);
     EXPECT_EQ(hidden.scan.voxels(), without.scan.voxels());
-    EXPECT_NE(made(asked).scan.voxels(), without.scan.voxels());
+    EXPECT_NE(made(requested).scan.voxels(), without.scan.voxels());
   }
 }
 
@@ -253,11 +253,11 @@ TEST(Phantoms, WhatIsMissingLeavesAllElseAsItWas) {
   EXPECT_EQ(odd.labels.find("patellar_cartilage"), nullptr);
   EXPECT_EQ(odd.labels.find("lateral_meniscus"), nullptr);
   EXPECT_EQ(odd.labels.segments.size(), 13u);
-  const LabelId gone[] = {mean.labels.find("patellar_cartilage")->id,
-                          mean.labels.find("lateral_meniscus")->id};
+  const LabelId removed[] = {mean.labels.find("patellar_cartilage")->id,
+                             mean.labels.find("lateral_meniscus")->id};
   for (std::size_t v = 0; v < labels_of(mean).voxels().size(); ++v) {
     const LabelId before = labels_of(mean).voxels()[v];
-    const bool left_out = before == gone[0] || before == gone[1];
+    const bool left_out = before == removed[0] || before == removed[1];
     ASSERT_EQ(labels_of(odd).voxels()[v], left_out ? 0 : before);
   }
 }
@@ -273,7 +273,7 @@ TEST(Phantoms, ADefectGoesThroughTheCartilageAndNoFarther) {
     const KneeSite site = knee_site(cartilage, shape);
     const auto X = labels_of(mean).geometry().X_PatientVoxel();
     const auto& dims = labels_of(mean).geometry().dims;
-    std::size_t taken = 0, far = 0, left_inside = 0;
+    std::size_t used = 0, far = 0, left_inside = 0;
     for (int k = 0; k < dims[2]; ++k)
       for (int j = 0; j < dims[1]; ++j)
         for (int i = 0; i < dims[0]; ++i) {
@@ -284,16 +284,16 @@ TEST(Phantoms, ADefectGoesThroughTheCartilageAndNoFarther) {
           if (before != after) {
             ASSERT_TRUE(before == from && after == 0);
             far += across > 5.01;
-            ++taken;
+            ++used;
           }
           left_inside += after == from && across < 4.99 && std::abs(along) < 5.9;
         }
     EXPECT_EQ(left_inside, 0u);
     EXPECT_LT(far, 8u) << "voxels that it cut off";
     // a disc of its radius, one to four millimetres thick
-    const double disc_mm2 = std::numbers::pi * 25, taken_mm3 = 2.744 * static_cast<double>(taken);
-    EXPECT_GT(taken_mm3, 0.9 * disc_mm2);
-    EXPECT_LT(taken_mm3, 4 * disc_mm2);
+    const double disc_mm2 = std::numbers::pi * 25, removed_mm3 = 2.744 * static_cast<double>(used);
+    EXPECT_GT(removed_mm3, 0.9 * disc_mm2);
+    EXPECT_LT(removed_mm3, 4 * disc_mm2);
   }
 }
 
@@ -335,11 +335,11 @@ TEST(Phantoms, IslandsAndHolesAreCounted) {
 // All `open` voxels connected with `start`; 26-connected, so also across corners.
 std::vector<bool> reached(const Volume<LabelId>& labels, const std::array<int, 3>& start) {
   const GridGeometry& grid = labels.geometry();
-  std::vector<bool> seen(grid.voxel_count(), false);
+  std::vector<bool> observed(grid.voxel_count(), false);
   std::vector<std::array<int, 3>> open;
   const auto enter = [&](int i, int j, int k) {
-    if (!grid.contains(i, j, k) || labels.at(i, j, k) == 1 || seen[grid.offset(i, j, k)]) return;
-    seen[grid.offset(i, j, k)] = true;
+    if (!grid.contains(i, j, k) || labels.at(i, j, k) == 1 || observed[grid.offset(i, j, k)]) return;
+    observed[grid.offset(i, j, k)] = true;
     open.push_back({i, j, k});
   };
   enter(start[0], start[1], start[2]);
@@ -350,7 +350,7 @@ std::vector<bool> reached(const Volume<LabelId>& labels, const std::array<int, 3
       for (int y = -1; y <= 1; ++y)
         for (int x = -1; x <= 1; ++x) enter(i + x, j + y, k + z);
   }
-  return seen;
+  return observed;
 }
 
 std::array<int, 3> middle_of(const GridGeometry& grid) {
@@ -535,8 +535,8 @@ TEST(Phantoms, AnyCombinationIsAValidLabelMapWithSurfaces) {
     for (const LabelId label : labels_of(phantom).voxels()) present.insert(label);
     EXPECT_EQ(present, known) << "every structure has voxels, and every voxel a structure";
     for (const float value : phantom.scan.voxels()) ASSERT_TRUE(std::isfinite(value));
-    std::vector<LabelId> felt(++known.begin(), known.end());
-    const auto surfaces = prepare_surfaces(*label_bricks(labels_of(phantom)), felt, {});
+    std::vector<LabelId> touchable(++known.begin(), known.end());
+    const auto surfaces = prepare_surfaces(*label_bricks(labels_of(phantom)), touchable, {});
     EXPECT_TRUE(surfaces.ok()) << surfaces.error().message();
   }
 }

@@ -103,7 +103,7 @@ class DiscPlacer {
     const int a = axis_ == 0 ? 1 : 0, b = axis_ == 2 ? 1 : 2;
     const int axis = dice_.below(2) == 0 ? a : b, sign = dice_.below(2) == 0 ? -1 : 1;
     std::array<int, 3> v = centre;
-    for (double way = 0; way < kFar_mm; way += grid_.spacing_mm[axis]) {
+    for (double distance = 0; distance < kFar_mm; distance += grid_.spacing_mm[axis]) {
       v[at(axis)] += sign;
       if (!grid_.contains(v[0], v[1], v[2])) return 0;
       if (value(v) != 0) return value(v);

@@ -40,13 +40,13 @@ struct Union final : Node {
       near.push_back(part->within(part, ball));
       least = near.size() == 1 ? near.back().distance : std::min(least, near.back().distance);
     }
-    std::vector<Ptr> kept;
+    std::vector<Ptr> stored;
     for (const Within& part : near) {
-      if (part.distance <= least + decisive_difference(ball)) kept.push_back(part.node);
+      if (part.distance <= least + decisive_difference(ball)) stored.push_back(part.node);
     }
-    if (kept.size() == 1) return {kept.front(), least};
-    if (kept == parts) return {self, least};
-    return {std::make_shared<Union>(std::move(kept)), least};
+    if (stored.size() == 1) return {stored.front(), least};
+    if (stored == parts) return {self, least};
+    return {std::make_shared<Union>(std::move(stored)), least};
   }
 
   std::vector<Ptr> parts;

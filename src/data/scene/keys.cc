@@ -37,7 +37,7 @@ TableSpec with_contact_keys(TableSpec tissue) {
       texts[n] = number_text(ContactProperties{}.*kContactProperties[n].value);
     return texts;
   }();
-  const auto felt = std::ranges::find(tissue.keys, "felt", &KeySpec::name);
+  const auto position_of_key = std::ranges::find(tissue.keys, "touchable", &KeySpec::name);
   std::vector<KeySpec> keys;
   for (std::size_t n = 0; n < kContactProperties.size(); ++n) {
     const ContactProperty& property = kContactProperties[n];
@@ -51,7 +51,7 @@ TableSpec with_contact_keys(TableSpec tissue) {
                     .max = property.range.max,
                     .meaning = property.about});
   }
-  tissue.keys.insert(std::next(felt), keys.begin(), keys.end());
+  tissue.keys.insert(std::next(position_of_key), keys.begin(), keys.end());
   return tissue;
 }
 
@@ -277,7 +277,7 @@ SceneKeys declared_keys() {
              .max = 1e9,
              .meaning = "For an embedding: scan value that separates air from the body. Default: only voxels "
                         "enclosed by labels are inside."},
-            {.name = "felt",
+            {.name = "touchable",
              .type = kFlag,
              .default_text = "true",
              .meaning = "`false`: shown, but not felt."},
@@ -617,7 +617,7 @@ SceneKeys declared_keys() {
            {{.name = "structures",
              .type = kChoice,
              .default_text = "\"none\"",
-             .choices = {"none", "felt", "all"},
+             .choices = {"none", "touchable", "all"},
              .meaning = "`felt`: structures that are felt. `all`: every structure of the label map. Those of "
                         "a [[no_go]] are always reported."},
             {.name = "reach",

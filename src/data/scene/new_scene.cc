@@ -35,12 +35,12 @@ struct Group {
 };
 
 /// Returns a name that no tissue of the scene has.
-std::string unused_name(const Segment& segment, std::set<std::string>& taken) {
+std::string unused_name(const Segment& segment, std::set<std::string>& used) {
   const std::string number = std::to_string(segment.id);
   std::string name = "label " + number;
   if (!segment.name.empty() && is_utf8(segment.name) && segment.name.find('\0') == std::string::npos)
     name = segment.name;
-  while (!taken.insert(name).second) name += " (" + number + ")";
+  while (!used.insert(name).second) name += " (" + number + ")";
   return name;
 }
 
@@ -59,12 +59,12 @@ std::vector<Group> group_structures(const LabelMap& labels) {
   std::erase_if(groups, [](const Group& group) { return group.segments.empty(); });
 
   // the others individually, or in one tissue
-  std::set<std::string> taken;
-  for (const Group& group : groups) taken.insert(group.name);
+  std::set<std::string> used;
+  for (const Group& group : groups) used.insert(group.name);
   if (groups.size() + others.segments.size() <= kMaxTissues) {
     for (std::size_t n = 0; n < others.segments.size(); ++n)
       groups.push_back(
-          {nullptr, unused_name(*others.segments[n], taken), {others.segments[n]}, {others.matches[n]}});
+          {nullptr, unused_name(*others.segments[n], used), {others.segments[n]}, {others.matches[n]}});
   } else {
     groups.push_back(std::move(others));
   }
@@ -138,8 +138,8 @@ std::string reason_for_no_preset(const Group& group) {
   if (is_hollow)
     return "# guessed from its name's term \"" + term + "\": air or fluid, which does not resist\n";
   if (!term.empty())
-    return "# no preset for its name's term \"" + term + "\": add a stiffness and remove felt = false\n";
-  return "# its name matches no preset: add one, or a stiffness, and remove felt = false\n";
+    return "# no preset for its name's term \"" + term + "\": add a stiffness and remove touchable = false\n";
+  return "# its name matches no preset: add one, or a stiffness, and remove touchable = false\n";
 }
 
 /// Whether a group is translucent, so that it hides enclosed structures less than a solid one, and may lie
@@ -166,7 +166,7 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
   std::vector<std::string> labels;
   for (const Segment* segment : group.segments) labels.push_back(written_label(*segment, uses));
   text += "labels = " + list_text(labels) + "\n";
-  if (!group.preset) text += "felt = false\n";
+  if (!group.preset) text += "touchable = false\n";
   if (embedded && is_translucent_organ(group)) text += "opacity = 1  # seen through the embedding\n";
   if (const std::string support = support_of(group, groups); !support.empty())
     text += "rests_on = [\"" + support + "\"]\n";
@@ -261,8 +261,8 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
         ErrorKind::kBadInput,
         "a scene has " + std::to_string(kMaxTissues) + " tissues at most, and the labels use all of them",
         input.labels->string(), "leave out --embed"};
-  std::set<std::string> taken;
-  for (const Group& group : groups) taken.insert(group.name);
+  std::set<std::string> used;
+  for (const Group& group : groups) used.insert(group.name);
   const TissueSettings& fat = find_preset("fat")->values;
   double stiffness_N_per_mm = fat.stiffness_N_per_mm, modulus_kPa = fat.elastic->youngs_modulus_kPa;
   for (const Group& group : groups) {
@@ -273,7 +273,7 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
   }
   std::string text =
       "\n# unlabelled tissue between the structures, as a soft medium of its own\n[[tissue]]\nname = " +
-      toml_string(unused_name({0, "embedding", {}, 0, 0}, taken)) + "\npreset = \"fat\"\nembedding = true\n";
+      toml_string(unused_name({0, "embedding", {}, 0, 0}, used)) + "\npreset = \"fat\"\nembedding = true\n";
   text +=
       "# as soft as fat, and softer than the embedded structures, so that they are felt through it\n"
       "stiffness = " +

@@ -49,7 +49,7 @@ TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
   EXPECT_EQ(scene.tissues[2].name, "meniscus");
   EXPECT_THAT(scene.tissues[2].rests_on, ElementsAre("cartilage"));
   EXPECT_EQ(scene.tissues[3].name, "stomach");
-  EXPECT_FALSE(scene.tissues[3].felt);
+  EXPECT_FALSE(scene.tissues[3].touchable);
   EXPECT_EQ(scene.tissues[4].name, "label 17");
   EXPECT_THAT(scene.tissues[4].labels, ElementsAre(LabelReference(17)));
   EXPECT_EQ(scene.tissues[5].name, "implant");
@@ -105,7 +105,7 @@ TEST(NewScene, PutsStructuresTogetherWhenTheyAreTooMany) {
   const Scene scene = new_scene({.labels = "/l.nrrd", .label_map = &too_many});
   ASSERT_EQ(scene.tissues.size(), 2u);
   EXPECT_EQ(scene.tissues[1].labels.size(), 64u);
-  EXPECT_FALSE(scene.tissues[1].felt);
+  EXPECT_FALSE(scene.tissues[1].touchable);
 }
 
 TEST(NewScene, WritesPathsRelativeToTheFolderOnlyBelowIt) {
@@ -282,7 +282,7 @@ TEST(NewScene, AScanAloneIsPartedBetweenItsTwoClasses) {
       EXPECT_LE(low, scale * (offset + 100)) << scale << " " << offset;
       EXPECT_GT(high, low);
       EXPECT_LE(high, scale * (offset + 105)) << scale << " " << offset;
-      EXPECT_TRUE(scene.tissues[0].felt);
+      EXPECT_TRUE(scene.tissues[0].touchable);
     }
   }
 }

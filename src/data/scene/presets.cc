@@ -31,11 +31,11 @@ double tube_stiffness(double modulus_MPa, double radius_mm, double wall_mm) {
 
 /// Stiffness rendered through the device's series spring, rounded to 0.01 N/mm, or to 0.001 N/mm below 0.1.
 /// It preserves the order of tissues, changes soft ones little and never exceeds the device's stiffness.
-double felt_stiffness(double tissue_N_per_mm) {
-  const double felt =
+double coupled_stiffness(double tissue_N_per_mm) {
+  const double stiffness_N_per_mm =
       tissue_N_per_mm * kDeviceStiffness_N_per_mm / (tissue_N_per_mm + kDeviceStiffness_N_per_mm);
-  const double steps = felt < 0.1 ? 1000 : 100;
-  return std::round(felt * steps) / steps;
+  const double steps = stiffness_N_per_mm < 0.1 ? 1000 : 100;
+  return std::round(stiffness_N_per_mm * steps) / steps;
 }
 
 struct Surface {
@@ -47,7 +47,7 @@ TissuePreset make(std::string name, double tissue_N_per_mm, const Surface& surfa
                   std::vector<std::string> structure_names) {
   TissuePreset preset;
   preset.values.preset = name;
-  preset.values.stiffness_N_per_mm = felt_stiffness(tissue_N_per_mm);
+  preset.values.stiffness_N_per_mm = coupled_stiffness(tissue_N_per_mm);
   preset.values.friction = surface.friction;
   preset.values.friction_damping_N_s_per_mm = surface.damping_N_s_per_mm;
   preset.values.friction_max_N = surface.max_N;

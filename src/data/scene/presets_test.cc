@@ -59,7 +59,7 @@ TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
       EXPECT_LE(value, spec.max) << preset.name << " " << key;
     }
     EXPECT_FALSE(preset.source.empty());
-    EXPECT_TRUE(v.felt);
+    EXPECT_TRUE(v.touchable);
     EXPECT_EQ(v.preset, preset.name);
   }
 }
@@ -123,8 +123,8 @@ TEST(TissuePresets, ModuliAndStiffnessesAreOfTheSameTissue) {
     if (!preset.values.elastic) continue;
     const auto& [modulus_kPa, ratio] = *preset.values.elastic;
     const double punch_N_per_mm = 2 * 1.5 * 1e-3 * modulus_kPa / (1 - ratio * ratio);
-    const double felt = punch_N_per_mm * 1.5 / (punch_N_per_mm + 1.5);
-    EXPECT_NEAR(felt, preset.values.stiffness_N_per_mm, 0.15 * preset.values.stiffness_N_per_mm)
+    const double stiffness_N_per_mm = punch_N_per_mm * 1.5 / (punch_N_per_mm + 1.5);
+    EXPECT_NEAR(stiffness_N_per_mm, preset.values.stiffness_N_per_mm, 0.15 * preset.values.stiffness_N_per_mm)
         << preset.name;
   }
 }

@@ -26,7 +26,7 @@ void read_data(const TableReader& data, Scene& scene) {
 }
 
 SupportValues support_values(const TissueSettings& tissue) {
-  return {tissue.name, tissue.stiffness_N_per_mm, tissue.felt};
+  return {tissue.name, tissue.stiffness_N_per_mm, tissue.touchable};
 }
 
 TissueSettings starting_values(const TableReader& reader) {
@@ -121,7 +121,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
 
   // haptic properties
   const auto set = [&](std::string_view key, double& value) { value = reader.number(key).value_or(value); };
-  tissue.felt = reader.flag("felt").value_or(tissue.felt);
+  tissue.touchable = reader.flag("touchable").value_or(tissue.touchable);
   for (const ContactProperty& property : kContactProperties) set(property.key, tissue.*property.value);
   // without a value of its own it is the kinetic coefficient
   if (!reader.has("static_friction")) tissue.static_friction = tissue.friction;
@@ -136,9 +136,9 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
     tissue.protection = *protection == "keep"    ? Protection::kKeep
                         : *protection == "alarm" ? Protection::kAlarm
                                                  : Protection::kNone;
-  if (tissue.protection != Protection::kNone && !tissue.felt)
+  if (tissue.protection != Protection::kNone && !tissue.touchable)
     problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected but not felt",
-                 "tissue that is not felt is never cut: leave out `protection` or `felt = false`");
+                 "tissue that is not felt is never cut: leave out `protection` or `touchable = false`");
   if (auto fault = friction_fault(tissue))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   read_elastic(reader, tissue, problems);
@@ -190,8 +190,8 @@ void clear_preset_relaxation(const TableReader& top, Scene& scene) {
   const auto tables = top.tables("tissue");
   for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
     // errors of this table have already been reported
-    Problems said(scene.source);
-    if (!TableReader(tables[n], scene_key_tables().tissue, said).has("relaxation"))
+    Problems problems(scene.source);
+    if (!TableReader(tables[n], scene_key_tables().tissue, problems).has("relaxation"))
       scene.tissues[n].relaxation = {};
   }
 }
@@ -371,12 +371,12 @@ void protect_from_shavers(const TableReader& top, std::span<const ReadTool> tool
   for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
     TissueSettings& tissue = scene.tissues[n];
     // errors of this table have already been reported
-    Problems said(scene.source);
-    const TableReader reader(tables[n], scene_key_tables().tissue, said);
+    Problems step_problems(scene.source);
+    const TableReader reader(tables[n], scene_key_tables().tissue, step_problems);
     if (reader.has("cutting_energy")) continue;
     if (tissue.elastic) {
       tissue.cutting_energy_mJ_per_mm3 = kSoft_mJ_per_mm3;
-    } else if (tissue.felt && !reader.has("protection")) {
+    } else if (tissue.touchable && !reader.has("protection")) {
       if (any(false))
         problems.add_missing(
             tissue.line,
@@ -413,9 +413,9 @@ void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
 
 void read_distances(const TableReader& reader, DistanceSettings& distances) {
   if (const auto structures = reader.choice("structures"))
-    distances.structures = *structures == "felt"  ? ReportedStructures::kFelt
-                           : *structures == "all" ? ReportedStructures::kAll
-                                                  : ReportedStructures::kNone;
+    distances.structures = *structures == "touchable" ? ReportedStructures::kTouchable
+                           : *structures == "all"     ? ReportedStructures::kAll
+                                                      : ReportedStructures::kNone;
   distances.reach_mm = reader.number("reach").value_or(distances.reach_mm);
 }
 
@@ -547,7 +547,7 @@ bool check_cycle(const Scene& scene, int index, std::vector<int>& path, std::vec
 
 void check_stiffness_order(const Scene& scene, Problems& problems) {
   for (const TissueSettings& tissue : scene.tissues) {
-    if (!tissue.felt) continue;
+    if (!tissue.touchable) continue;
     for (const std::string& name : tissue.rests_on)
       if (auto fault = support_fault(
               support_values(tissue),

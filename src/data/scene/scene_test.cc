@@ -47,12 +47,12 @@ poissons_ratio = 0.2
 viscosity = 0.002
 colour = "#0aF1b2"
 opacity = 0.25
-felt = true
+touchable = true
 rests_on = ["bone"]
 [[tissue]]
 name = "bright"
 threshold = [-150.5, 400]
-felt = false
+touchable = false
 [preparation]
 sigma = 0.75
 engine = "fourier"
@@ -114,7 +114,7 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_THAT(cartilage.rests_on, ElementsAre("bone"));
 
   EXPECT_THAT(*scene.tissues[2].threshold, ElementsAre(-150.5, 400));
-  EXPECT_FALSE(scene.tissues[2].felt);
+  EXPECT_FALSE(scene.tissues[2].touchable);
   EXPECT_EQ(scene.preparation.sigma_mm, 0.75);
   EXPECT_EQ(scene.preparation.engine, GaussianEngine::kFourier);
   EXPECT_EQ(scene.preparation.storage, FieldStorage::k8Bit);
@@ -188,7 +188,7 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(tissue.friction_max_N, default_of(keys.tissue, "friction_max"));
   EXPECT_EQ(tissue.viscosity_N_s_per_mm, default_of(keys.tissue, "viscosity"));
   EXPECT_EQ(tissue.opacity, default_of(keys.tissue, "opacity"));
-  EXPECT_EQ(keys.tissue.find("felt")->default_text, tissue.felt ? "true" : "false");
+  EXPECT_EQ(keys.tissue.find("touchable")->default_text, tissue.touchable ? "true" : "false");
   EXPECT_EQ(keys.tissue.find("optional")->default_text, tissue.optional ? "true" : "false");
   EXPECT_TRUE(tissue.rests_on.empty());
   EXPECT_EQ(scene->preparation.method, PreparationMethod::kInwardRamp);
@@ -253,17 +253,17 @@ Relaxation relaxation_of(const std::string& keys, const std::string& yielding = 
 TEST(ParseScene, ATissueRelaxesAsItSaysOrAsItsPresetDoesWhereTheSceneAsks) {
   const Relaxation none;
   const Relaxation muscle{{{{0.15, 0.7}, {}}}};
-  const std::string asked = "relaxation = true\n";
+  const std::string requested = "relaxation = true\n";
   EXPECT_EQ(relaxation_of("youngs_modulus = 10\n"), none);
-  EXPECT_EQ(relaxation_of("youngs_modulus = 10\n", asked), none) << "it has no preset";
+  EXPECT_EQ(relaxation_of("youngs_modulus = 10\n", requested), none) << "it has no preset";
   EXPECT_EQ(relaxation_of("preset = 'muscle'\n"), none) << "scenes of before";
   EXPECT_EQ(relaxation_of("preset = 'muscle'\n", "relaxation = false\n"), none);
-  EXPECT_EQ(relaxation_of("preset = 'muscle'\n", asked), muscle);
-  EXPECT_EQ(relaxation_of("preset = 'liver'\n", asked), none);
-  EXPECT_EQ(relaxation_of("preset = 'muscle'\nrelaxation = []\n", asked), none);
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\n", requested), muscle);
+  EXPECT_EQ(relaxation_of("preset = 'liver'\n", requested), none);
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\nrelaxation = []\n", requested), none);
   const Relaxation own{{{{0.3, 0.5}, {0.2, 10}}}};
   EXPECT_EQ(relaxation_of("preset = 'muscle'\nrelaxation = [[0.3, 0.5], [0.2, 10]]\n"), own);
-  EXPECT_EQ(relaxation_of("relaxation = [[0.3, 0.5], [0.2, 10]]\nyoungs_modulus = 5\n", asked), own);
+  EXPECT_EQ(relaxation_of("relaxation = [[0.3, 0.5], [0.2, 10]]\nyoungs_modulus = 5\n", requested), own);
   EXPECT_EQ(relaxation_of("youngs_modulus = 10\nrelaxation = [[0.999, 0.01]]\n").term[0].time_s, 0.01);
 }
 
@@ -590,7 +590,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "keep_away = 21 is outside 0 ... 20 mm", ""},
         BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nstiffness = 0\n", 7,
                  "stiffness = 0 is outside", ""},
-        BadScene{TISSUE "[distances]\nstructures = 'some'\n", 5, "structures", "felt"},
+        BadScene{TISSUE "[distances]\nstructures = 'some'\n", 5, "structures", "touchable"},
         BadScene{TISSUE "[distances]\nreach = 51\n", 5, "reach = 51 is outside 1 ... 50 mm", ""},
         BadScene{TISSUE "[tool]\npoint = [[0,0,0]]\n", 5, "unknown key", "did you mean points?"},
         BadScene{TISSUE "[[tool.capsule]]\nform = [0,0,0]\nto = [0,0,1]\n", 5,
@@ -799,7 +799,8 @@ TEST(NumberText, IsShortAndReadsBack) {
 TEST(ParseScene, UnfeltTissueMayRestOnAnything) {
   EXPECT_TRUE(
       parse_scene(
-          TISSUE "felt = false\nstiffness = 5\nrests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\n", "t")
+          TISSUE "touchable = false\nstiffness = 5\nrests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\n",
+          "t")
           .ok());
 }
 
@@ -930,7 +931,7 @@ TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
   for (const TissueSettings& tissue : scene->tissues) {
     const bool of_the_joint = tissue.name == "bone" || tissue.name == "cartilage" ||
                               tissue.name == "meniscus" || tissue.name == "ligament";
-    EXPECT_EQ(tissue.felt, of_the_joint) << tissue.name;
+    EXPECT_EQ(tissue.touchable, of_the_joint) << tissue.name;
   }
 }
 
@@ -945,8 +946,8 @@ TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
     ASSERT_TRUE(scene.ok()) << scene.error().message();
     for (const TissueSettings& tissue : scene->tissues)
       EXPECT_EQ(tissue.elastic.has_value(), tissue.preset != "bone") << tissue.name;
-    const bool yields = name.starts_with("palpation") || name == "abdominal-wall";
-    EXPECT_EQ(scene->yielding.law, yields ? TissueLaw::kElastic : TissueLaw::kLayers);
+    const bool is_deformable = name.starts_with("palpation") || name == "abdominal-wall";
+    EXPECT_EQ(scene->yielding.law, is_deformable ? TissueLaw::kElastic : TissueLaw::kLayers);
   }
 }
 

@@ -320,7 +320,8 @@ TEST(EmbeddedScript, KneeHoldsEveryBoneAndCartilage) {
   ASSERT_TRUE(scene.ok());
   for (const std::string& name : held) {
     EXPECT_TRUE(std::any_of(scene->tissues.begin(), scene->tissues.end(), [&](const TissueSettings& tissue) {
-      return tissue.felt && std::count(tissue.labels.begin(), tissue.labels.end(), LabelReference(name)) == 1;
+      return tissue.touchable &&
+             std::count(tissue.labels.begin(), tissue.labels.end(), LabelReference(name)) == 1;
     })) << name;
   }
 }

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-std::string told_structure(const Segment& segment) {
+std::string reported_structure(const Segment& segment) {
   return segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name;
 }
 
@@ -15,7 +15,7 @@ std::string structures_there(const Model& model) {
   std::size_t listed = 0;
   for (const Segment& segment : model.segments) {
     if (listed == kMaxListed) return text + ", ...";
-    text += (listed++ ? ", " : "") + told_structure(segment);
+    text += (listed++ ? ", " : "") + reported_structure(segment);
   }
   return text;
 }

@@ -44,12 +44,12 @@ void Problems::add_missing(int line, std::string what, std::string remedy) {
 }
 
 void Problems::add_from(const Problems& part, std::string_view heading) {
-  const auto told = [&](const Problem& problem) {
+  const auto reported = [&](const Problem& problem) {
     const std::string& what = problem.error.what;
     return what.find(heading) != std::string::npos ? what : std::string(heading) + ": " + what;
   };
-  if (part.wrong_) add(part.wrong_->line, told(*part.wrong_), part.wrong_->error.remedy);
-  if (part.missing_) add_missing(part.missing_->line, told(*part.missing_), part.missing_->error.remedy);
+  if (part.wrong_) add(part.wrong_->line, reported(*part.wrong_), part.wrong_->error.remedy);
+  if (part.missing_) add_missing(part.missing_->line, reported(*part.missing_), part.missing_->error.remedy);
 }
 
 TableReader::TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems)

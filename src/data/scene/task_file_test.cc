@@ -210,7 +210,7 @@ TEST(ParseTask, DrawsBySeedWithinTheRange) {
 struct Wrong {
   const char* before;  // substring of kWholeTask
   const char* after;
-  const char* told;
+  const char* reported;
 };
 
 TEST(ParseTask, SaysWhatIsWrongAndWhere) {
@@ -248,8 +248,8 @@ TEST(ParseTask, SaysWhatIsWrongAndWhere) {
     ASSERT_NE(at, std::string::npos) << wrong.before;
     text.replace(at, std::string_view(wrong.before).size(), wrong.after);
     const auto task = parse_task(text, "task.toml");
-    ASSERT_FALSE(task.ok()) << wrong.told;
-    EXPECT_THAT(task.error().message(), AllOf(StartsWith("task.toml:"), HasSubstr(wrong.told)))
+    ASSERT_FALSE(task.ok()) << wrong.reported;
+    EXPECT_THAT(task.error().message(), AllOf(StartsWith("task.toml:"), HasSubstr(wrong.reported)))
         << wrong.after;
   }
   EXPECT_THAT(parse_task("[[tissue]]\nname = \"bone\"\n", "x").error().what, HasSubstr("a scene"));

@@ -97,7 +97,7 @@ std::int64_t in_ns(double seconds) {
 }
 
 struct DhdWords {
-  const char *what, *cure;
+  const char *what, *remedy;
 };
 DhdWords words_for(DhdTrouble trouble) {
   switch (trouble) {
@@ -175,15 +175,16 @@ bool is_unlocated(DhdTrouble trouble) {
 
 Error error_for(DhdTrouble trouble, const std::string& where) {
   const DhdWords words = words_for(trouble);
-  return {ErrorKind::kUnavailable, words.what, where, words.cure};
+  return {ErrorKind::kUnavailable, words.what, where, words.remedy};
 }
 
 /// Error with the library's own message for a failed call.
-Error said_by(const dhd::Library& library, const std::string& what, const std::string& where,
-              const std::string& cure) {
-  const char* said = library.dhdErrorGetLastStr();
+Error stated_by(const dhd::Library& library, const std::string& what, const std::string& where,
+                const std::string& remedy) {
+  const char* message = library.dhdErrorGetLastStr();
   return {ErrorKind::kUnavailable,
-          what + (said && *said != '\0' ? " (" + printable_name(said) + ")" : std::string()), where, cure};
+          what + (message && *message != '\0' ? " (" + printable_name(message) + ")" : std::string()), where,
+          remedy};
 }
 
 int open_device(const dhd::Library& library, int index) {
@@ -319,7 +320,7 @@ class ForceDimensionDriver::Core {
       DhdUnit& unit = units_[count_];
       const int id = open_device(*library_, index);
       if (id < 0)
-        return said_by(
+        return stated_by(
             *library_, "device " + std::to_string(index + 1) + " cannot be opened", "force-dimension",
             "close the program that uses it; palpate doctor checks the permissions of this account");
       unit.id.store(static_cast<char>(id));
@@ -342,16 +343,16 @@ class ForceDimensionDriver::Core {
     unit.info.moves_by_itself = true;
     if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
     if (library_->drdAutoInit(id) < 0) {
-      const Error failed = said_by(*library_, "the arm could not be initialised", unit.info.name,
-                                   "make sure that nothing obstructs it, and try again");
+      const Error failed = stated_by(*library_, "the arm could not be initialised", unit.info.name,
+                                     "make sure that nothing obstructs it, and try again");
       // the library's motion control may still be active
       library_->drdStop(false, id);
       return failed;
     }
     // ends the library's motion control, with forces enabled
     if (library_->drdStop(true, id) < 0)
-      return said_by(*library_, "the library continues to move the arm", unit.info.name,
-                     "switch the device off and on again");
+      return stated_by(*library_, "the library continues to move the arm", unit.info.name,
+                       "switch the device off and on again");
     return {};
   }
 
@@ -359,7 +360,7 @@ class ForceDimensionDriver::Core {
   Result<void> prepare(const DhdUnit& unit) {
     const char id = unit.id.load();
     const auto failed = [&](const char* what) {
-      return said_by(*library_, what, unit.info.name, "switch the device off and on again");
+      return stated_by(*library_, what, unit.info.name, "switch the device off and on again");
     };
     // in addition to the limit of the output stage
     if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
@@ -423,26 +424,27 @@ class ForceDimensionDriver::Core {
       return;
     }
     const char id = unit.id.load();
-    const std::int64_t asked_ns = monotonic_ns();
+    const std::int64_t requested_ns = monotonic_ns();
     Eigen::Vector3d tip_m = Eigen::Vector3d::Constant(kNotKnown), velocity_m_s = tip_m;
     double frame[3][3];
     std::fill_n(&frame[0][0], 9, kNotKnown);
-    const int got = library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
-    if (got < 0) return fail(unit, asked_ns);
+    const int received =
+        library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
+    if (received < 0) return fail(unit, requested_ns);
     unit.failing_since_ns = 0;
-    if (asked_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
-      unit.status_ns = asked_ns;
+    if (requested_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
+      unit.status_ns = requested_ns;
       unit.status_trouble = read_status(unit);
       if (unit.status_trouble == DhdTrouble::kLost) return lose(unit);
     }
     // an old state has arbitrary contents, and says nothing about the current one
-    if (got != dhd::kTimeGuard) {
+    if (received != dhd::kTimeGuard) {
       const auto turn = unit.turns ? turn_of(frame) : Eigen::Quaterniond::Identity();
       unit.is_broken = !tip_m.allFinite() || !turn;
       if (!unit.is_broken) {
         sample.tip = Point<Device>(tip_m * 1000);
         sample.R_DeviceTool = *turn;
-        sample.taken_ns = asked_ns;
+        sample.taken_ns = requested_ns;
       }
     }
     DhdTrouble trouble = unit.status_trouble;
@@ -515,7 +517,7 @@ class ForceDimensionDriver::Core {
     unit.sample.fault = true;
     unit.trouble.store(DhdTrouble::kSilent);
     if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
-    if (now_ns - unit.failing_since_ns > in_ns(kGivenUp_s)) lose(unit);
+    if (now_ns - unit.failing_since_ns > in_ns(kAbandoned_s)) lose(unit);
   }
 
   void lose(DhdUnit& unit) {
@@ -566,7 +568,7 @@ class ForceDimensionDriver::Core {
     unit.force_on = false;
     const std::int64_t now_ns = monotonic_ns();
     if (unit.unheard_since_ns == 0) unit.unheard_since_ns = now_ns;
-    if (now_ns - unit.unheard_since_ns > in_ns(kGivenUp_s)) lose(unit);
+    if (now_ns - unit.unheard_since_ns > in_ns(kAbandoned_s)) lose(unit);
   }
 
   bool set_force(const DhdUnit& unit, const DeviceCommand& command) {
@@ -710,7 +712,7 @@ DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
     const std::string place = "device " + std::to_string(index + 1);
     const int opened = open_device(*library, index);
     if (opened < 0) {
-      const Error error = said_by(*library, "cannot be opened", place, "close the program that uses it");
+      const Error error = stated_by(*library, "cannot be opened", place, "close the program that uses it");
       report.connected.push_back({place, error.what});
       report.checks.push_back({place, false, error.what, error.remedy});
       continue;
@@ -723,14 +725,14 @@ DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
     const std::string state = ready ? "ready" : words.what;
     close_device(*library, id);
     report.connected.push_back({name_of(identity), state});
-    report.checks.push_back({name_of(identity), ready, state, ready ? "" : words.cure});
+    report.checks.push_back({name_of(identity), ready, state, ready ? "" : words.remedy});
   }
   return report;
 }
 
 }  // namespace
 
-DeviceVendor force_dimension_maker(const ForceDimensionSettings& settings) {
+DeviceVendor force_dimension_vendor(const ForceDimensionSettings& settings) {
   return {"force-dimension",
           "Force Dimension omega, sigma and delta, and Novint Falcon, through the vendor's library",
           [settings] { return std::make_unique<ForceDimensionDriver>(settings); },

@@ -134,13 +134,13 @@ TEST_P(DhdModels, EachAxisUnitButtonAndTheGripperIsInItsPlace) {
   else
     EXPECT_TRUE(std::isnan(sample.gripper_rad));
   // N unchanged, N mm converted to N m
-  EXPECT_EQ(rig.device.asked_x_N, 0.25);
-  EXPECT_EQ(rig.device.asked_y_N, -0.5);
-  EXPECT_EQ(rig.device.asked_z_N, 0.75);
-  EXPECT_DOUBLE_EQ(rig.device.asked_x_Nm, 0.01);
-  EXPECT_DOUBLE_EQ(rig.device.asked_y_Nm, 0.02);
-  EXPECT_DOUBLE_EQ(rig.device.asked_z_Nm, -0.03);
-  EXPECT_EQ(rig.device.asked_gripper_N, 1.5);
+  EXPECT_EQ(rig.device.requested_x_N, 0.25);
+  EXPECT_EQ(rig.device.requested_y_N, -0.5);
+  EXPECT_EQ(rig.device.requested_z_N, 0.75);
+  EXPECT_DOUBLE_EQ(rig.device.requested_x_Nm, 0.01);
+  EXPECT_DOUBLE_EQ(rig.device.requested_y_Nm, 0.02);
+  EXPECT_DOUBLE_EQ(rig.device.requested_z_Nm, -0.03);
+  EXPECT_EQ(rig.device.requested_gripper_N, 1.5);
   // the hand moves by 5 mm
   rig.device.intended_x_mm = 15;
   EXPECT_TRUE(soon([&] { return servo.last()[0].tip.x() > 14; }));
@@ -282,7 +282,7 @@ TEST(ForceDimension, StopLeavesZeroAndRunGoesOn) {
     ASSERT_TRUE(rig.presses()) << round;
     rig.end();
     EXPECT_EQ(rig.device.force_N, 0);
-    EXPECT_EQ(rig.device.asked_x_N, 0) << "asked for, and not the switch alone";
+    EXPECT_EQ(rig.device.requested_x_N, 0) << "asked for, and not the switch alone";
     EXPECT_FALSE(rig.device.forces_on);
     rig.begin();
   }
@@ -331,9 +331,9 @@ TEST(ForceDimension, InALoopNothingIsStrongerOrStifferThanItBears) {
                                parameters, {WorkspaceSettings{}}, {.realtime = false, .ring_s = 10});
   ASSERT_TRUE(loop.ok()) << loop.error().message();
   EXPECT_TRUE(soon([&] { return rig.device.force_N > 0.1; }));
-  const TickRecord seen = (*loop)->snapshot();
-  EXPECT_EQ(seen.device[0].peak_force_N, 12);
-  EXPECT_EQ(seen.device[0].max_stiffness_N_per_mm,
+  const TickRecord tick = (*loop)->snapshot();
+  EXPECT_EQ(tick.device[0].peak_force_N, 12);
+  EXPECT_EQ(tick.device[0].max_stiffness_N_per_mm,
             careful_bounds(rig.driver->devices()[0]).stiffness_N_per_mm);
   (*loop)->stop();
   EXPECT_LE(rig.device.largest_N, 6);
@@ -407,26 +407,26 @@ TEST(ForceDimension, IsLookedForWithoutMovingAnything) {
   fake.count = 2;
   fake.device[0].initialised = false;
   fake.device[1].type = 60;
-  const DeviceVendor maker = force_dimension_maker(fake_dhd_settings());
-  EXPECT_EQ(maker.name, "force-dimension");
-  DeviceReport report = maker.look();
+  const DeviceVendor vendor = force_dimension_vendor(fake_dhd_settings());
+  EXPECT_EQ(vendor.name, "force-dimension");
+  DeviceReport report = vendor.look();
   ASSERT_EQ(report.connected.size(), 2u);
   EXPECT_EQ(report.connected[0].id, "omega.3 no. 117");
   EXPECT_THAT(report.connected[0].state, HasSubstr("not initialised"));
   EXPECT_EQ(report.connected[1].state, "ready");
   ASSERT_EQ(report.checks.size(), 3u);
   EXPECT_THAT(report.checks[0].found, HasSubstr("version 3.17.6"));
-  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.cure.empty(), check.fine) << check.what;
+  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.fine) << check.what;
   EXPECT_EQ(fake.device[0].auto_inits, 0);
   EXPECT_EQ(fake.device[0].forces, 0u);
   EXPECT_FALSE(fake.device[0].forces_on);
   EXPECT_EQ(fake.violations, 0) << fake.first_violation.load();
 
   fake.count = 0;
-  report = maker.look();
+  report = vendor.look();
   EXPECT_TRUE(report.connected.empty());
   EXPECT_FALSE(report.checks.back().fine);
-  EXPECT_FALSE(report.checks.back().cure.empty());
+  EXPECT_FALSE(report.checks.back().remedy.empty());
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.device);
   EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.device.force_N == 0; }));
-  EXPECT_TRUE(rig.says(GetParam().words)) << rig.said();
+  EXPECT_TRUE(rig.says(GetParam().words)) << rig.stated();
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   EXPECT_EQ(rig.device.force_N, 0);
@@ -44,7 +44,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   const bool is_reached = rig.device.plugged && !rig.device.fails;
   EXPECT_TRUE(!is_reached || soon([&] { return !rig.device.forces_on; }));
   GetParam().end(rig.device);
-  EXPECT_TRUE(rig.presses()) << rig.said();
+  EXPECT_TRUE(rig.presses()) << rig.stated();
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
   rig.end();
   rig.driver.reset();

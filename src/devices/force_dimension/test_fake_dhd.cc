@@ -308,13 +308,13 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
     if (!std::isfinite(each)) violated("a force that is no number");
   const std::lock_guard lock(call.known().mutex);
   auto& device = call.device();
-  device.asked_x_N = fx;
-  device.asked_y_N = fy;
-  device.asked_z_N = fz;
-  device.asked_x_Nm = tx;
-  device.asked_y_Nm = ty;
-  device.asked_z_Nm = tz;
-  device.asked_gripper_N = gripper;
+  device.requested_x_N = fx;
+  device.requested_y_N = fy;
+  device.requested_z_N = fz;
+  device.requested_x_Nm = tx;
+  device.requested_y_Nm = ty;
+  device.requested_z_Nm = tz;
+  device.requested_gripper_N = gripper;
   palpate::Vector<palpate::Device> force(fx, fy, fz);
   device.largest_N = std::max(device.largest_N.load(), force.norm());
   if (device.max_force_N > 0 && force.norm() > device.max_force_N)

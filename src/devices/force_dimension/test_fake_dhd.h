@@ -34,8 +34,9 @@ struct FakeDhdDevice {
   std::atomic<unsigned> buttons{0};
   // ---- set by the library
   std::atomic<double> force_N{0};  ///< Acting force
-  std::atomic<double> asked_x_N{0}, asked_y_N{0}, asked_z_N{0}, asked_x_Nm{0}, asked_y_Nm{0}, asked_z_Nm{0};
-  std::atomic<double> asked_gripper_N{0};  ///< Command of the last call
+  std::atomic<double> requested_x_N{0}, requested_y_N{0}, requested_z_N{0}, requested_x_Nm{0},
+      requested_y_Nm{0}, requested_z_Nm{0};
+  std::atomic<double> requested_gripper_N{0};  ///< Command of the last call
   std::atomic<double> largest_N{0}, max_force_N{-1}, held_kg{-1};
   std::atomic<int> gravity{-1};          ///< -1: never set
   std::atomic<std::uint64_t> forces{0};  ///< Number of force commands

@@ -91,7 +91,7 @@ Trouble trouble_of(const Status& status) {
 }
 
 struct Words {
-  const char *what, *cure;
+  const char *what, *remedy;
 };
 Words words_for(Trouble trouble) {
   switch (trouble) {
@@ -132,7 +132,7 @@ Words words_for(Trouble trouble) {
 
 Error error_for(Trouble trouble, const std::string& where) {
   const Words words = words_for(trouble);
-  return {ErrorKind::kUnavailable, words.what, where, words.cure};
+  return {ErrorKind::kUnavailable, words.what, where, words.remedy};
 }
 
 std::string name_of(const Inverse3& device) {
@@ -177,12 +177,12 @@ std::variant<Found, NotFound> find(const HaplySettings& settings) {
 /// than that. A pace that is sustained becomes the known pace.
 class SenderPace {
  public:
-  explicit SenderPace(std::int64_t now_ns = 0) : seen_ns_(now_ns), begun_ns_(now_ns) {}
+  explicit SenderPace(std::int64_t now_ns = 0) : observed_ns_(now_ns), begun_ns_(now_ns) {}
 
   /// @param count  number of unsolicited states since the last call
-  void see(int count, std::int64_t now_ns) {
-    const bool stalled = now_ns - seen_ns_ > kStall_ns;
-    seen_ns_ = now_ns;
+  void observe(int count, std::int64_t now_ns) {
+    const bool stalled = now_ns - observed_ns_ > kStall_ns;
+    observed_ns_ = now_ns;
     if (stalled) return doubt(now_ns);
     count_ += count;
     const double window_s = static_cast<double>(now_ns - begun_ns_) * 1e-9;
@@ -190,22 +190,23 @@ class SenderPace {
     if (!queued_ && !explained) return doubt(now_ns);
     if (window_s < kWindow_s) return;
     const double hz = count_ / window_s;
-    kept_up_ =
-        std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s ? kept_up_ + 1 : 0;
+    maintained_ = std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s
+                      ? maintained_ + 1
+                      : 0;
     if (!queued_)
       pace_hz_ += kFollowed * (hz - pace_hz_);
-    else if (kept_up_ >= kKeptUp)
+    else if (maintained_ >= kMaintained)
       pace_hz_ = hz;
-    if (explained || kept_up_ >= kKeptUp) queued_ = false;
+    if (explained || maintained_ >= kMaintained) queued_ = false;
     before_hz_ = hz;
     begun_ns_ = now_ns;
     count_ = 0;
   }
   /// States may be queued from now on.
   void doubt(std::int64_t now_ns) {
-    if (!queued_) kept_up_ = 0;
+    if (!queued_) maintained_ = 0;
     queued_ = true;
-    seen_ns_ = begun_ns_ = now_ns;
+    observed_ns_ = begun_ns_ = now_ns;
     count_ = 0;
   }
   bool may_be_queued() const { return queued_; }
@@ -219,11 +220,11 @@ class SenderPace {
   // low-pass coefficient of the known pace per window; number of steady windows after which a new pace is
   // adopted at once
   static constexpr double kFollowed = 0.1;
-  static constexpr int kKeptUp = 25;
+  static constexpr int kMaintained = 25;
 
   bool queued_ = false;
-  std::int64_t seen_ns_, begun_ns_;
-  int count_ = 0, kept_up_ = 0;
+  std::int64_t observed_ns_, begun_ns_;
+  int count_ = 0, maintained_ = 0;
   double pace_hz_ = 0, before_hz_ = 0;
 };
 
@@ -243,9 +244,9 @@ class HaplyDriver::Core {
     if (finder_.joinable()) return {};
     ids_.clear();
     wanted_.store(false);
-    auto looked = find(settings_);
-    if (const auto* none = std::get_if<NotFound>(&looked)) return none->error;
-    Found* const found = std::get_if<Found>(&looked);
+    auto result = find(settings_);
+    if (const auto* none = std::get_if<NotFound>(&result)) return none->error;
+    Found* const found = std::get_if<Found>(&result);
     if (found->inventory.devices.empty())
       return Error{ErrorKind::kUnavailable, "the Inverse Service detects no Inverse3", "haply",
                    "connect it by USB, power it, and check that its light is on"};
@@ -275,15 +276,15 @@ class HaplyDriver::Core {
 
   void run(ServoFunction& servo, ServoClock& clock) {
     commands_ = {};
-    reply_timeout_s_ = kGivenUp_s;
+    reply_timeout_s_ = kAbandoned_s;
     last_message_ns_ = monotonic_ns();
     const std::int64_t begun_ns = monotonic_ns();
-    bool told = false;
+    bool reported = false;
     while (!clock.stopped()) {
-      told = (connection_ ? exchange() : wait_for_service()) || told;
+      reported = (connection_ ? exchange() : wait_for_service()) || reported;
       // the initial tip positions come from open(); after kSilence_s without a sample the servo runs with
       // stale ones
-      if (told || monotonic_ns() - begun_ns > in_ns(kSilence_s))
+      if (reported || monotonic_ns() - begun_ns > in_ns(kSilence_s))
         servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
     send_final_zero();
@@ -307,9 +308,9 @@ class HaplyDriver::Core {
           std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
       if (!drain()) return lose(Trouble::kLost);
       if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Trouble::kLost);
-    } else if (!zero_asked_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
+    } else if (!zero_requested_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
       // a service that does not reply may still read
-      zero_asked_ = true;
+      zero_requested_ = true;
       note(Trouble::kSilent);
       if (!send(zeros_)) return lose(Trouble::kLost);
     }
@@ -343,7 +344,7 @@ class HaplyDriver::Core {
           break;
         case Connection::Received::kNothing:
           drained_ns_ = looked_ns;
-          pace_.see(count, looked_ns);
+          pace_.observe(count, looked_ns);
           return true;
       }
     }
@@ -370,7 +371,7 @@ class HaplyDriver::Core {
     broken_ = 0;
     // with several pending requests only the reply to the last one is current
     if (outstanding_ > 0) return false;
-    zero_asked_ = false;
+    zero_requested_ = false;
     const bool braked = last_message_ns_ < braked_until_ns_.load();
     const bool queued = pace_.may_be_queued();
     Trouble worst = queued ? Trouble::kBehind : braked ? Trouble::kBrake : Trouble::kNone;
@@ -427,7 +428,7 @@ class HaplyDriver::Core {
     writer_.emplace(ids_, haply::force_key(found.version));
     has_events_.store(haply::has_events(found.version));
     first_ = true;
-    zero_asked_ = false;
+    zero_requested_ = false;
     outstanding_ = broken_ = 0;
     last_message_ns_ = drained_ns_ = monotonic_ns();
     pace_ = SenderPace(last_message_ns_);
@@ -490,13 +491,13 @@ class HaplyDriver::Core {
       if (!wanted_.load()) listen_to_events();
       if (!wanted_.load() || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
-      auto looked = find(settings_);
-      if (const auto* none = std::get_if<NotFound>(&looked)) {
+      auto found = find(settings_);
+      if (const auto* none = std::get_if<NotFound>(&found)) {
         note(none->why);
         continue;
       }
       wanted_.store(false);
-      delete found_.exchange(new Found(std::move(std::get<Found>(looked))));
+      delete found_.exchange(new Found(std::move(std::get<Found>(found))));
     }
   }
 
@@ -530,9 +531,9 @@ class HaplyDriver::Core {
   std::array<DeviceSample, kMaxDevices> samples_{};
   std::array<DeviceCommand, kMaxDevices> commands_{};
   std::string text_;
-  bool first_ = true, zero_asked_ = false;
+  bool first_ = true, zero_requested_ = false;
   int outstanding_ = 0, broken_ = 0;
-  double reply_timeout_s_ = kGivenUp_s;
+  double reply_timeout_s_ = kAbandoned_s;
   std::int64_t sent_ns_ = 0, last_message_ns_ = 0, drained_ns_ = 0;
   SenderPace pace_;
 
@@ -579,12 +580,12 @@ namespace {
 DeviceReport look_for(const HaplySettings& settings) {
   DeviceReport report;
   const std::string place = "Inverse Service at " + settings.host + ":" + std::to_string(settings.port);
-  auto looked = find(settings);
-  if (const auto* none = std::get_if<NotFound>(&looked)) {
+  auto result = find(settings);
+  if (const auto* none = std::get_if<NotFound>(&result)) {
     report.checks.push_back({place, false, none->error.what, none->error.remedy});
     return report;
   }
-  const Found* const found = std::get_if<Found>(&looked);
+  const Found* const found = std::get_if<Found>(&result);
   report.checks.push_back(
       {place, true,
        "version " + std::to_string(found->version.major) + "." + std::to_string(found->version.minor), ""});
@@ -597,14 +598,14 @@ DeviceReport look_for(const HaplySettings& settings) {
     report.connected.push_back({device.id, state_in_words(device.status)});
     report.checks.push_back({name_of(device), trouble == Trouble::kNone && !in_use,
                              state_in_words(device.status),
-                             in_use ? "close the program that uses it" : words_for(trouble).cure});
+                             in_use ? "close the program that uses it" : words_for(trouble).remedy});
   }
   return report;
 }
 
 }  // namespace
 
-DeviceVendor haply_maker(const HaplySettings& settings) {
+DeviceVendor haply_vendor(const HaplySettings& settings) {
   return {"haply", "Haply Inverse3, through the Inverse Service (3.0, 3.1, 3.5 on)",
           [settings] { return std::make_unique<HaplyDriver>(settings); },
           [settings] { return look_for(settings); }};

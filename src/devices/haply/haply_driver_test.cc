@@ -136,9 +136,9 @@ TEST(HaplyDriver, StopLeavesZeroAndRunGoesOn) {
     // requested zero, as opposed to the device's idle state; a loaded service processes it some time after it
     // was sent
     EXPECT_TRUE(soon([&] {
-      auto given = rig.service.delivered();
-      std::erase_if(given, [](const testing::Delivery& delivery) { return delivery.idle; });
-      return given.back().command.force_N == Vector<Device>();
+      auto supplied = rig.service.delivered();
+      std::erase_if(supplied, [](const testing::Delivery& delivery) { return delivery.idle; });
+      return supplied.back().command.force_N == Vector<Device>();
     }));
     EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
     rig.begin();
@@ -155,10 +155,10 @@ TEST(HaplyDriver, InALoopNothingIsStrongerOrStifferThanItBears) {
                                parameters, {WorkspaceSettings{}}, {.realtime = false, .ring_s = 10});
   ASSERT_TRUE(loop.ok()) << loop.error().message();
   EXPECT_TRUE(soon([&] { return service.force_N() > 0.1; })) << (*loop)->snapshot().device[0].tip_world_mm[0];
-  const TickRecord seen = (*loop)->snapshot();
-  EXPECT_EQ(seen.device[0].peak_force_N, 3);
-  EXPECT_EQ(seen.device[0].max_stiffness_N_per_mm, careful_bounds(driver.devices()[0]).stiffness_N_per_mm);
-  EXPECT_LT(seen.device[0].max_stiffness_N_per_mm, 0.3);
+  const TickRecord tick = (*loop)->snapshot();
+  EXPECT_EQ(tick.device[0].peak_force_N, 3);
+  EXPECT_EQ(tick.device[0].max_stiffness_N_per_mm, careful_bounds(driver.devices()[0]).stiffness_N_per_mm);
+  EXPECT_LT(tick.device[0].max_stiffness_N_per_mm, 0.3);
   (*loop)->stop();
   for (const testing::Delivery& delivery : service.delivered()) EXPECT_LE(delivery.command.force_N.norm(), 3);
   EXPECT_TRUE(soon([&] { return service.force_N() == 0; }));
@@ -204,9 +204,9 @@ TEST(HaplyDriver, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
 
 TEST(HaplyDriver, IsLookedForWithoutMovingAnything) {
   FakeInverseService service(testing::haply_hand());
-  const DeviceVendor maker = haply_maker(service.settings());
-  EXPECT_EQ(maker.name, "haply");
-  DeviceReport report = maker.look();
+  const DeviceVendor vendor = haply_vendor(service.settings());
+  EXPECT_EQ(vendor.name, "haply");
+  DeviceReport report = vendor.look();
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, "049D");
   EXPECT_EQ(report.connected[0].state, "ready");
@@ -214,12 +214,12 @@ TEST(HaplyDriver, IsLookedForWithoutMovingAnything) {
   EXPECT_EQ(service.messages(), 0u);
 
   service.calibrated = false;
-  report = maker.look();
+  report = vendor.look();
   EXPECT_EQ(report.connected[0].state, "the device is not calibrated");
   EXPECT_FALSE(report.checks.back().fine);
-  EXPECT_FALSE(report.checks.back().cure.empty());
+  EXPECT_FALSE(report.checks.back().remedy.empty());
   service.stop();
-  report = maker.look();
+  report = vendor.look();
   ASSERT_EQ(report.checks.size(), 1u);
   EXPECT_FALSE(report.checks[0].fine);
   EXPECT_TRUE(report.connected.empty());

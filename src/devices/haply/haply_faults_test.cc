@@ -35,13 +35,13 @@ TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.service);
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
-  EXPECT_TRUE(rig.says(GetParam().words)) << rig.said();
+  EXPECT_TRUE(rig.says(GetParam().words)) << rig.stated();
   // without force, but the servo keeps running
   const int updates = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > updates + 20; }));
   EXPECT_EQ(rig.service.force_N(), 0);
   GetParam().end(rig.service);
-  EXPECT_TRUE(rig.presses()) << rig.said();
+  EXPECT_TRUE(rig.presses()) << rig.stated();
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
   rig.end();
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
@@ -65,19 +65,19 @@ TEST(HaplyFaults, WhoIsSilentIsToldZero) {
   rig.service.silent = true;
   const std::size_t then = rig.service.delivered().size();
   const int before = rig.service.connections();
-  const auto zero_is_told = [&] {
-    const auto given = rig.service.delivered();
-    return std::any_of(given.begin() + static_cast<std::ptrdiff_t>(then), given.end(), [](const auto& each) {
-      return !each.idle && each.command.force_N == Vector<Device>();
-    });
+  const auto zero_is_reported = [&] {
+    const auto supplied = rig.service.delivered();
+    return std::any_of(
+        supplied.begin() + static_cast<std::ptrdiff_t>(then), supplied.end(),
+        [](const auto& each) { return !each.idle && each.command.force_N == Vector<Device>(); });
   };
   // if the machine stalled, it may be a new connection that starts with zero
-  EXPECT_TRUE(soon([&] { return zero_is_told(); }));
+  EXPECT_TRUE(soon([&] { return zero_is_reported(); }));
   if (rig.service.connections() == before) {
     // after a command in flight there is no further one with force
-    const auto given = rig.service.delivered();
-    for (std::size_t n = then + 2; n < given.size(); ++n)
-      EXPECT_EQ(given[n].command.force_N, Vector<Device>());
+    const auto input = rig.service.delivered();
+    for (std::size_t n = then + 2; n < input.size(); ++n)
+      EXPECT_EQ(input[n].command.force_N, Vector<Device>());
   }
   rig.service.silent = false;
   EXPECT_TRUE(rig.presses());
@@ -88,13 +88,13 @@ TEST(HaplyFaults, ABrakeIsAFaultForAMoment) {
   HaplyRig rig("3.5.0");
   ASSERT_TRUE(rig.presses());
   ASSERT_TRUE(soon([&] { return rig.service.event_listeners() > 0; }));
-  rig.service.tell_event(R"({"event":"device-safety-triggered","cause":"stall_detected"})");
-  rig.service.tell_event("{ no event");
+  rig.service.report_event(R"({"event":"device-safety-triggered","cause":"stall_detected"})");
+  rig.service.report_event("{ no event");
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   EXPECT_TRUE(rig.presses());
-  rig.service.tell_event(R"({"event":"device-safety-triggered","cause":"ebrake_triggered"})");
+  rig.service.report_event(R"({"event":"device-safety-triggered","cause":"ebrake_triggered"})");
   EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.service.force_N() == 0; }));
-  EXPECT_TRUE(rig.says("brake")) << rig.said();
+  EXPECT_TRUE(rig.says("brake")) << rig.stated();
   EXPECT_TRUE(rig.presses()) << "and is over";
   rig.end();
   EXPECT_EQ(rig.service.violations(), 0);
@@ -131,8 +131,8 @@ class Ages final : public ServoFunction {
     ++updates;
     if (sample.fault || sample.taken_ns == last_ns_) return;
     last_ns_ = sample.taken_ns;
-    const double said_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
-    max_ms = std::max(max_ms.load(), said_ms - sample.tip.z());
+    const double stated_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
+    max_ms = std::max(max_ms.load(), stated_ms - sample.tip.z());
     ++fresh;
   }
   std::atomic<int> updates{0}, fresh{0};
@@ -216,8 +216,8 @@ TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
 
 // PALPATE_TEST_SCHEDULES=10000 sets their number
 TEST_F(HaplyPace, OfAnyScheduleNoStateIsOlderThanItsSampleSays) {
-  const char* asked = std::getenv("PALPATE_TEST_SCHEDULES");
-  const int schedules = asked != nullptr ? std::atoi(asked) : 60;
+  const char* value = std::getenv("PALPATE_TEST_SCHEDULES");
+  const int schedules = value != nullptr ? std::atoi(value) : 60;
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

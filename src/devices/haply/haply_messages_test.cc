@@ -92,10 +92,10 @@ TEST(HaplyMessages, AreReadHoweverDeepOrLong) {
 void expect_places_of(const State& state, const nlohmann::json& message) {
   for (std::size_t n = 0; n < state.devices.size(); ++n) {
     const auto at = [&](const char* axis) -> std::optional<double> {
-      const nlohmann::json::json_pointer way("/state/cursor_position/" + std::string(axis));
+      const nlohmann::json::json_pointer path("/state/cursor_position/" + std::string(axis));
       const nlohmann::json& entry = message["inverse3"][n];
-      if (!entry.contains(way) || !entry[way].is_number()) return std::nullopt;
-      return 1000 * entry[way].get<double>();
+      if (!entry.contains(path) || !entry[path].is_number()) return std::nullopt;
+      return 1000 * entry[path].get<double>();
     };
     const auto x = at("x"), y = at("y"), z = at("z");
     const bool known = x && y && z && std::isfinite(*x + *y + *z);

@@ -24,8 +24,8 @@ constexpr double kMPerMm = 1e-3;
 constexpr const char* kServiceDevice = "049D";
 
 bool readable(int socket, int timeout_ms) {
-  pollfd wanted{socket, POLLIN, 0};
-  return ::poll(&wanted, 1, timeout_ms) == 1;
+  pollfd requested{socket, POLLIN, 0};
+  return ::poll(&requested, 1, timeout_ms) == 1;
 }
 
 // listens on this port, or on any free port if 0, which is then stored
@@ -114,7 +114,7 @@ void FakeInverseService::stop() {
   for (std::thread& session : sessions) session.join();
 }
 
-void FakeInverseService::tell_event(const std::string& text) {
+void FakeInverseService::report_event(const std::string& text) {
   const std::lock_guard lock(mutex_);
   event_ = text;
   ++events_;
@@ -273,18 +273,18 @@ void FakeInverseService::serve(int handle) {
   if (port == events_port_ && !is_old() && socket.is_upgrade()) {
     bool fine = socket.accept();
     ++event_listeners_;
-    for (int told = events_; fine && !ended_;
+    for (int reported = events_; fine && !ended_;
          std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms))) {
-      if (told == events_) continue;
+      if (reported == events_) continue;
       const std::lock_guard lock(mutex_);
-      told = events_;
+      reported = events_;
       fine = socket.write(event_);
     }
     return;
   }
-  const bool asked = is_old() ? !at_websocket && socket.target() == "/3.0/version"
-                              : at_websocket && socket.target() == "/3.5/version";
-  if (!asked) return socket.answer(404, "");
+  const bool requested = is_old() ? !at_websocket && socket.target() == "/3.0/version"
+                                  : at_websocket && socket.target() == "/3.5/version";
+  if (!requested) return socket.answer(404, "");
   const std::lock_guard lock(mutex_);
   socket.answer(200, "{\"version\":\"" + version_ + "\"}");
 }

@@ -49,7 +49,7 @@ class FakeInverseService {
   std::atomic<double> turned_rad{0};  ///< Rotation of the grip about z
   void close_connections();
   /// Sends an event to all listeners, from version 3.5 on.
-  void tell_event(const std::string& text);
+  void report_event(const std::string& text);
   int event_listeners() const { return event_listeners_; }
 
   // ---- observations

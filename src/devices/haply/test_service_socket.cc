@@ -76,8 +76,8 @@ std::uint16_t TestServiceSocket::local_port() const {
 }
 
 bool TestServiceSocket::receive(std::chrono::milliseconds time) {
-  pollfd wanted{handle_, POLLIN, 0};
-  if (lost_ || ::poll(&wanted, 1, static_cast<int>(time.count())) != 1) return false;
+  pollfd requested{handle_, POLLIN, 0};
+  if (lost_ || ::poll(&requested, 1, static_cast<int>(time.count())) != 1) return false;
   std::array<char, 65536> buffer;
   const ssize_t count = ::recv(handle_, buffer.data(), buffer.size(), 0);
   lost_ = count <= 0;

@@ -83,7 +83,7 @@ std::string newtons(double force_N) {
 }
 
 struct HdWords {
-  const char *what, *cure;
+  const char *what, *remedy;
 };
 HdWords words_for(HdTrouble trouble) {
   switch (trouble) {
@@ -117,7 +117,7 @@ HdWords words_for(HdTrouble trouble) {
 
 Error error_for(HdTrouble trouble, const std::string& where) {
   const HdWords words = words_for(trouble);
-  return {ErrorKind::kUnavailable, words.what, where, words.cure};
+  return {ErrorKind::kUnavailable, words.what, where, words.remedy};
 }
 
 std::string text_of(const hd::Library& library, hd::Parameter parameter) {
@@ -169,15 +169,15 @@ unsigned drain(const hd::Library& library) {
 }
 
 Error refused(const hd::Library& library, unsigned code, const std::string& where) {
-  const char* said = library.hdGetErrorString(code);
-  std::string cure =
+  const char* message = library.hdGetErrorString(code);
+  std::string remedy =
       "is it connected and configured with the vendor's program? palpate doctor --device touch checks the "
       "requirements of the library";
-  if (code == hd::kLicence) cure = "install the OpenHaptics licence as described in its manual";
+  if (code == hd::kLicence) remedy = "install the OpenHaptics licence as described in its manual";
   return {ErrorKind::kUnavailable,
           "the library cannot initialise it" +
-              (said && *said ? " (" + printable_name(said) + ")" : std::string()),
-          where, cure};
+              (message && *message ? " (" + printable_name(message) + ")" : std::string()),
+          where, remedy};
 }
 
 /// Calibration style of a device that needs the least manual action, out of those it supports; 0: none.
@@ -374,10 +374,10 @@ class OpenHapticsDriver::Core {
     library_->hdEnable(hd::kForceRamping);
     if (!halted_.load()) library_->hdEnable(hd::kForceOutput);
     if (const unsigned error = drain(*library_); error != hd::kNoError && !is_warning(error)) {
-      const char* said = library_->hdGetErrorString(error);
+      const char* message = library_->hdGetErrorString(error);
       return Error{ErrorKind::kUnavailable,
                    "the force limits of the library cannot be enabled" +
-                       (said && *said ? " (" + printable_name(said) + ")" : std::string()),
+                       (message && *message ? " (" + printable_name(message) + ")" : std::string()),
                    unit.info.name, "switch the device off and on again; install the newest OpenHaptics"};
     }
     unit.calibration = HdTrouble::kNone;
@@ -444,7 +444,7 @@ class OpenHapticsDriver::Core {
     } else if (has_framed_.load()) {
       lost_.store(Lost::kNo);
       owner_.store(Owner::kVendor);
-    } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kGivenUp_s)) {
+    } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kAbandoned_s)) {
       note(HdTrouble::kStalled, 0);
       lost_.store(Lost::kYes);
     }
@@ -817,7 +817,7 @@ DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
 
 }  // namespace
 
-DeviceVendor openhaptics_maker(const OpenHapticsSettings& settings) {
+DeviceVendor openhaptics_vendor(const OpenHapticsSettings& settings) {
   return {"touch", "3D Systems Touch, Touch X and Phantom Premium, through OpenHaptics",
           [settings] { return std::make_unique<OpenHapticsDriver>(settings); },
           [settings] { return look_for_hd(settings); }};

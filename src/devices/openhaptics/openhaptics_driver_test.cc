@@ -131,14 +131,14 @@ TEST(OpenHaptics, EachAxisUnitAndButtonIsInItsPlace) {
   EXPECT_NEAR(sample.R_DeviceTool.norm(), 1, 1e-12);
   const Eigen::AngleAxisd turn(sample.R_DeviceTool);
   EXPECT_NEAR(turn.angle() * turn.axis().y(), 0.5, 1e-3);
-  EXPECT_EQ(rig.device.asked_x_N, 0.25);
-  EXPECT_EQ(rig.device.asked_y_N, -0.5);
-  EXPECT_EQ(rig.device.asked_z_N, 0.75);
+  EXPECT_EQ(rig.device.requested_x_N, 0.25);
+  EXPECT_EQ(rig.device.requested_y_N, -0.5);
+  EXPECT_EQ(rig.device.requested_z_N, 0.75);
   EXPECT_NE(servo.thread(), running.get_id()) << "the maker's own";
   rig.clock.stop = true;
   running.join();
   EXPECT_EQ(rig.device.force_N, 0);
-  EXPECT_EQ(rig.device.asked_x_N, 0) << "a frame with a zero";
+  EXPECT_EQ(rig.device.requested_x_N, 0) << "a frame with a zero";
   EXPECT_FALSE(rig.fake.running);
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
@@ -157,13 +157,13 @@ TEST(OpenHaptics, WhatIsHeldIsCarriedAndNeverAboveThePeak) {
     EXPECT_NEAR(*rig.driver->devices()[0].continuous_force_N, 1.5 - 0.981, 1e-12);
     rig.begin();
     // away from the wall there is only the compensation
-    EXPECT_TRUE(soon([&] { return std::abs(rig.device.asked_y_N - 0.981) < 1e-9; }));
-    EXPECT_EQ(rig.device.asked_x_N, 0);
+    EXPECT_TRUE(soon([&] { return std::abs(rig.device.requested_y_N - 0.981) < 1e-9; }));
+    EXPECT_EQ(rig.device.requested_x_N, 0);
     rig.driver->halt();
-    EXPECT_TRUE(soon([&] { return rig.device.asked_y_N == 0 && rig.device.force_N == 0; }));
+    EXPECT_TRUE(soon([&] { return rig.device.requested_y_N == 0 && rig.device.force_N == 0; }));
     rig.driver->resume(0);
     // it is ramped
-    EXPECT_TRUE(soon([&] { return rig.device.asked_y_N > 0.01 && rig.device.asked_y_N < 0.9; }));
+    EXPECT_TRUE(soon([&] { return rig.device.requested_y_N > 0.01 && rig.device.requested_y_N < 0.9; }));
     rig.end();
     EXPECT_LE(rig.device.largest_N, 0.981 + 1e-9);
   }
@@ -254,7 +254,7 @@ TEST(OpenHaptics, StopLeavesZeroAndRunGoesOn) {
     ASSERT_TRUE(rig.presses()) << round;
     rig.end();
     EXPECT_EQ(rig.device.force_N, 0);
-    EXPECT_EQ(rig.device.asked_x_N, 0) << "asked for, and not the switch alone";
+    EXPECT_EQ(rig.device.requested_x_N, 0) << "asked for, and not the switch alone";
     EXPECT_FALSE(rig.fake.running);
     rig.begin();
   }
@@ -313,9 +313,9 @@ TEST(OpenHaptics, InALoopNothingIsStrongerOrStifferThanItBears) {
   ASSERT_TRUE(loop.ok()) << loop.error().message();
   EXPECT_TRUE(soon([&] { return rig.device.force_N > 0.1; }))
       << (*loop)->snapshot().device[0].tip_world_mm[0];
-  const TickRecord seen = (*loop)->snapshot();
-  EXPECT_FLOAT_EQ(static_cast<float>(seen.device[0].peak_force_N), 3.3F);
-  EXPECT_EQ(seen.device[0].max_stiffness_N_per_mm,
+  const TickRecord tick = (*loop)->snapshot();
+  EXPECT_FLOAT_EQ(static_cast<float>(tick.device[0].peak_force_N), 3.3F);
+  EXPECT_EQ(tick.device[0].max_stiffness_N_per_mm,
             careful_bounds(rig.driver->devices()[0]).stiffness_N_per_mm);
   (*loop)->stop();
   EXPECT_LE(rig.device.largest_N, 3.3);
@@ -365,9 +365,9 @@ TEST(OpenHaptics, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
 
 TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   FakeHd& fake = fake_hd();
-  const DeviceVendor maker = openhaptics_maker(fake_hd_settings());
-  EXPECT_EQ(maker.name, "touch");
-  DeviceReport report = maker.look();
+  const DeviceVendor vendor = openhaptics_vendor(fake_hd_settings());
+  EXPECT_EQ(vendor.name, "touch");
+  DeviceReport report = vendor.look();
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, "Touch no. 4711");
   EXPECT_EQ(report.connected[0].state, "ready");
@@ -377,10 +377,10 @@ TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   EXPECT_EQ(fake.violations, 0) << fake.first_violation.load();
 
   fake.device[0].plugged = false;
-  report = maker.look();
+  report = vendor.look();
   EXPECT_TRUE(report.connected.empty());
   EXPECT_FALSE(report.checks[1].fine);
-  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.cure.empty(), check.fine) << check.what;
+  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.fine) << check.what;
 }
 
 }  // namespace

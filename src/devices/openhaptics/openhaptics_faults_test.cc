@@ -32,22 +32,23 @@ TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
   // some faults are reported and over within a moment
-  std::atomic<bool> said{false}, done{false};
+  std::atomic<bool> stated{false}, done{false};
   std::thread listening([&] {
-    while (!done && !said) {
+    while (!done && !stated) {
       const auto trouble = rig.driver->trouble();
-      said = trouble && trouble->what.find(GetParam().words) != std::string::npos && !trouble->remedy.empty();
+      stated =
+          trouble && trouble->what.find(GetParam().words) != std::string::npos && !trouble->remedy.empty();
     }
   });
   GetParam().begin(rig.fake);
   EXPECT_TRUE(soon([&] { return rig.device.force_N == 0; }));
-  EXPECT_TRUE(soon([&] { return said.load(); }));
+  EXPECT_TRUE(soon([&] { return stated.load(); }));
   done = true;
   listening.join();
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   GetParam().end(rig.fake);
-  EXPECT_TRUE(rig.presses()) << rig.said();
+  EXPECT_TRUE(rig.presses()) << rig.stated();
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
   rig.end();
   rig.driver.reset();
@@ -67,7 +68,7 @@ TEST(HdFaultsAlone, WhatFailsIsBegunAnew) {
     std::this_thread::sleep_for(std::chrono::milliseconds(late_ms));
     rig.fake.hangs = false;
     EXPECT_TRUE(soon([&] { return rig.device.inits > before; }));
-    EXPECT_TRUE(rig.presses()) << rig.said();
+    EXPECT_TRUE(rig.presses()) << rig.stated();
   }
 }
 
@@ -101,7 +102,7 @@ TEST(HdFaultsAlone, ALibraryThatHangsDoesNotKeepTheEnd) {
   rig.fake.hangs = false;
   EXPECT_TRUE(soon([&] { return rig.device.frames > frames; }));
   EXPECT_EQ(rig.wall.updates, then);
-  EXPECT_EQ(rig.device.asked_x_N, 0);
+  EXPECT_EQ(rig.device.requested_x_N, 0);
   EXPECT_EQ(rig.device.force_N, 0);
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
   // its thread has to have ended

@@ -305,9 +305,9 @@ void hdSetDoublev(unsigned what, const double* values) {
   FakeHdDevice& device = device_of(known);
   const palpate::Vector<palpate::Device> force(values[0], values[1], values[2]);
   if (!std::isfinite(force.norm())) return violated("a force that is no number");
-  device.asked_x_N = values[0];
-  device.asked_y_N = values[1];
-  device.asked_z_N = values[2];
+  device.requested_x_N = values[0];
+  device.requested_y_N = values[1];
+  device.requested_z_N = values[2];
   device.largest_N = std::max(device.largest_N.load(), force.norm());
   known.set.force_N = force;
 }

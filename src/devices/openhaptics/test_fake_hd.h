@@ -35,7 +35,7 @@ struct FakeHdDevice {
   std::atomic<int> buttons{0};
   // ---- set by the library
   std::atomic<double> force_N{0};  ///< Acting force
-  std::atomic<double> asked_x_N{0}, asked_y_N{0}, asked_z_N{0};
+  std::atomic<double> requested_x_N{0}, requested_y_N{0}, requested_z_N{0};
   std::atomic<double> largest_N{0};
   std::atomic<std::uint64_t> frames{0};
   std::atomic<int> inits{0}, updates{0};

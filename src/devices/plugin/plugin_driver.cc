@@ -313,7 +313,7 @@ class PluginDriver::Core {
   }
 
   // ---- the servo thread
-  void give_up(Loss loss) noexcept {
+  void abandon(Loss loss) noexcept {
     loss_.store(loss);
     if (loss == Loss::kEnded) return;
     halt();
@@ -330,42 +330,43 @@ class PluginDriver::Core {
   }
 
   void request_samples(std::span<DeviceSample> samples) noexcept {
-    const std::int64_t asked_ns = monotonic_ns(), until_ns = asked_ns + nanoseconds(kTimeout_s);
-    if (asked_ns - answered_ns_ > nanoseconds(kGivenUp_s)) return give_up(Loss::kSilent);
+    const std::int64_t requested_ns = monotonic_ns(), until_ns = requested_ns + nanoseconds(kTimeout_s);
+    if (requested_ns - answered_ns_ > nanoseconds(kAbandoned_s)) return abandon(Loss::kSilent);
     // one pending request: a plug-in that is late is not asked again
     if (pending_ns_ == 0) {
       Request request;
       request.kind = Request::Kind::kRead;
       request.number = ++number_;
       if (::send(socket_, &request, sizeof request, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 && errno == EPIPE)
-        return give_up(Loss::kEnded);
-      pending_ns_ = asked_ns;
+        return abandon(Loss::kEnded);
+      pending_ns_ = requested_ns;
     }
-    for (std::int64_t now_ns = asked_ns; now_ns < until_ns; now_ns = monotonic_ns()) {
+    for (std::int64_t now_ns = requested_ns; now_ns < until_ns; now_ns = monotonic_ns()) {
       pollfd answer{socket_, POLLIN, 0};
       const timespec wait{0, static_cast<long>(until_ns - now_ns)};
       if (::ppoll(&answer, 1, &wait, nullptr) <= 0) continue;
       plugin::Samples reply;
-      const ssize_t got = ::recv(socket_, &reply, sizeof reply, MSG_DONTWAIT);
-      if (got < 0 && (errno == EAGAIN || errno == EINTR)) continue;
-      if (got != static_cast<ssize_t>(sizeof reply)) return give_up(Loss::kEnded);
+      const ssize_t received = ::recv(socket_, &reply, sizeof reply, MSG_DONTWAIT);
+      if (received < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+      if (received != static_cast<ssize_t>(sizeof reply)) return abandon(Loss::kEnded);
       if (reply.number != number_) continue;
       answered_ns_ = monotonic_ns();
       return accept(reply, std::exchange(pending_ns_, 0), samples);
     }
   }
 
-  void accept(const plugin::Samples& reply, std::int64_t asked_ns, std::span<DeviceSample> samples) noexcept {
+  void accept(const plugin::Samples& reply, std::int64_t requested_ns,
+              std::span<DeviceSample> samples) noexcept {
     failed_.store(reply.is_read == 0);
     for (std::size_t n = 0; n < samples.size(); ++n) {
       samples[n].fault = reply.is_read == 0;
       // the last pose stays, and ages
       if (reply.is_read == 0) continue;
       const plp_driver_sample& sample = reply.samples[n];
-      if (const Loss loss = fault_in(sample); loss != Loss::kNone) return give_up(loss);
+      if (const Loss loss = fault_in(sample); loss != Loss::kNone) return abandon(loss);
       samples[n].fault = sample.fault != 0;
       // the earliest time at which it can have been true
-      convert(sample, asked_ns, samples[n]);
+      convert(sample, requested_ns, samples[n]);
     }
   }
 

@@ -89,10 +89,10 @@ class PluginHost {
   // false: the session is gone
   bool receive(Request& request) {
     for (;;) {
-      const ssize_t got = ::recv(plugin::kSocketFile, &request, sizeof request, 0);
-      if (got < 0 && errno == EINTR) continue;
+      const ssize_t received = ::recv(plugin::kSocketFile, &request, sizeof request, 0);
+      if (received < 0 && errno == EINTR) continue;
       requested_ns_.store(monotonic_ns());
-      return got == static_cast<ssize_t>(sizeof request);
+      return received == static_cast<ssize_t>(sizeof request);
     }
   }
   template <class Message>
@@ -196,9 +196,9 @@ class PluginHost {
     for (;;) {
       if (!is_gone && ::poll(&halts, 1, kPoll_ms) > 0) {
         std::array<std::uint64_t, 64> numbers{};
-        const ssize_t got = ::read(plugin::kHaltFile, numbers.data(), sizeof numbers);
-        is_gone = got <= 0;
-        if (got > 0) halt_number_.store(std::max(halt_number_.load(), std::ranges::max(numbers)));
+        const ssize_t received = ::read(plugin::kHaltFile, numbers.data(), sizeof numbers);
+        is_gone = received <= 0;
+        if (received > 0) halt_number_.store(std::max(halt_number_.load(), std::ranges::max(numbers)));
         driver_.halt(driver_.context);
       } else if (is_gone) {
         std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms));

@@ -81,7 +81,7 @@ Result<FoundMouse> choose_mouse(const SpaceMouseSettings& settings) {
 
 Error may_not(const FoundMouse& mouse) {
   return {ErrorKind::kUnavailable, "this account may not read " + printable_name(mouse.file.string()),
-          "spacemouse", udev_cure()};
+          "spacemouse", udev_remedy()};
 }
 
 /// Deflection of the cap, -1 to 1: right, forward, up, and rotation about each.
@@ -175,14 +175,15 @@ class SpaceMouseDriver::Core {
     sample_.buttons = buttons_.load();
     const bool rests =
         is_relative_.load() && now_ns - last_event_ns_.load() > std::llround(kSilentIsRest_s * 1e9);
-    Eigen::Vector3d way = Eigen::Vector3d::Zero(), turn = Eigen::Vector3d::Zero();
+    Eigen::Vector3d displacement = Eigen::Vector3d::Zero(), turn = Eigen::Vector3d::Zero();
     for (int i = 0; i < 3 && !rests; ++i) {
-      way[i] = speed_of(deflection_[static_cast<std::size_t>(i)].load()) * settings_.speed_mm_s * passed_s;
+      displacement[i] =
+          speed_of(deflection_[static_cast<std::size_t>(i)].load()) * settings_.speed_mm_s * passed_s;
       turn[i] =
           speed_of(deflection_[static_cast<std::size_t>(i + 3)].load()) * settings_.turning_rad_s * passed_s;
     }
     for (int i = 0; i < 3; ++i)
-      sample_.tip[i] = std::clamp(sample_.tip[i] + way[i], -kHalfReach_mm, kHalfReach_mm);
+      sample_.tip[i] = std::clamp(sample_.tip[i] + displacement[i], -kHalfReach_mm, kHalfReach_mm);
     if (const double angle = turn.norm(); angle > 0)
       sample_.R_DeviceTool =
           (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * sample_.R_DeviceTool).normalized();
@@ -206,10 +207,11 @@ class SpaceMouseDriver::Core {
 
   void read_events() {
     std::array<input_event, 64> events;
-    const ssize_t got = ::read(file_, events.data(), sizeof events);
-    if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
-    if (got <= 0 || static_cast<std::size_t>(got) % sizeof(input_event) != 0) return lose();
-    for (std::size_t n = 0; n < static_cast<std::size_t>(got) / sizeof(input_event); ++n) take(events[n]);
+    const ssize_t received = ::read(file_, events.data(), sizeof events);
+    if (received < 0 && (errno == EAGAIN || errno == EINTR)) return;
+    if (received <= 0 || static_cast<std::size_t>(received) % sizeof(input_event) != 0) return lose();
+    for (std::size_t n = 0; n < static_cast<std::size_t>(received) / sizeof(input_event); ++n)
+      take(events[n]);
   }
 
   void take(const input_event& event) {
@@ -278,7 +280,7 @@ std::optional<Error> SpaceMouseDriver::trouble() const {
   return core_->trouble();
 }
 
-DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings) {
+DeviceVendor spacemouse_vendor(const SpaceMouseSettings& settings) {
   const auto look = [settings] {
     DeviceReport report;
     const auto mouse = choose_mouse(settings);
@@ -288,7 +290,7 @@ DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings) {
     }
     const std::string state = mouse->may_read ? "ready" : may_not(*mouse).what;
     report.connected.push_back({mouse->name, state});
-    report.checks.push_back({mouse->name, mouse->may_read, state, mouse->may_read ? "" : udev_cure()});
+    report.checks.push_back({mouse->name, mouse->may_read, state, mouse->may_read ? "" : udev_remedy()});
     return report;
   };
   return {"spacemouse", "3Dconnexion SpaceMouse: moves and turns the tip, without force",

@@ -20,7 +20,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::soon;
 
-class SeenSample final : public ServoFunction {
+class ObservedSample final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples,
               std::span<DeviceCommand> /*commands*/) noexcept override {
@@ -76,7 +76,7 @@ class SpaceMouse : public ::testing::Test {
     driver_ = std::make_unique<SpaceMouseDriver>(settings_);
     const auto opened = driver_->open(false);
     ASSERT_TRUE(opened.ok()) << opened.error().message();
-    thread_ = std::thread([this] { driver_->run(seen_, clock_); });
+    thread_ = std::thread([this] { driver_->run(observed_, clock_); });
   }
   void end() {
     clock_.stop = true;
@@ -87,7 +87,7 @@ class SpaceMouse : public ::testing::Test {
   SpaceMouseSettings settings_;
   int events_ = -1;
   std::unique_ptr<SpaceMouseDriver> driver_;
-  SeenSample seen_;
+  ObservedSample observed_;
   testing::UntilStopped clock_;
   std::thread thread_;
 };
@@ -108,30 +108,30 @@ TEST_F(SpaceMouse, EachAxisGoesItsWay) {
   // the kernel's axes: right, towards the user, down
   const double signs[] = {1, -1, -1};
   for (unsigned axis = 0; axis < 3; ++axis) {
-    const Point<Device> before = seen_.last().tip;
+    const Point<Device> before = observed_.last().tip;
     send(EV_ABS, axis, 350);
     const int i = static_cast<int>(axis);
-    EXPECT_TRUE(soon([&] { return signs[i] * (seen_.last().tip[i] - before[i]) > 5; })) << axis;
+    EXPECT_TRUE(soon([&] { return signs[i] * (observed_.last().tip[i] - before[i]) > 5; })) << axis;
     send(EV_ABS, axis, 0);
-    const Eigen::Quaterniond upright = seen_.last().R_DeviceTool;
+    const Eigen::Quaterniond upright = observed_.last().R_DeviceTool;
     EXPECT_EQ(upright.vec().norm(), 0) << "no turn by pushing";
-    for (int other = i + 1; other < 3; ++other) EXPECT_EQ(seen_.last().tip[other], before[other]) << axis;
+    for (int other = i + 1; other < 3; ++other) EXPECT_EQ(observed_.last().tip[other], before[other]) << axis;
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(60));
-  const Point<Device> rests = seen_.last().tip;
+  const Point<Device> rests = observed_.last().tip;
   for (unsigned axis = 0; axis < 3; ++axis) {
-    const Eigen::Quaterniond before = seen_.last().R_DeviceTool;
+    const Eigen::Quaterniond before = observed_.last().R_DeviceTool;
     send(EV_ABS, 3 + axis, 350);
     const auto turned = [&] {
-      const Eigen::AngleAxisd turn(seen_.last().R_DeviceTool * before.conjugate());
+      const Eigen::AngleAxisd turn(observed_.last().R_DeviceTool * before.conjugate());
       return Eigen::Vector3d(turn.angle() * turn.axis());
     };
     EXPECT_TRUE(soon([&] { return signs[axis] * turned()[axis] > 0.1; })) << axis;
     send(EV_ABS, 3 + axis, 0);
     std::this_thread::sleep_for(std::chrono::milliseconds(60));
   }
-  EXPECT_EQ(seen_.last().tip, rests) << "no way by turning";
-  EXPECT_FALSE(seen_.last().fault);
+  EXPECT_EQ(observed_.last().tip, rests) << "no way by turning";
+  EXPECT_FALSE(observed_.last().fault);
 }
 
 TEST_F(SpaceMouse, ALightTouchDoesNothingAndTheTipStaysWithinReach) {
@@ -139,31 +139,31 @@ TEST_F(SpaceMouse, ALightTouchDoesNothingAndTheTipStaysWithinReach) {
   begin();
   send(EV_ABS, ABS_X, 40);
   std::this_thread::sleep_for(std::chrono::milliseconds(60));
-  EXPECT_EQ(seen_.last().tip, Point<Device>());
+  EXPECT_EQ(observed_.last().tip, Point<Device>());
   // beyond the range
   send(EV_ABS, ABS_X, 2'000'000'000);
-  EXPECT_TRUE(soon([&] { return seen_.last().tip.x() == SpaceMouseDriver::kHalfReach_mm; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().tip.x() == SpaceMouseDriver::kHalfReach_mm; }));
   send(EV_ABS, ABS_X, -2'000'000'000);
-  EXPECT_TRUE(soon([&] { return seen_.last().tip.x() == -SpaceMouseDriver::kHalfReach_mm; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().tip.x() == -SpaceMouseDriver::kHalfReach_mm; }));
 }
 
 TEST_F(SpaceMouse, OneThatTellsChangesRestsWhenItIsSilent) {
   begin();
   send(EV_REL, REL_X, 350);
-  EXPECT_TRUE(soon([&] { return seen_.last().tip.x() > 0.5; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().tip.x() > 0.5; }));
   std::this_thread::sleep_for(std::chrono::milliseconds(250));
-  const double x = seen_.last().tip.x();
+  const double x = observed_.last().tip.x();
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  EXPECT_EQ(seen_.last().tip.x(), x);
+  EXPECT_EQ(observed_.last().tip.x(), x);
 }
 
 TEST_F(SpaceMouse, ButtonsAreBits) {
   begin();
   send(EV_KEY, BTN_0, 1);
   send(EV_KEY, BTN_1, 1);
-  EXPECT_TRUE(soon([&] { return seen_.last().buttons == 3; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().buttons == 3; }));
   send(EV_KEY, BTN_0, 0);
-  EXPECT_TRUE(soon([&] { return seen_.last().buttons == 2; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().buttons == 2; }));
 }
 
 // the kernel's buffer overflowed and the cap's release was lost
@@ -171,47 +171,47 @@ TEST_F(SpaceMouse, EventsThatWereDroppedLetItRest) {
   begin();
   send(EV_KEY, BTN_0, 1);
   send(EV_ABS, ABS_X, 350);
-  EXPECT_TRUE(soon([&] { return seen_.last().tip.x() > 0.5 && seen_.last().buttons == 1; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().tip.x() > 0.5 && observed_.last().buttons == 1; }));
   send(EV_SYN, SYN_DROPPED, 0);
   send(EV_ABS, ABS_Y, 350);
-  EXPECT_TRUE(soon([&] { return seen_.last().buttons == 0; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().buttons == 0; }));
   std::this_thread::sleep_for(std::chrono::milliseconds(60));
-  const Point<Device> rests = seen_.last().tip;
+  const Point<Device> rests = observed_.last().tip;
   EXPECT_EQ(rests.y(), 0) << "of what is left of a lost report nothing is taken";
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  EXPECT_EQ(seen_.last().tip, rests);
+  EXPECT_EQ(observed_.last().tip, rests);
   send(EV_SYN, SYN_REPORT, 0);
   send(EV_ABS, ABS_Y, -350);
-  EXPECT_TRUE(soon([&] { return seen_.last().tip.y() > 0.5; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().tip.y() > 0.5; }));
 }
 
 TEST_F(SpaceMouse, LostItIsAFaultUntilItIsBack) {
   begin();
   send(EV_ABS, ABS_X, 350);
-  EXPECT_TRUE(soon([&] { return seen_.last().tip.x() > 0.1; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().tip.x() > 0.1; }));
   // a partial event is invalid
   const char half[5] = {};
   ASSERT_EQ(::write(events_, half, sizeof half), 5);
-  EXPECT_TRUE(soon([&] { return seen_.last().fault && driver_->trouble(); }));
+  EXPECT_TRUE(soon([&] { return observed_.last().fault && driver_->trouble(); }));
   EXPECT_THAT(driver_->trouble()->what, HasSubstr("was disconnected"));
   EXPECT_FALSE(driver_->trouble()->remedy.empty());
-  EXPECT_TRUE(soon([&] { return !driver_->trouble() && !seen_.last().fault; }));
-  const double x = seen_.last().tip.x();
+  EXPECT_TRUE(soon([&] { return !driver_->trouble() && !observed_.last().fault; }));
+  const double x = observed_.last().tip.x();
   std::this_thread::sleep_for(std::chrono::milliseconds(30));
-  EXPECT_EQ(seen_.last().tip.x(), x) << "the cap is where it was let go";
+  EXPECT_EQ(observed_.last().tip.x(), x) << "the cap is where it was let go";
 }
 
 TEST_F(SpaceMouse, WhatIsMissingIsSaid) {
-  EXPECT_EQ(spacemouse_maker(settings_).look().connected[0].state, "ready");
+  EXPECT_EQ(spacemouse_vendor(settings_).look().connected[0].state, "ready");
   std::filesystem::remove_all(folder_.path() / "sys");
-  const DeviceReport report = spacemouse_maker(settings_).look();
+  const DeviceReport report = spacemouse_vendor(settings_).look();
   EXPECT_FALSE(report.checks[0].fine);
-  EXPECT_FALSE(report.checks[0].cure.empty());
+  EXPECT_FALSE(report.checks[0].remedy.empty());
   SpaceMouseDriver none(settings_);
   ASSERT_FALSE(none.open(false).ok());
   settings_.file = "/no/such/event";
-  SpaceMouseDriver gone(settings_);
-  const auto opened = gone.open(false);
+  SpaceMouseDriver removed(settings_);
+  const auto opened = removed.open(false);
   ASSERT_FALSE(opened.ok());
   EXPECT_THAT(opened.error().message(), HasSubstr("/no/such/event"));
 }

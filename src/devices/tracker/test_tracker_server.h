@@ -85,7 +85,7 @@ class TrackerServer {
         ::close(client);
         client = -1;
       }
-      if (client >= 0 && !tell(client, frame)) {
+      if (client >= 0 && !send_frame(client, frame)) {
         ::close(client);
         client = -1;
       }
@@ -93,16 +93,16 @@ class TrackerServer {
     }
     if (client >= 0) ::close(client);
   }
-  bool tell(int client, std::uint64_t frame) {
+  bool send_frame(int client, std::uint64_t frame) {
     const std::lock_guard lock(mutex_);
     std::uint8_t buffer[256];
-    for (ssize_t got; (got = ::recv(client, buffer, sizeof buffer, 0)) > 0;)
-      received_.insert(received_.end(), buffer, buffer + got);
+    for (ssize_t received; (received = ::recv(client, buffer, sizeof buffer, 0)) > 0;)
+      received_.insert(received_.end(), buffer, buffer + received);
     MessageBytes all;
     // one frame every hundredth of a second
     for (const auto& [name, tool] : tools_) {
-      const MessageWords said{{"TransformStatus", tool.seen ? "OK" : "OUT_OF_VIEW"}};
-      const auto one = message_bytes("TRANSFORM", name, matrix_bytes(tool.pose), &said, frame << 26);
+      const MessageWords words{{"TransformStatus", tool.seen ? "OK" : "OUT_OF_VIEW"}};
+      const auto one = message_bytes("TRANSFORM", name, matrix_bytes(tool.pose), &words, frame << 26);
       all.insert(all.end(), one.begin(), one.end());
     }
     if (instead_) all = *instead_;

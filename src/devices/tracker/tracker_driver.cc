@@ -31,7 +31,7 @@ class TrackerDriver::Core {
                         : std::nullopt),
         tip_(settings.navigation.tip.at),
         shaft_(shaft_of(tip_)),
-        stream_(settings.stream, [this](const MarkersPose& pose) { tell(pose); }) {
+        stream_(settings.stream, [this](const MarkersPose& pose) { update_pose(pose); }) {
     info_.name = kTracker;
     info_.simulated = true;
     info_.degrees_of_freedom_in = 6;
@@ -58,20 +58,20 @@ class TrackerDriver::Core {
     DeviceSample sample;
     DeviceCommand none;
     while (clock.wait()) {
-      told_.fill(sample, monotonic_ns());
+      reported_.fill(sample, monotonic_ns());
       servo.update({&sample, 1}, {&none, 1});
     }
   }
 
  private:
-  void tell(const MarkersPose& pose) {
+  void update_pose(const MarkersPose& pose) {
     const Transform<Patient, TrackedTool> in_patient = patient_ * pose.tracker_from_tool;
     const Point<Patient> tip = in_patient * tip_;
     // written such that NaN counts as far
     is_far_ = registered_ && !((tip - *registered_).norm() <= TrackerDriver::kMaxFromPatient_mm);
     if (is_far_) return;
     const Eigen::Quaterniond turn(in_patient.linear());
-    told_.tell(Point<Device>(tip.eigen()), (turn * shaft_.quaternion()).normalized(), pose.at_ns);
+    reported_.push(Point<Device>(tip.eigen()), (turn * shaft_.quaternion()).normalized(), pose.at_ns);
   }
 
   const bool is_known_;
@@ -81,7 +81,7 @@ class TrackerDriver::Core {
   const Rotation<TrackedTool, Device> shaft_;  // orientation of the displayed tool in the markers' frame
   DeviceInfo info_;
   std::atomic<bool> is_far_{false};
-  InterpolatedPose told_{Point<Device>()};
+  InterpolatedPose reported_{Point<Device>()};
   TrackerStream stream_;  // last, because its thread calls tell()
 };
 

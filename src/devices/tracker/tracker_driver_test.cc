@@ -67,7 +67,7 @@ class TrackedTip : public ::testing::Test {
     driver_ = std::make_unique<TrackerDriver>(settings_);
     const auto opened = driver_->open(false);
     ASSERT_TRUE(opened.ok()) << opened.error().message();
-    thread_ = std::thread([this] { driver_->run(seen_, clock_); });
+    thread_ = std::thread([this] { driver_->run(observed_, clock_); });
   }
   void end() {
     clock_.stop = true;
@@ -79,7 +79,7 @@ class TrackedTip : public ::testing::Test {
     return X.linear() * (tool * settings_.navigation.tip.at.eigen()) + X.translation();
   }
   bool comes_to(const Eigen::Vector3d& tip) {
-    return soon([&] { return (seen_.last().tip.eigen() - tip).norm() < 0.001; });
+    return soon([&] { return (observed_.last().tip.eigen() - tip).norm() < 0.001; });
   }
   bool says(const char* words) {
     return soon([&] {
@@ -88,7 +88,7 @@ class TrackedTip : public ::testing::Test {
     });
   }
   bool is_well() {
-    return soon([&] { return !driver_->trouble() && seen_.age_s() < 0.01; });
+    return soon([&] { return !driver_->trouble() && observed_.age_s() < 0.01; });
   }
   std::string refused() {
     TrackerDriver driver(settings_);
@@ -99,7 +99,7 @@ class TrackedTip : public ::testing::Test {
   test::TrackerServer server_;
   TrackedToolSettings settings_;
   std::unique_ptr<TrackerDriver> driver_;
-  LastSample seen_;
+  LastSample observed_;
   testing::UntilStopped clock_;
   std::thread thread_;
 };
@@ -116,7 +116,7 @@ TEST_F(TrackedTip, IsWhereTheStreamTheTipAndTheRegistrationSay) {
   const auto& X = settings_.navigation.patient.patient_from_tracker;
   const Eigen::Vector3d markers = X.linear() * elsewhere.translation() + X.translation();
   EXPECT_TRUE(soon([&] {
-    return ((seen_.last().R_DeviceTool * Eigen::Vector3d::UnitZ()) -
+    return ((observed_.last().R_DeviceTool * Eigen::Vector3d::UnitZ()) -
             (markers - tip_of(elsewhere)).normalized())
                .norm() < 1e-4;
   }));
@@ -134,7 +134,7 @@ TEST_F(TrackedTip, GoesWithThePatientsMarkers) {
   EXPECT_TRUE(comes_to(tip));
   const Eigen::Isometry3d moved = turned(0.2, {1, 1, 0}, {5, 40, -20});
   server_.move(kReference, {moved * reference});
-  EXPECT_TRUE(soon([&] { return (seen_.last().tip.eigen() - tip).norm() > 5; }));
+  EXPECT_TRUE(soon([&] { return (observed_.last().tip.eigen() - tip).norm() > 5; }));
   server_.move(kTool, {moved * kToolPose});
   EXPECT_TRUE(comes_to(tip));
   server_.move(kReference, {moved * reference, false});
@@ -145,9 +145,9 @@ TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
   begin();
   ASSERT_TRUE(comes_to(tip_of(kToolPose)));
   server_.move(kTool, {kToolPose, false});
-  EXPECT_TRUE(soon([&] { return seen_.age_s() > 0.05; }));
+  EXPECT_TRUE(soon([&] { return observed_.age_s() > 0.05; }));
   EXPECT_TRUE(says("StylusToTracker is not visible"));
-  EXPECT_LT((seen_.last().tip.eigen() - tip_of(kToolPose)).norm(), 0.001) << "where it was seen last";
+  EXPECT_LT((observed_.last().tip.eigen() - tip_of(kToolPose)).norm(), 0.001) << "where it was seen last";
   server_.move(kTool, {kToolPose});
   EXPECT_TRUE(is_well());
 }
@@ -163,8 +163,8 @@ TEST_F(TrackedTip, FarFromThePatientItCountsAsNotSeen) {
   EXPECT_TRUE(is_well());
   server_.move(kTool, {far});
   EXPECT_TRUE(says("more than a metre"));
-  EXPECT_TRUE(soon([&] { return seen_.age_s() > InterpolatedPose::kHeld_s; }));
-  EXPECT_LT((seen_.last().tip.eigen() - tip_of(near)).norm(), 0.001) << "where it was seen last";
+  EXPECT_TRUE(soon([&] { return observed_.age_s() > InterpolatedPose::kHeld_s; }));
+  EXPECT_LT((observed_.last().tip.eigen() - tip_of(near)).norm(), 0.001) << "where it was seen last";
   server_.move(kTool, {kToolPose});
   EXPECT_TRUE(is_well());
 }

@@ -67,8 +67,8 @@ struct FoundAddresses {
 };
 
 // whether a transform's name is the requested one, or its truncation in an old message
-bool is_called(const std::string& name, const std::string& asked) {
-  return name == asked || (asked.size() > kShortName && name == asked.substr(0, kShortName));
+bool is_called(const std::string& name, const std::string& requested) {
+  return name == requested || (requested.size() > kShortName && name == requested.substr(0, kShortName));
 }
 
 }  // namespace
@@ -94,8 +94,8 @@ std::optional<TrackerAddress> parse_tracker_address(const std::string& text) {
 
 class TrackerStream::Core {
  public:
-  Core(const TrackerSettings& settings, std::function<void(const MarkersPose&)> told)
-      : settings_(settings), told_(std::move(told)) {}
+  Core(const TrackerSettings& settings, std::function<void(const MarkersPose&)> on_pose)
+      : settings_(settings), reported_(std::move(on_pose)) {}
   ~Core() {
     end_.store(true);
     if (reader_.joinable()) reader_.join();
@@ -134,7 +134,7 @@ class TrackerStream::Core {
   }
 
  private:
-  struct Seen {
+  struct Observed {
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     Eigen::Vector3d shift_mm = Eigen::Vector3d::Zero();
     std::uint64_t stamp = 0;
@@ -144,9 +144,9 @@ class TrackerStream::Core {
   /// @param continues  remark about automatic retries
   std::optional<Error> missing_pose(const char* continues) const {
     const std::lock_guard lock(mutex_);
-    const auto unavailable = [this](std::string what, std::string cure) {
+    const auto unavailable = [this](std::string what, std::string remedy) {
       return Error{ErrorKind::kUnavailable, std::move(what), "tracker " + settings_.address.text(),
-                   std::move(cure)};
+                   std::move(remedy)};
     };
     const std::int64_t now_ns = monotonic_ns();
     if (!is_connected_) return unavailable(why_not_, why_not_cure_ + continues);
@@ -154,14 +154,14 @@ class TrackerStream::Core {
     if (received_names_.empty())
       return unavailable("sends no transforms",
                          "make its server send TRANSFORM messages, and start tracking");
-    for (const std::string& wanted : {settings_.transform, settings_.reference}) {
-      if (wanted.empty()) continue;
+    for (const std::string& requested : {settings_.transform, settings_.reference}) {
+      if (requested.empty()) continue;
       if (std::ranges::none_of(received_names_,
-                               [&](const std::string& name) { return is_called(name, wanted); })) {
+                               [&](const std::string& name) { return is_called(name, requested); })) {
         std::string all;
         for (const std::string& name : received_names_)
           all += (all.empty() ? "" : ", ") + printable_name(name);
-        return unavailable("sends no " + printable_name(wanted), "it sends: " + all);
+        return unavailable("sends no " + printable_name(requested), "it sends: " + all);
       }
     }
     // no pose is expected
@@ -185,11 +185,11 @@ class TrackerStream::Core {
     const std::lock_guard lock(mutex_);
     return is_connected_ && (settings_.transform.empty() ? !received_names_.empty() : pose_ns_ > 0);
   }
-  void not_connected(std::string why, std::string cure) {
+  void not_connected(std::string why, std::string remedy) {
     const std::lock_guard lock(mutex_);
     is_connected_ = false;
     why_not_ = std::move(why);
-    why_not_cure_ = std::move(cure);
+    why_not_cure_ = std::move(remedy);
   }
 
   // ---- on the stream's own thread
@@ -262,16 +262,16 @@ class TrackerStream::Core {
       if (!await(file, POLLIN, monotonic_ns() + kSilent_ns))
         return not_connected("has sent nothing for 5 s",
                              "check whether the tracking server is still running");
-      const ssize_t got = ::recv(file, bytes.data(), bytes.size(), 0);
-      if (got < 0 && (errno == EAGAIN || errno == EINTR)) continue;
-      if (got <= 0)
+      const ssize_t received = ::recv(file, bytes.data(), bytes.size(), 0);
+      if (received < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+      if (received <= 0)
         return not_connected("has closed the connection",
                              "check whether the tracking server is still running");
       const std::int64_t now_ns = monotonic_ns();
       const std::uint64_t damaged_before = messages.damaged();
-      const auto taken = messages.take(std::span(bytes).first(static_cast<std::size_t>(got)),
-                                       [&](const igtl::PoseMessage& message) { take(message, now_ns); });
-      if (!taken) return not_connected(taken.error().what, taken.error().remedy);
+      const auto used = messages.take(std::span(bytes).first(static_cast<std::size_t>(received)),
+                                      [&](const igtl::PoseMessage& message) { take(message, now_ns); });
+      if (!used) return not_connected(used.error().what, used.error().remedy);
       if (messages.damaged() > damaged_before && messages.damaged() >= kMaxDamaged)
         return not_connected("sends damaged messages: their checksums are wrong",
                              "check its connection; restart its server");
@@ -279,7 +279,7 @@ class TrackerStream::Core {
   }
 
   void take(const igtl::PoseMessage& message, std::int64_t now_ns) {
-    MarkersPose told;
+    MarkersPose pose;
     {
       const std::lock_guard lock(mutex_);
       if (received_names_.size() < kMaxNames) received_names_.insert(message.name.substr(0, kMaxNameLength));
@@ -290,7 +290,7 @@ class TrackerStream::Core {
       (is_tool ? tool_ : reference_) = {message.rotation, message.at_mm, message.stamp, now_ns};
       const Transform<Cameras, TrackedTool> tool(tool_.rotation, tool_.shift_mm);
       if (settings_.reference.empty()) {
-        told.tracker_from_tool = {tool_.rotation, tool_.shift_mm};
+        pose.tracker_from_tool = {tool_.rotation, tool_.shift_mm};
       } else {
         // both poses of one frame
         if (now_ns - tool_.at_ns > kUnseen_ns || now_ns - reference_.at_ns > kUnseen_ns) return;
@@ -298,12 +298,12 @@ class TrackerStream::Core {
             std::max(tool_.stamp, reference_.stamp) - std::min(tool_.stamp, reference_.stamp);
         if (apart > kMaxApart) return;
         const Transform<Cameras, Tracker> reference(reference_.rotation, reference_.shift_mm);
-        told.tracker_from_tool = reference.inverse() * tool;
+        pose.tracker_from_tool = reference.inverse() * tool;
       }
       pose_ns_ = now_ns;
     }
-    told.at_ns = now_ns;
-    told_(told);
+    pose.at_ns = now_ns;
+    reported_(pose);
   }
 
   // 5 ms in 2^-32 s
@@ -311,7 +311,7 @@ class TrackerStream::Core {
   static constexpr std::uint64_t kMaxDamaged = 10;
 
   const TrackerSettings settings_;
-  const std::function<void(const MarkersPose&)> told_;
+  const std::function<void(const MarkersPose&)> reported_;
   std::atomic<bool> end_{false};
   mutable std::mutex mutex_;
   // guarded by mutex_
@@ -319,13 +319,13 @@ class TrackerStream::Core {
   std::string why_not_ = "is not connected yet",
               why_not_cure_ = "check the address, and whether the tracking server is running";
   std::set<std::string> received_names_;
-  Seen tool_, reference_;
+  Observed tool_, reference_;
   std::int64_t pose_ns_ = 0;  // time of the last pose passed on; 0: none yet
   std::thread reader_;
 };
 
-TrackerStream::TrackerStream(const TrackerSettings& settings, std::function<void(const MarkersPose&)> told)
-    : core_(std::make_unique<Core>(settings, std::move(told))) {}
+TrackerStream::TrackerStream(const TrackerSettings& settings, std::function<void(const MarkersPose&)> on_pose)
+    : core_(std::make_unique<Core>(settings, std::move(on_pose))) {}
 TrackerStream::~TrackerStream() = default;
 
 Result<void> TrackerStream::open(double patience_s, const Progress& progress) {

@@ -16,8 +16,8 @@
 #include "base/test_files.h"
 #include "base/test_seed.h"
 #include "palpate/cache/cache.h"
+#include "palpate/cache/entries.h"
 #include "palpate/cache/fields.h"
-#include "palpate/cache/kept.h"
 
 namespace palpate {
 namespace {
@@ -41,16 +41,16 @@ class CacheTest : public ::testing::Test {
   ~CacheTest() override { set_cache({}); }
 
   void use(std::uint64_t max_bytes) {
-    set_cache({kept_, max_bytes, [this](const std::string& text) { warnings_.push_back(text); }});
+    set_cache({stored_, max_bytes, [this](const std::string& text) { warnings_.push_back(text); }});
   }
-  fs::path file_of(const cache::Digest& key) const { return kept_ / cache::name_of_entry(key); }
+  fs::path file_of(const cache::Digest& key) const { return stored_ / cache::name_of_entry(key); }
   // sets the time of last use
   void age(const cache::Digest& key, int hours) const {
     fs::last_write_time(file_of(key), fs::file_time_type::clock::now() - std::chrono::hours(hours));
   }
 
   test::TemporaryFolder folder_;
-  const fs::path kept_ = folder_ / "home/cache/palpate";
+  const fs::path stored_ = folder_ / "home/cache/palpate";
   std::vector<std::string> warnings_;
 };
 
@@ -62,49 +62,49 @@ std::optional<std::vector<std::byte>> found(const cache::Digest& key) {
 
 TEST_F(CacheTest, FindsWhatWasKeptAndNothingElse) {
   EXPECT_FALSE(cache::find(key_of(1)));
-  cache::keep(key_of(1), bytes_of("one"));
-  cache::keep(key_of(2), bytes_of(""));
+  cache::store(key_of(1), bytes_of("one"));
+  cache::store(key_of(2), bytes_of(""));
   EXPECT_EQ(found(key_of(1)), bytes_of("one"));
   EXPECT_EQ(found(key_of(2)), bytes_of(""));
   EXPECT_FALSE(cache::find(key_of(3)));
-  cache::keep(key_of(1), bytes_of("another"));
+  cache::store(key_of(1), bytes_of("another"));
   EXPECT_EQ(found(key_of(1)), bytes_of("another"));
   EXPECT_TRUE(warnings_.empty());
 }
 
 TEST_F(CacheTest, IsNobodyElsesToRead) {
-  cache::keep(key_of(1), bytes_of("one"));
+  cache::store(key_of(1), bytes_of("one"));
   struct stat folder {
   }, file{};
-  ASSERT_EQ(::stat(kept_.c_str(), &folder), 0);
+  ASSERT_EQ(::stat(stored_.c_str(), &folder), 0);
   ASSERT_EQ(::stat(file_of(key_of(1)).c_str(), &file), 0);
   EXPECT_EQ(folder.st_mode & 0777u, 0700u);
   EXPECT_EQ(file.st_mode & 0777u, 0600u);
 }
 
 TEST_F(CacheTest, LeavesNothingBesidesEntries) {
-  for (int n = 0; n < 5; ++n) cache::keep(key_of(n), bytes_of("payload"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(kept_), {}), 5);
+  for (int n = 0; n < 5; ++n) cache::store(key_of(n), bytes_of("payload"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(stored_), {}), 5);
 }
 
 TEST_F(CacheTest, WithoutAFolderNothingIsKept) {
   set_cache({});
-  EXPECT_FALSE(cache::is_kept());
-  cache::keep(key_of(1), bytes_of("one"));
+  EXPECT_FALSE(cache::is_cache_enabled());
+  cache::store(key_of(1), bytes_of("one"));
   EXPECT_FALSE(cache::find(key_of(1)));
-  EXPECT_FALSE(fs::exists(kept_));
+  EXPECT_FALSE(fs::exists(stored_));
 }
 
 TEST_F(CacheTest, WhatWasUsedLongestAgoGoesFirst) {
   const std::vector<std::byte> payload(1000);
   use(3500);
   for (int n = 0; n < 3; ++n) {
-    cache::keep(key_of(n), payload);
+    cache::store(key_of(n), payload);
     age(key_of(n), 10 - n);
   }
   // 0 is the oldest, and is used now
   EXPECT_TRUE(cache::find(key_of(0)));
-  cache::keep(key_of(3), payload);
+  cache::store(key_of(3), payload);
   EXPECT_TRUE(cache::find(key_of(0)));
   EXPECT_FALSE(cache::find(key_of(1)));
   EXPECT_TRUE(cache::find(key_of(2)));
@@ -115,8 +115,8 @@ TEST_F(CacheTest, WhatWasUsedLongestAgoGoesFirst) {
 
 TEST_F(CacheTest, WhatIsLargerThanTheWholeIsNotKeptAndDrivesNothingOut) {
   use(3500);
-  cache::keep(key_of(1), std::vector<std::byte>(1000));
-  cache::keep(key_of(2), std::vector<std::byte>(3500));
+  cache::store(key_of(1), std::vector<std::byte>(1000));
+  cache::store(key_of(2), std::vector<std::byte>(3500));
   EXPECT_TRUE(cache::find(key_of(1)));
   EXPECT_FALSE(cache::find(key_of(2)));
   EXPECT_TRUE(warnings_.empty());
@@ -124,29 +124,29 @@ TEST_F(CacheTest, WhatIsLargerThanTheWholeIsNotKeptAndDrivesNothingOut) {
 
 TEST_F(CacheTest, TakesAPartOfTheDiskAtMost) {
   use(std::numeric_limits<std::uint64_t>::max());
-  cache::keep(key_of(1), bytes_of("one"));
-  const auto disk = fs::space(kept_);
+  cache::store(key_of(1), bytes_of("one"));
+  const auto disk = fs::space(stored_);
   const double part = kMaxCacheDiskFraction * static_cast<double>(disk.capacity);
   EXPECT_LE(static_cast<double>(cache_contents().max_bytes), part);
 }
 
 TEST_F(CacheTest, IsEmptied) {
-  cache::keep(key_of(1), bytes_of("one"));
-  cache::keep(key_of(2), bytes_of("two"));
-  test::write_text(kept_ / "mine.txt", "not the cache's");
+  cache::store(key_of(1), bytes_of("one"));
+  cache::store(key_of(2), bytes_of("two"));
+  test::write_text(stored_ / "mine.txt", "not the cache's");
   const auto removed = empty_cache();
   ASSERT_TRUE(removed.ok());
   EXPECT_EQ(removed->entries, 2u);
   EXPECT_EQ(cache_contents().entries, 0u);
-  EXPECT_TRUE(fs::exists(kept_ / "mine.txt"));
+  EXPECT_TRUE(fs::exists(stored_ / "mine.txt"));
 }
 
 TEST_F(CacheTest, WhatAKilledProcessLeftIsSweptAway) {
-  cache::keep(key_of(1), bytes_of("one"));
-  const fs::path left = test::write_text(kept_ / ".palpate-0123456789abcdef-XyZ123.kept", "half");
+  cache::store(key_of(1), bytes_of("one"));
+  const fs::path left = test::write_text(stored_ / ".palpate-0123456789abcdef-XyZ123.kept", "half");
   fs::last_write_time(left, fs::file_time_type::clock::now() - std::chrono::hours(2));
-  const fs::path fresh = test::write_text(kept_ / ".palpate-0123456789abcdef-XyZ124.kept", "half");
-  cache::keep(key_of(2), bytes_of("two"));
+  const fs::path fresh = test::write_text(stored_ / ".palpate-0123456789abcdef-XyZ124.kept", "half");
+  cache::store(key_of(2), bytes_of("two"));
   EXPECT_FALSE(fs::exists(left));
   // another process may be writing it
   EXPECT_TRUE(fs::exists(fresh));
@@ -157,7 +157,7 @@ TEST_F(CacheTest, EveryDamageIsAnEntryThatIsNotThere) {
   const cache::Digest key = key_of(1);
   std::string text;
   for (int n = 0; n < 40; ++n) text += "payload " + std::to_string(n);
-  cache::keep(key, bytes_of(text));
+  cache::store(key, bytes_of(text));
   const std::string whole = test::bytes_of_file(file_of(key));
   ASSERT_TRUE(cache::find(key));
   // each byte flipped, and each length
@@ -175,13 +175,13 @@ TEST_F(CacheTest, EveryDamageIsAnEntryThatIsNotThere) {
   test::write_text(file_of(key_of(2)), whole);
   EXPECT_FALSE(cache::find(key_of(2)));
   // replaced
-  cache::keep(key, bytes_of(text));
+  cache::store(key, bytes_of(text));
   EXPECT_EQ(found(key), bytes_of(text));
   EXPECT_TRUE(warnings_.empty());
 }
 
 TEST_F(CacheTest, WhatIsNoFileIsNotWaitedFor) {
-  cache::keep(key_of(1), bytes_of("one"));
+  cache::store(key_of(1), bytes_of("one"));
   fs::remove(file_of(key_of(1)));
   ASSERT_EQ(::mkfifo(file_of(key_of(1)).c_str(), 0600), 0);
   EXPECT_FALSE(cache::find(key_of(1)));
@@ -190,20 +190,20 @@ TEST_F(CacheTest, WhatIsNoFileIsNotWaitedFor) {
 }
 
 TEST_F(CacheTest, AFolderThatOthersMayWriteToIsNotUsedAndToldOnce) {
-  fs::create_directories(kept_);
-  fs::permissions(kept_, fs::perms::all);
-  cache::keep(key_of(1), bytes_of("one"));
-  cache::keep(key_of(2), bytes_of("two"));
+  fs::create_directories(stored_);
+  fs::permissions(stored_, fs::perms::all);
+  cache::store(key_of(1), bytes_of("one"));
+  cache::store(key_of(2), bytes_of("two"));
   EXPECT_EQ(cache_contents().entries, 0u);
   ASSERT_EQ(warnings_.size(), 1u);
   EXPECT_NE(warnings_[0].find("other accounts may write to it"), std::string::npos) << warnings_[0];
 }
 
 TEST_F(CacheTest, AnEntryThatOthersMayWriteToIsNotTaken) {
-  cache::keep(key_of(1), bytes_of("one"));
+  cache::store(key_of(1), bytes_of("one"));
   fs::permissions(file_of(key_of(1)), fs::perms::others_write, fs::perm_options::add);
   EXPECT_FALSE(cache::find(key_of(1)));
-  cache::keep(key_of(1), bytes_of("one"));
+  cache::store(key_of(1), bytes_of("one"));
   EXPECT_TRUE(cache::find(key_of(1)));
   if (::geteuid() != 0) return;
   // nor an entry of another account, which only root can create
@@ -214,8 +214,8 @@ TEST_F(CacheTest, AnEntryThatOthersMayWriteToIsNotTaken) {
 
 TEST_F(CacheTest, AFileInThePlaceOfTheFolderIsToldOnce) {
   test::write_text(folder_ / "home/cache/palpate", "a file");
-  cache::keep(key_of(1), bytes_of("one"));
-  cache::keep(key_of(2), bytes_of("two"));
+  cache::store(key_of(1), bytes_of("one"));
+  cache::store(key_of(2), bytes_of("two"));
   EXPECT_FALSE(cache::find(key_of(1)));
   EXPECT_EQ(warnings_.size(), 1u);
   EXPECT_EQ(cache_contents().entries, 0u);
@@ -223,38 +223,38 @@ TEST_F(CacheTest, AFileInThePlaceOfTheFolderIsToldOnce) {
 
 TEST_F(CacheTest, AFullDiskIsToldOnceAndLeavesNothing) {
   // the file size limit stands in for a full disk
-  cache::keep(key_of(1), bytes_of("one"));
+  cache::store(key_of(1), bytes_of("one"));
   const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
   rlimit before;
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
   const rlimit small{1000, before.rlim_max};
   ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
-  cache::keep(key_of(2), std::vector<std::byte>(5000));
-  cache::keep(key_of(3), std::vector<std::byte>(5000));
+  cache::store(key_of(2), std::vector<std::byte>(5000));
+  cache::store(key_of(3), std::vector<std::byte>(5000));
   ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
   std::signal(SIGXFSZ, ignored);
   EXPECT_EQ(warnings_.size(), 1u);
-  EXPECT_EQ(std::distance(fs::directory_iterator(kept_), {}), 1);
+  EXPECT_EQ(std::distance(fs::directory_iterator(stored_), {}), 1);
 }
 
 TEST_F(CacheTest, TwoProcessesKeepTheSame) {
   // a concurrent reader finds nothing or one of the two, complete
   const std::string mine(20000, 'm'), others(20000, 'o');
   testing::Child child([&] {
-    for (int n = 0; n < 200; ++n) cache::keep(key_of(1), bytes_of(others));
+    for (int n = 0; n < 200; ++n) cache::store(key_of(1), bytes_of(others));
   });
-  int seen = 0;
+  int observed = 0;
   for (int n = 0; n < 200; ++n) {
-    cache::keep(key_of(1), bytes_of(mine));
-    const auto kept = found(key_of(1));
-    if (!kept) continue;
-    ++seen;
-    ASSERT_TRUE(*kept == bytes_of(mine) || *kept == bytes_of(others));
+    cache::store(key_of(1), bytes_of(mine));
+    const auto stored = found(key_of(1));
+    if (!stored) continue;
+    ++observed;
+    ASSERT_TRUE(*stored == bytes_of(mine) || *stored == bytes_of(others));
   }
   EXPECT_TRUE(child.finished());
-  EXPECT_GT(seen, 0);
+  EXPECT_GT(observed, 0);
   EXPECT_TRUE(warnings_.empty());
-  EXPECT_EQ(std::distance(fs::directory_iterator(kept_), {}), 1);
+  EXPECT_EQ(std::distance(fs::directory_iterator(stored_), {}), 1);
 }
 
 /// Environment variables that determine the cache folder, restored afterwards.
@@ -317,11 +317,11 @@ TEST(CacheKeys, DigestsTellEveryByteAndTheSizeOfLargeThings) {
   // three whole pieces and a partial one
   std::vector<std::uint8_t> values((std::size_t{3} << 22) + 5, 7);
   const auto whole = cache::digest_of(values);
-  for (const std::size_t place : {std::size_t{0}, (std::size_t{1} << 22) - 1, std::size_t{1} << 22,
+  for (const std::size_t index : {std::size_t{0}, (std::size_t{1} << 22) - 1, std::size_t{1} << 22,
                                   (std::size_t{2} << 22) + 3, values.size() - 1}) {
-    values[place] = 8;
-    EXPECT_NE(cache::digest_of(values), whole) << place;
-    values[place] = 7;
+    values[index] = 8;
+    EXPECT_NE(cache::digest_of(values), whole) << index;
+    values[index] = 7;
   }
   EXPECT_EQ(cache::digest_of(values), whole);
   values.push_back(7);

@@ -45,11 +45,11 @@ std::optional<Digest> digest_of(const InputFile& file, std::uint64_t from) {
   if (!context || EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) != 1) return std::nullopt;
   std::vector<std::byte> piece(std::size_t{1} << 18);
   while (true) {
-    const auto got = file.read_at(from, piece);
-    if (!got) return std::nullopt;
-    if (*got == 0) break;
-    if (EVP_DigestUpdate(context.get(), piece.data(), *got) != 1) return std::nullopt;
-    from += *got;
+    const auto received = file.read_at(from, piece);
+    if (!received) return std::nullopt;
+    if (*received == 0) break;
+    if (EVP_DigestUpdate(context.get(), piece.data(), *received) != 1) return std::nullopt;
+    from += *received;
   }
   Digest digest;
   if (EVP_DigestFinal_ex(context.get(), reinterpret_cast<unsigned char*>(digest.data()), nullptr) != 1)

@@ -32,11 +32,11 @@ class JsonBuilder {
     Json::Object& members = std::get<Json::Object>(open_.back().value_);
     std::ranges::stable_sort(members, {}, &Json::Member::name);
     // keeps the last one of members with equal names
-    Json::Object kept;
+    Json::Object stored;
     for (std::size_t n = 0; n < members.size(); ++n)
       if (n + 1 == members.size() || members[n].name != members[n + 1].name)
-        kept.push_back(std::move(members[n]));
-    members = std::move(kept);
+        stored.push_back(std::move(members[n]));
+    members = std::move(stored);
     return close();
   }
   bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception&) { return false; }

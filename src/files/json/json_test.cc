@@ -8,11 +8,11 @@ namespace palpate {
 namespace {
 
 TEST(Json, IsWrittenInTheOrderInWhichItWasMade) {
-  Json json{{"name", "femur"}, {"value", 3}, {"size_mm", 0.1}, {"felt", true}, {"colour", {255, 0, 10}}};
+  Json json{{"name", "femur"}, {"value", 3}, {"size_mm", 0.1}, {"touchable", true}, {"colour", {255, 0, 10}}};
   json["absent"] = nullptr;
   json["name"] = "tibia";
   EXPECT_EQ(json.dump(),
-            R"({"name":"tibia","value":3,"size_mm":0.1,"felt":true,"colour":[255,0,10],"absent":null})");
+            R"({"name":"tibia","value":3,"size_mm":0.1,"touchable":true,"colour":[255,0,10],"absent":null})");
   EXPECT_EQ(Json(Json{{"a", {{"b", 1}}}}).dump(2), "{\n  \"a\": {\n    \"b\": 1\n  }\n}");
 }
 

@@ -58,18 +58,18 @@ void forget_signals() {
 }
 
 void close_all_but(std::span<const int> keep) {
-  std::vector<int> kept(keep.begin(), keep.end());
-  std::sort(kept.begin(), kept.end());
+  std::vector<int> stored(keep.begin(), keep.end());
+  std::sort(stored.begin(), stored.end());
   const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int descriptor : {0, 1, 2}) {
     // the program may have been started with this descriptor closed
-    if (std::binary_search(kept.begin(), kept.end(), descriptor)) continue;
+    if (std::binary_search(stored.begin(), stored.end(), descriptor)) continue;
     // sanitizers report on stderr
     if (descriptor == 2 && sanitized()) continue;
     if (::dup2(nothing, descriptor) < 0) ::close(descriptor);
   }
   unsigned first = 3;
-  for (const int descriptor : kept) {
+  for (const int descriptor : stored) {
     if (descriptor < static_cast<int>(first)) continue;
     if (descriptor > static_cast<int>(first)) ::close_range(first, static_cast<unsigned>(descriptor) - 1, 0);
     first = static_cast<unsigned>(descriptor) + 1;

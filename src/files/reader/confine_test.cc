@@ -122,13 +122,13 @@ TEST_F(Confined, OfAFolderOpensWhatStandsInItAndBelow) {
   std::filesystem::create_directories(folder_ / "given" / "below");
   std::ofstream(folder_ / "given" / "below" / "inside") << "content";
   std::filesystem::create_symlink(other_, folder_ / "given" / "link");
-  const int given = ::open((folder_ / "given").c_str(), O_RDONLY | O_DIRECTORY);
-  ASSERT_GE(given, 0);
-  EXPECT_EQ(outcome(given, [&] { return open_to_read(folder_ / "given" / "below" / "inside"); }), 0);
-  EXPECT_EQ(outcome(given, [&] { return open_to_read(other_); }), EACCES);
-  EXPECT_EQ(outcome(given, [&] { return open_to_read(folder_ / "given" / "link"); }), EACCES);
-  EXPECT_EQ(outcome(given, [&] { return ::openat(given, "../other", O_RDONLY); }), EACCES);
-  ::close(given);
+  const int supplied = ::open((folder_ / "given").c_str(), O_RDONLY | O_DIRECTORY);
+  ASSERT_GE(supplied, 0);
+  EXPECT_EQ(outcome(supplied, [&] { return open_to_read(folder_ / "given" / "below" / "inside"); }), 0);
+  EXPECT_EQ(outcome(supplied, [&] { return open_to_read(other_); }), EACCES);
+  EXPECT_EQ(outcome(supplied, [&] { return open_to_read(folder_ / "given" / "link"); }), EACCES);
+  EXPECT_EQ(outcome(supplied, [&] { return ::openat(supplied, "../other", O_RDONLY); }), EACCES);
+  ::close(supplied);
 }
 
 TEST_F(Confined, OpensNothingElseUnderTheNameOfItsFile) {

@@ -103,10 +103,10 @@ ReaderProcess::~ReaderProcess() {
 Result<void> ReaderProcess::read(std::span<std::byte> bytes) {
   while (!bytes.empty()) {
     if (auto ready = wait(); !ready) return ready;
-    const ssize_t got = ::read(pipe_, bytes.data(), bytes.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) return Error{ErrorKind::kBadInput, died_, "", ""};
-    bytes = bytes.subspan(static_cast<std::size_t>(got));
+    const ssize_t received = ::read(pipe_, bytes.data(), bytes.size());
+    if (received < 0 && errno == EINTR) continue;
+    if (received <= 0) return Error{ErrorKind::kBadInput, died_, "", ""};
+    bytes = bytes.subspan(static_cast<std::size_t>(received));
   }
   return {};
 }

@@ -110,10 +110,11 @@ TEST_F(ReaderProcessTest, WhereNoProcessIsToBeHadItSaysSo) {
     if (!test::forbid_processes()) return;
     const auto process = ReaderProcess::start(
         {}, [](ParentEnd&) { return true; }, kSilent);
-    const bool told = !process.ok() && process.error().kind == ErrorKind::kUnavailable &&
-                      process.error().what.find("cannot start a process to read it") != std::string::npos &&
-                      process.error().remedy.find("ulimit -u") != std::string::npos;
-    if (!told) ::_exit(1);
+    const bool reported =
+        !process.ok() && process.error().kind == ErrorKind::kUnavailable &&
+        process.error().what.find("cannot start a process to read it") != std::string::npos &&
+        process.error().remedy.find("ulimit -u") != std::string::npos;
+    if (!reported) ::_exit(1);
   });
   EXPECT_TRUE(child.finished());
 }

@@ -38,7 +38,7 @@ constexpr std::array kTickColumns{
     Column{"max_force_N", kF64, 1, PALPATE_TICK(max_force_N), "N", "-", "input: the user's force limit"},
     Column{"rotation_target_wxyz", kF64, 4, PALPATE_TICK(rotation_target_wxyz), "1", "World",
            "commanded rotation of the object, unit quaternion"},
-    Column{"rotation_felt_wxyz", kF64, 4, PALPATE_TICK(rotation_felt_wxyz), "1", "World",
+    Column{"rotation_applied_wxyz", kF64, 4, PALPATE_TICK(rotation_applied_wxyz), "1", "World",
            "interpolated rotation of the object, used for the force, unit quaternion"},
     Column{"state_hash", kU64, 1, PALPATE_TICK(state_hash), "1", "-",
            "hash of the session state after the tick, including the output"},
@@ -47,7 +47,7 @@ constexpr std::array kTickColumns{
 constexpr std::array kEventColumnsBeforeProperties{
     Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick in effect"},
     Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "kind of request", event_kinds},
-    Column{"asked_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "source of the request", askers},
+    Column{"requested_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "source of the request", askers},
     Column{"viewer", kU32, 1, PALPATE_EVENT(by.viewer), "1", "-",
            "viewer that sent the request, from 1 in the order of their hello, 0 none"},
     Column{"number", kU32, 1, PALPATE_EVENT(number), "1", "-",
@@ -175,11 +175,11 @@ constexpr std::array kDeviceColumns{
            "depth of the tip below the surface of the touched structure, negative in front of it, NaN when "
            "no surface is within reach, 0 where nothing is felt"},
     Column{"label", kU16, 1, PALPATE_DEVICE(label), "1", "-", "label of the touched structure, 0 none"},
-    Column{"felt_label", kU16, kMaxStructuresReported, PALPATE_DEVICE(felt_label), "1", "-",
+    Column{"path_label", kU16, kMaxStructuresReported, PALPATE_DEVICE(path_label), "1", "-",
            "labels of the structures that contribute to the force, outermost first, 0 unused"},
-    Column{"felt_depth_mm", kF64, kMaxStructuresReported, PALPATE_DEVICE(felt_depth_mm), "mm", "-",
+    Column{"path_depth_mm", kF64, kMaxStructuresReported, PALPATE_DEVICE(path_depth_mm), "mm", "-",
            "length of the tip's path inside each of these, NaN: deeper than measured"},
-    Column{"felt_share", kF64, kMaxStructuresReported, PALPATE_DEVICE(felt_share), "1", "-",
+    Column{"path_share", kF64, kMaxStructuresReported, PALPATE_DEVICE(path_share), "1", "-",
            "fraction of the force from each of these, 0 to 1"},
     Column{"contact_label", kU16, kMaxContactsReported, PALPATE_DEVICE(contact_label), "1", "-",
            "labels of the structures in contact with the tool: outermost layer first, in each the strongest "

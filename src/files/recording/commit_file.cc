@@ -31,12 +31,12 @@ class FileSink : public ByteSink {
 
   int read_at(std::uint64_t offset, std::span<std::byte> bytes) override {
     while (!bytes.empty()) {
-      const ssize_t got = ::pread(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) return errno;
-      if (got == 0) break;
-      bytes = bytes.subspan(static_cast<std::size_t>(got));
-      offset += static_cast<std::uint64_t>(got);
+      const ssize_t received = ::pread(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+      if (received < 0 && errno == EINTR) continue;
+      if (received < 0) return errno;
+      if (received == 0) break;
+      bytes = bytes.subspan(static_cast<std::size_t>(received));
+      offset += static_cast<std::uint64_t>(received);
     }
     std::ranges::fill(bytes, std::byte{0});
     return 0;

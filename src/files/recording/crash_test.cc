@@ -122,8 +122,8 @@ std::vector<Commit> record_all(const std::vector<TickRecord>& ticks,
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     // at most one event per tick
     const auto first = std::ranges::lower_bound(events, ticks[i].tick, {}, &RecordingEvent::tick);
-    const std::size_t told = first != events.end() && first->tick == ticks[i].tick;
-    EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1), std::span(first, told)));
+    const std::size_t reported = first != events.end() && first->tick == ticks[i].tick;
+    EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1), std::span(first, reported)));
     if (disk.steps.size() != commits.back().steps) commits.push_back({disk.steps.size(), i + 1});
   }
   EXPECT_TRUE((*writer)->finish(test::example_summary(ticks.size())));
@@ -228,11 +228,11 @@ void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks,
                      std::span<const RecordingEvent> events, int report) {
   auto writer = RecordingWriter::create(file, test::example_header(1));
   if (!writer) ::_exit(1);
-  for (std::uint64_t given = 0; given + 100 <= ticks.size(); given += 100) {
-    const std::size_t told = internal::events_up_to(events, ticks[given + 99].tick);
-    if (!(*writer)->append(ticks.subspan(given, 100), events.first(told))) ::_exit(1);
-    events = events.subspan(told);
-    const std::uint64_t total = given + 100;
+  for (std::uint64_t supplied = 0; supplied + 100 <= ticks.size(); supplied += 100) {
+    const std::size_t reported = internal::events_up_to(events, ticks[supplied + 99].tick);
+    if (!(*writer)->append(ticks.subspan(supplied, 100), events.first(reported))) ::_exit(1);
+    events = events.subspan(reported);
+    const std::uint64_t total = supplied + 100;
     if (::write(report, &total, sizeof total) != sizeof total) ::_exit(1);
   }
   ::_exit(0);
@@ -256,18 +256,18 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
     if (child == 0) record_for_ever(file, ticks, events, ends[1]);
     ::close(ends[1]);
     // the file exists once the first ticks are in; then some more milliseconds
-    std::uint64_t given = 0, total = 0;
-    ASSERT_EQ(::read(ends[0], &given, sizeof given), static_cast<ssize_t>(sizeof given));
+    std::uint64_t supplied = 0, total = 0;
+    ASSERT_EQ(::read(ends[0], &supplied, sizeof supplied), static_cast<ssize_t>(sizeof supplied));
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 40'000));
     test::kill_between_writes(child);
-    while (::read(ends[0], &total, sizeof total) == sizeof total) given = total;
+    while (::read(ends[0], &total, sizeof total) == sizeof total) supplied = total;
     ::close(ends[0]);
 
     EXPECT_EQ(wrong_column(file, ticks, events), "");
     const auto read = read_recording(file);
     ASSERT_TRUE(read) << read.error().message();
     EXPECT_FALSE((*read).summary);
-    EXPECT_GT((*read).ticks.size() + 1000, given);
+    EXPECT_GT((*read).ticks.size() + 1000, supplied);
     EXPECT_EQ(not_a_beginning((*read).ticks, ticks), "");
     EXPECT_EQ(wrong_events(*read, events), "");
   }

@@ -2,7 +2,7 @@
 
 namespace palpate {
 
-void EventLog::tell(const std::function<std::optional<RecordingEvent>()>& apply) {
+void EventLog::append(const std::function<std::optional<RecordingEvent>()>& apply) {
   // allocate first, so that the event of a command that was carried out cannot be lost
   std::list<RecordingEvent> row(1);
   std::list<std::uint64_t> announcement(1);

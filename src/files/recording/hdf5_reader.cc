@@ -171,16 +171,16 @@ class DataSet {
     }
     // in batches: most of the bytes are padding
     constexpr hsize_t kAtOnce = 1024;
-    std::size_t kept = 0;
+    std::size_t retained = 0;
     for (hsize_t first = 0; first < rows(); first += kAtOnce) {
       const hsize_t count = std::min(kAtOnce, rows() - first);
       bytes.assign(size * static_cast<std::size_t>(count), '\0');
       read_rows(type_.get(), first, count, bytes.data());
       for (std::size_t i = 0; i < count; ++i) {
         texts.push_back(unpadded(bytes.substr(i * size, size)));
-        kept += texts.back().size();
+        retained += texts.back().size();
       }
-      require(kept <= kMaxNames, name_ + " is too long");
+      require(retained <= kMaxNames, name_ + " is too long");
     }
     return texts;
   }
@@ -352,13 +352,13 @@ class EventQueue {
       : columns_(std::move(columns)), rows_(rows) {}
   // up to kBlockRows events not after `tick` that were not taken yet
   std::vector<RecordingEvent> take(std::uint64_t tick) {
-    std::vector<RecordingEvent> taken;
-    while (taken.size() < kBlockRows) {
+    std::vector<RecordingEvent> events;
+    while (events.size() < kBlockRows) {
       if (next_ == waiting_.size()) refill();
       if (next_ == waiting_.size() || waiting_[next_].tick > tick) break;
-      taken.push_back(waiting_[next_++]);
+      events.push_back(waiting_[next_++]);
     }
-    return taken;
+    return events;
   }
 
  private:
@@ -404,16 +404,16 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
 
 // computes the part of the head that depends on ticks, from the few columns needed
 void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, RecordingHead& head) {
-  TickProperties seen;
+  TickProperties properties;
   const std::uint64_t end = rows.first + rows.count;
   for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
     const std::uint64_t count = std::min(kBlockRows, end - first);
     const auto tick = read_column<std::uint64_t>(columns, "tick", first, count);
     const auto time_s = read_column<double>(columns, "time_s", first, count);
     const auto method = read_column<std::uint8_t>(columns, "method", first, count);
-    for (std::size_t i = 0; i < count; ++i) seen.see(tick[i], time_s[i], method[i]);
+    for (std::size_t i = 0; i < count; ++i) properties.observe(tick[i], time_s[i], method[i]);
   }
-  seen.tell(head);
+  properties.write_to(head);
 }
 
 bool send_parts(const std::vector<StoredColumn>& columns, const RowRange& rows, EventQueue& events,
@@ -475,12 +475,12 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
       range->count = std::min(range->count, rows - range->first);
       head.summary.reset();
     }
-    const RowRange wanted = range.value_or(RowRange{0, rows});
+    const RowRange requested = range.value_or(RowRange{0, rows});
     EventQueue events = range ? EventQueue({}, 0) : open_events(opened.get(), unpacking, complete);
-    look_ahead(columns, wanted, head);
+    look_ahead(columns, requested, head);
 
     head_sent = true;
-    return send_head(target, head) && send_parts(columns, wanted, events, target);
+    return send_head(target, head) && send_parts(columns, requested, events, target);
   } catch (const Refusal& refusal) {
     return !head_sent && send_refusal(target, {ErrorKind::kBadInput, refusal.what, "", refusal.remedy});
   }

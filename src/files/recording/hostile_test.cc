@@ -293,7 +293,7 @@ TEST_F(Hostile, EventsAreBelievedByNobody) {
   EXPECT_EQ(with("events/tick", H5T_STD_U64LE, late), "no error") << "of no tick that is there";
   const std::uint8_t wild[] = {1, 9};
   EXPECT_THAT(with("events/kind", H5T_STD_U8LE, wild), HasSubstr("unknown kind"));
-  EXPECT_THAT(with("events/asked_by", H5T_STD_U8LE, wild), HasSubstr("unknown source"));
+  EXPECT_THAT(with("events/requested_by", H5T_STD_U8LE, wild), HasSubstr("unknown source"));
 }
 
 TEST_F(Hostile, NothingIsReadFromOtherFiles) {

@@ -174,7 +174,7 @@ class OpenInH5py(unittest.TestCase):
             events = file["events"]
             self.assertEqual(events["tick"][:].tolist(), [3, 7])
             self.assertEqual(events["kind"][:].tolist(), [0, 1])
-            self.assertEqual(events["asked_by"][:].tolist(), [3, 2])
+            self.assertEqual(events["requested_by"][:].tolist(), [3, 2])
             self.assertEqual(events["viewer"][:].tolist(), [2, 0])
             self.assertEqual(events["number"][:].tolist(), [4, 1])
             self.assertEqual(events["stiffness_N_per_mm"][0], 0.8)

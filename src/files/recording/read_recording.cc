@@ -21,7 +21,7 @@ std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::pa
   // HDF5's signature may be at 0, 512, 1024, 2048, ...
   for (std::uint64_t at = 0; at < opened.size(); at = at == 0 ? 512 : 2 * at) {
     std::array<std::byte, 8> bytes{};
-    if (const auto got = opened.read_at(at, bytes); !got) return got.error();
+    if (const auto received = opened.read_at(at, bytes); !received) return received.error();
     if (std::memcmp(bytes.data(), "\x89HDF\r\n\x1a\n", bytes.size()) == 0) return std::nullopt;
   }
   return Error{ErrorKind::kBadInput, "is not a recording: it is not an HDF5 file", file.string(),
@@ -66,16 +66,16 @@ Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowR
   auto received = receive_head(source);
   if (!received) return about(file, received.error());
   const RecordingHead head = *std::move(received);
-  const auto wanted = take_head(head);
-  if (!wanted) return wanted.error();
-  if (!*wanted) return {};
+  const auto requested = take_head(head);
+  if (!requested) return requested.error();
+  if (!*requested) return {};
   bool own_error = false;
   auto done = receive_parts(
       source, head,
       [&](const RecordingPart& part) {
-        auto taken = take_part(part);
-        own_error = !taken;
-        return taken;
+        auto used = take_part(part);
+        own_error = !used;
+        return used;
       },
       progress);
   if (done || own_error) return done;
@@ -131,9 +131,9 @@ Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file,
 RecordingSource::RecordingSource(const Recording& recording) : memory_(&recording) {
   head_.header = recording.header;
   head_.summary = recording.summary;
-  internal::TickProperties seen;
-  for (const TickRecord& tick : recording.ticks) seen.see(tick.tick, tick.time_s, tick.method);
-  seen.tell(head_);
+  internal::TickProperties properties;
+  for (const TickRecord& tick : recording.ticks) properties.observe(tick.tick, tick.time_s, tick.method);
+  properties.write_to(head_);
 }
 
 Result<void> RecordingSource::read(const std::function<Result<void>(const RecordingPart&)>& take,
@@ -162,10 +162,10 @@ Result<void> RecordingSource::read(const std::function<Result<void>(const Record
   while (!ticks.empty()) {
     if (progress.stopped()) return Progress::interrupted();
     const auto part = ticks.first(std::min<std::size_t>(ticks.size(), internal::kBlockRows));
-    const std::size_t told = internal::events_up_to(events, part.back().tick);
-    if (auto taken = take_known({part, events.first(told)}); !taken) return taken;
+    const std::size_t reported = internal::events_up_to(events, part.back().tick);
+    if (auto used = take_known({part, events.first(reported)}); !used) return used;
     ticks = ticks.subspan(part.size());
-    events = events.subspan(told);
+    events = events.subspan(reported);
   }
   return {};
 }

@@ -24,12 +24,12 @@ constexpr std::size_t kBatch = 256;
 class RingRecorder : public Recorder {
  public:
   RingRecorder(SpscRing<TickRecord>& ring, std::unique_ptr<RecordingWriter> writer,
-               std::filesystem::path file, See see, EventLog* told)
+               std::filesystem::path file, OnTick on_tick, EventLog* log)
       : ring_(ring),
         writer_(std::move(writer)),
         file_(std::move(file)),
-        see_(std::move(see)),
-        told_(told),
+        on_tick_(std::move(on_tick)),
+        reported_(log),
         batch_(kBatch) {}
   ~RingRecorder() override { stop(); }
 
@@ -53,16 +53,16 @@ class RingRecorder : public Recorder {
   void drain();
   void take(std::span<const TickRecord> ticks);
   void take_acknowledged(const TickRecord& tick);
-  Result<void> hear(std::span<const TickRecord> ticks);
+  Result<void> collect_events(std::span<const TickRecord> ticks);
   Result<void> write(std::span<const TickRecord> ticks);
-  void give_up(const Error& error);
+  void abandon(const Error& error);
 
   // used by the recorder's thread, and by others after it has ended
   SpscRing<TickRecord>& ring_;
   std::unique_ptr<RecordingWriter> writer_;  // null: nothing is stored
   const std::filesystem::path file_;
-  const See see_;
-  EventLog* const told_;  // null: no external commands
+  const OnTick on_tick_;
+  EventLog* const reported_;  // null: no external commands
   std::vector<TickRecord> batch_;
   std::list<RecordingEvent> pending_;   // events that no tick has acknowledged yet
   std::vector<RecordingEvent> events_;  // events of the batch
@@ -100,20 +100,20 @@ void RingRecorder::drain() {
 void RingRecorder::take(std::span<const TickRecord> ticks) {
   {
     const std::lock_guard lock(mutex_);
-    for (const TickRecord& tick : ticks) summary_.see(tick);
+    for (const TickRecord& tick : ticks) summary_.observe(tick);
   }
-  const Result<void> heard = hear(ticks);
+  const Result<void> collected = collect_events(ticks);
   auto row = events_.cbegin();
   for (const TickRecord& tick : ticks) {
     const auto first = row;
     while (row != events_.cend() && row->tick == tick.tick) ++row;
-    if (see_) see_(tick, {first, row});
+    if (on_tick_) on_tick_(tick, {first, row});
   }
-  const Result<void> written = heard ? write(ticks) : heard;
-  if (!written) give_up(written.error());
+  const Result<void> written = collected ? write(ticks) : collected;
+  if (!written) abandon(written.error());
 }
 
-bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
+bool had_applied(const TickRecord& tick, const RecordingEvent& event) {
   switch (event.kind) {
     case RecordingEvent::Kind::kModel:
     case RecordingEvent::Kind::kSweep:
@@ -132,7 +132,7 @@ bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
 // moves the events that this tick is the first to acknowledge
 void RingRecorder::take_acknowledged(const TickRecord& tick) {
   for (auto row = pending_.begin(); row != pending_.end();) {
-    if (!had_heard(tick, *row)) {
+    if (!had_applied(tick, *row)) {
       ++row;
       continue;
     }
@@ -143,10 +143,10 @@ void RingRecorder::take_acknowledged(const TickRecord& tick) {
 }
 
 // called after the ticks were popped, so that all events that they acknowledge are available
-Result<void> RingRecorder::hear(std::span<const TickRecord> ticks) {
+Result<void> RingRecorder::collect_events(std::span<const TickRecord> ticks) {
   events_.clear();
   try {
-    if (told_ != nullptr) told_->take(pending_);
+    if (reported_ != nullptr) reported_->take(pending_);
     for (const TickRecord& tick : ticks) take_acknowledged(tick);
     return {};
   } catch (const std::bad_alloc&) {
@@ -162,7 +162,7 @@ Result<void> RingRecorder::write(std::span<const TickRecord> ticks) {
   }
 }
 
-void RingRecorder::give_up(const Error& error) {
+void RingRecorder::abandon(const Error& error) {
   // closes the file, which retains what was flushed
   writer_.reset();
   const std::lock_guard lock(mutex_);
@@ -180,7 +180,7 @@ Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64
   summary.trouble = trouble;
   if (writer_) {
     if (auto finished = writer_->finish(summary); !finished) {
-      give_up(finished.error());
+      abandon(finished.error());
       return finished.error();
     }
     writer_.reset();
@@ -194,9 +194,9 @@ Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64
 
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
-                                                 const std::filesystem::path& file, Recorder::See see,
-                                                 EventLog* told) {
-  auto recorder = std::make_unique<RingRecorder>(ring, std::move(writer), file, std::move(see), told);
+                                                 const std::filesystem::path& file, Recorder::OnTick on_tick,
+                                                 EventLog* log) {
+  auto recorder = std::make_unique<RingRecorder>(ring, std::move(writer), file, std::move(on_tick), log);
   try {
     recorder->start();
   } catch (const std::system_error& refused) {
@@ -211,14 +211,15 @@ Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
 
 Result<std::unique_ptr<Recorder>> Recorder::start(SpscRing<TickRecord>& ring,
                                                   const std::filesystem::path& file,
-                                                  const RecordingHeader& header, See see, EventLog* told) {
+                                                  const RecordingHeader& header, OnTick on_tick,
+                                                  EventLog* log) {
   std::unique_ptr<RecordingWriter> writer;
   if (!file.empty()) {
     auto created = RecordingWriter::create(file, header);
     if (!created) return created.error();
     writer = std::move(*created);
   }
-  return internal::start_recorder(ring, std::move(writer), file, std::move(see), told);
+  return internal::start_recorder(ring, std::move(writer), file, std::move(on_tick), log);
 }
 
 }  // namespace palpate

@@ -35,7 +35,7 @@ void push_all(SpscRing<TickRecord>& ring, std::span<const TickRecord> ticks) {
 
 RecordingSummary summary_of(std::span<const TickRecord> ticks) {
   RecordingSummary summary;
-  for (const TickRecord& tick : ticks) summary.see(tick);
+  for (const TickRecord& tick : ticks) summary.observe(tick);
   return summary;
 }
 
@@ -49,10 +49,10 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
   const test::TemporaryFolder folder;
   const auto ticks = test::random_ticks(5000, 2, kRecorderRate, 11);
   SpscRing<TickRecord> ring(128);  // wraps around many times
-  std::vector<std::uint64_t> seen;
+  std::vector<std::uint64_t> observed;
   auto recorder = Recorder::start(
       ring, folder / "run.h5", test::example_header(2, kRecorderRate),
-      [&](const TickRecord& tick, std::span<const RecordingEvent>) { seen.push_back(tick.state_hash); });
+      [&](const TickRecord& tick, std::span<const RecordingEvent>) { observed.push_back(tick.state_hash); });
   ASSERT_TRUE(recorder) << recorder.error().message();
 
   std::atomic<bool> pushed = false;
@@ -78,8 +78,9 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
   expected.trouble = kTrouble;
   EXPECT_EQ(test::first_difference(*finished, expected), "");
   EXPECT_EQ(test::first_difference((*recorder)->so_far(), expected), "");
-  ASSERT_EQ(seen.size(), ticks.size());
-  for (std::size_t i = 0; i < seen.size(); ++i) ASSERT_EQ(seen[i], ticks[i].state_hash) << "tick " << i;
+  ASSERT_EQ(observed.size(), ticks.size());
+  for (std::size_t i = 0; i < observed.size(); ++i)
+    ASSERT_EQ(observed[i], ticks[i].state_hash) << "tick " << i;
 
   const auto read = read_recording(folder / "run.h5");
   ASSERT_TRUE(read) << read.error().message();
@@ -92,15 +93,15 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
 TEST(Recorder, WithoutAFileStillCountsAndSees) {
   const auto ticks = test::example_ticks(700, 1, kRecorderRate);
   SpscRing<TickRecord> ring(1024);
-  std::uint64_t seen = 0;
+  std::uint64_t observed = 0;
   auto recorder = Recorder::start(ring, "", test::example_header(1, kRecorderRate),
-                                  [&](const TickRecord&, std::span<const RecordingEvent>) { ++seen; });
+                                  [&](const TickRecord&, std::span<const RecordingEvent>) { ++observed; });
   ASSERT_TRUE(recorder);
   push_all(ring, ticks);
   const auto finished = (*recorder)->finish(0, 0, {});
   ASSERT_TRUE(finished);
   EXPECT_EQ(test::first_difference(*finished, summary_of(ticks)), "");
-  EXPECT_EQ(seen, ticks.size());
+  EXPECT_EQ(observed, ticks.size());
 }
 
 TEST(Recorder, TakesWhatIsLeftBeforeItLeaves) {
@@ -128,12 +129,12 @@ TEST(Recorder, DoesNotStartWhereNoFileCanBe) {
 }
 
 // servo with counters of acknowledged commands, used by several threads
-struct ToldServo {
-  EventLog told;
+struct ReportingServo {
+  EventLog reported;
   std::atomic<std::uint32_t> version{1}, settings{0}, arming{0};
 
-  void tell(RecordingEvent::Kind kind, std::atomic<std::uint32_t>& channel, AskedBy by) {
-    told.tell([&] {
+  void tell(RecordingEvent::Kind kind, std::atomic<std::uint32_t>& channel, RequestedBy by) {
+    reported.append([&] {
       RecordingEvent event;
       event.kind = kind;
       event.by = by;
@@ -154,14 +155,15 @@ struct ToldServo {
 TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   const test::TemporaryFolder folder;
   auto ticks = test::example_ticks(20'000, 1, kRate);
-  ToldServo servo;
+  ReportingServo servo;
   SpscRing<TickRecord> ring(64);
   std::vector<RecordingEvent> heard_live;
-  const auto see = [&](const TickRecord& tick, std::span<const RecordingEvent> told) {
-    for (const RecordingEvent& event : told) EXPECT_EQ(event.tick, tick.tick);
-    heard_live.insert(heard_live.end(), told.begin(), told.end());
+  const auto on_tick = [&](const TickRecord& tick, std::span<const RecordingEvent> events) {
+    for (const RecordingEvent& event : events) EXPECT_EQ(event.tick, tick.tick);
+    heard_live.insert(heard_live.end(), events.begin(), events.end());
   };
-  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate), see, &servo.told);
+  auto recorder =
+      Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate), on_tick, &servo.reported);
   ASSERT_TRUE(recorder) << recorder.error().message();
   // faster than the ticks, so that many commands share a tick; bounded in number in case ticks take long
   std::atomic<bool> over = false;
@@ -191,7 +193,7 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   std::map<std::uint64_t, const TickRecord*> by_number;
   for (const TickRecord& tick : ticks)
     if (tick.tick % 100 != 50) by_number[tick.tick] = &tick;
-  const auto heard = [](const TickRecord& tick, const RecordingEvent& event) {
+  const auto collected = [](const TickRecord& tick, const RecordingEvent& event) {
     return (event.kind == RecordingEvent::Kind::kModel      ? tick.model_version
             : event.kind == RecordingEvent::Kind::kSettings ? tick.settings_number
                                                             : tick.arming_number) >= event.number;
@@ -200,9 +202,9 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   for (const RecordingEvent& event : read->events) {
     const auto at = by_number.find(event.tick);
     ASSERT_NE(at, by_number.end());
-    EXPECT_TRUE(heard(*at->second, event)) << event.tick;
+    EXPECT_TRUE(collected(*at->second, event)) << event.tick;
     if (at != by_number.begin()) {
-      EXPECT_FALSE(heard(*std::prev(at)->second, event)) << event.tick;
+      EXPECT_FALSE(collected(*std::prev(at)->second, event)) << event.tick;
     }
     numbers[std::min<std::size_t>(static_cast<std::size_t>(event.kind), 2)].insert(event.number);
   }
@@ -285,10 +287,10 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
                                     test::example_header(1, kRecorderRate), "run.h5");
   ASSERT_TRUE(writer);
   SpscRing<TickRecord> ring(64);
-  std::uint64_t seen = 0;
+  std::uint64_t observed = 0;
   auto recorder =
       internal::start_recorder(ring, std::move(*writer), "run.h5",
-                               [&](const TickRecord&, std::span<const RecordingEvent>) { ++seen; });
+                               [&](const TickRecord&, std::span<const RecordingEvent>) { ++observed; });
   ASSERT_TRUE(recorder);
   // would block if the ring were no longer drained
   push_all(ring, ticks);
@@ -308,7 +310,7 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
   ASSERT_FALSE(finished);
   EXPECT_EQ(finished.error().message(), failure.message());
   EXPECT_EQ((*recorder)->so_far().ticks, ticks.size() + 100);
-  EXPECT_EQ(seen, ticks.size() + 100);
+  EXPECT_EQ(observed, ticks.size() + 100);
   EXPECT_EQ(disk.steps.size(), steps_at_failure) << "written to a full disk";
 
   test::write_bytes(folder / "run.h5", disk.file);

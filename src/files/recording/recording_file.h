@@ -16,7 +16,7 @@ Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sin
 /// Implements Recorder::start with any writer or none. `file` is used in error messages only.
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
-                                                 const std::filesystem::path& file, Recorder::See see,
-                                                 EventLog* told = nullptr);
+                                                 const std::filesystem::path& file, Recorder::OnTick on_tick,
+                                                 EventLog* log = nullptr);
 
 }  // namespace palpate::internal

@@ -207,8 +207,8 @@ void rebuild(Input& input) {
 void change_bytes(Input& input) {
   std::vector<std::byte> bytes = valid_recording();
   while (!input.empty()) {
-    const std::uint64_t place = input.number(2);
-    bytes[place % bytes.size()] = static_cast<std::byte>(input.number(1));
+    const std::uint64_t index = input.number(2);
+    bytes[index % bytes.size()] = static_cast<std::byte>(input.number(1));
   }
   const test::TemporaryFolder folder;
   const auto scratch = folder / "run.h5";
@@ -232,12 +232,12 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Input input({data, size});
-  const std::uint64_t way = input.number(1);
-  if (way < 32)
+  const std::uint64_t distance = input.number(1);
+  if (distance < 32)
     receive_after_head(input.rest());
-  else if (way < 128)
+  else if (distance < 128)
     receive(input.rest());
-  else if (way < 248)
+  else if (distance < 248)
     rebuild(input);
   else
     change_bytes(input);

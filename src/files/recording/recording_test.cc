@@ -32,9 +32,9 @@ void write_recording(const std::filesystem::path& file, const RecordingHeader& h
   ASSERT_TRUE(writer) << writer.error().message();
   for (std::span<const TickRecord> rest(ticks); !rest.empty();) {
     const auto now = rest.first(std::min(piece, rest.size()));
-    const auto told = events.first(internal::events_up_to(events, now.back().tick));
-    events = events.subspan(told.size());
-    const auto appended = (*writer)->append(now, told);
+    const auto reported = events.first(internal::events_up_to(events, now.back().tick));
+    events = events.subspan(reported.size());
+    const auto appended = (*writer)->append(now, reported);
     ASSERT_TRUE(appended) << appended.error().message();
     rest = rest.subspan(now.size());
     piece = piece % 501 + 17;
@@ -96,23 +96,23 @@ TEST(Recording, MoreIsToldBeforeATickThanAPartHolds) {
   write_recording(folder / "run.h5", test::example_header(1, 500), ticks, 37, events);
   const auto source = RecordingSource::open(folder / "run.h5");
   ASSERT_TRUE(source) << source.error().message();
-  std::vector<RecordingEvent> told;
+  std::vector<RecordingEvent> recorded_events;
   std::uint64_t read = 0;
   const auto done = source->read([&](const RecordingPart& part) -> Result<void> {
     EXPECT_LE(part.ticks.size(), 4096u);
     EXPECT_LE(part.events.size(), 4096u);
-    told.insert(told.end(), part.events.begin(), part.events.end());
+    recorded_events.insert(recorded_events.end(), part.events.begin(), part.events.end());
     // the events acknowledged by these ticks are present
     for (const TickRecord& tick : part.ticks) {
       EXPECT_EQ(tick.tick, 2 * read++);
       const std::size_t due = tick.tick < 6 ? 0u : tick.tick < 9000 ? 9000u : 18000u;
-      EXPECT_GE(told.size(), due);
+      EXPECT_GE(recorded_events.size(), due);
     }
     return {};
   });
   ASSERT_TRUE(done) << done.error().message();
   EXPECT_EQ(read, ticks.size());
-  expect_same(told, events);
+  expect_same(recorded_events, events);
 }
 
 // the reader's child process and a recording in memory give the same head
@@ -142,16 +142,16 @@ TEST(RecordingSource, TellsWhatTheTicksAreAndReadsThemAgain) {
       ASSERT_TRUE(head.summary);
       for (int pass = 0; pass < 2; ++pass) {
         std::size_t read = 0;
-        std::vector<RecordingEvent> told;
+        std::vector<RecordingEvent> events;
         const auto done = source.read([&](const RecordingPart& part) -> Result<void> {
           for (const TickRecord& tick : part.ticks)
             EXPECT_EQ(test::first_difference(tick, ticks.at(read++)), "");
-          told.insert(told.end(), part.events.begin(), part.events.end());
+          events.insert(events.end(), part.events.begin(), part.events.end());
           return {};
         });
         ASSERT_TRUE(done) << done.error().message();
         EXPECT_EQ(read, ticks.size());
-        expect_same(told, test::example_events());
+        expect_same(events, test::example_events());
       }
     }
   }
@@ -215,15 +215,15 @@ TEST(RecordingSource, ReadsAsFarAsItWasOpenedAndNothingElse) {
   auto later = test::example_events();
   for (RecordingEvent& event : later) event.tick += 1000;
   ASSERT_TRUE((*writer)->append(std::span(ticks).subspan(800), later));
-  std::size_t read = 0, told = 0;
+  std::size_t read = 0, reported = 0;
   const auto count = [&](const RecordingPart& part) -> Result<void> {
     read += part.ticks.size();
-    told += part.events.size();
+    reported += part.events.size();
     return {};
   };
   ASSERT_TRUE(source->read(count));
   EXPECT_EQ(read, 800u);
-  EXPECT_EQ(told, 2u);
+  EXPECT_EQ(reported, 2u);
   // another run under the same name
   auto header = test::example_header(1);
   header.seed += 1;
@@ -314,7 +314,7 @@ TEST(Recording, DescribesEveryBit) {
   EXPECT_EQ(description(internal::event_columns(), "kind"),
             "kind of request: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 tissue solved");
   EXPECT_EQ(
-      description(internal::event_columns(), "asked_by"),
+      description(internal::event_columns(), "requested_by"),
       "source of the request: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer with "
       "view, 5 viewer with control, accepted by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
@@ -397,17 +397,17 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
     RecordingSummary summary, expected;
     TickRecord tick;
     tick.devices = 2;
-    summary.see(tick);
+    summary.observe(tick);
     // on one device, on the other, on both, and on a device that does not exist
     tick.device[0].flags = flag;
-    summary.see(tick);
+    summary.observe(tick);
     tick.device[1].flags = flag | kFlagContact;
-    summary.see(tick);
+    summary.observe(tick);
     tick.device[0].flags = 0;
-    summary.see(tick);
+    summary.observe(tick);
     tick.device[1].flags = kFlagContact;
     tick.device[2].flags = flag;
-    summary.see(tick);
+    summary.observe(tick);
     expected.ticks = 5;
     expected.*count = 3;
     expected.run_hash = summary.run_hash;
@@ -419,7 +419,7 @@ TEST(RecordingSummary, MixesTheHashOfEveryTick) {
   RecordingSummary summary;
   std::uint64_t expected = 0;
   for (const TickRecord& tick : test::example_ticks(3, 1, 1000)) {
-    summary.see(tick);
+    summary.observe(tick);
     expected = mix_run_hash(expected, tick.state_hash);
   }
   EXPECT_EQ(summary.run_hash, expected);
@@ -473,9 +473,9 @@ TEST(Recording, ReplacesAnOlderOneOnlyWhenItCanStart) {
   const auto refused = RecordingWriter::create(folder / "run.h5", header);
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().what, HasSubstr("1 to 4 devices"));
-  const auto kept = read_recording(folder / "run.h5");
-  ASSERT_TRUE(kept);
-  EXPECT_EQ((*kept).ticks.size(), 10u);
+  const auto stored = read_recording(folder / "run.h5");
+  ASSERT_TRUE(stored);
+  EXPECT_EQ((*stored).ticks.size(), 10u);
   // no temporary file is left
   EXPECT_EQ(folder.count(), 1u);
 }

@@ -165,16 +165,16 @@ std::string fitting(std::string text, std::size_t most) {
 }
 
 // truncates the list and its sentences to the limits of a recording
-std::vector<std::string> kept_trouble(const std::vector<std::string>& trouble) {
-  std::vector<std::string> kept;
+std::vector<std::string> stored_trouble(const std::vector<std::string>& trouble) {
+  std::vector<std::string> stored;
   for (const std::string& sentence : trouble) {
-    if (kept.size() + 1 == kMaxTroubles && trouble.size() > kMaxTroubles) {
-      kept.push_back("and " + std::to_string(trouble.size() - kept.size()) + " more");
+    if (stored.size() + 1 == kMaxTroubles && trouble.size() > kMaxTroubles) {
+      stored.push_back("and " + std::to_string(trouble.size() - stored.size()) + " more");
       break;
     }
-    kept.push_back(fitting(sentence, kTroubleBytes));
+    stored.push_back(fitting(sentence, kTroubleBytes));
   }
-  return kept;
+  return stored;
 }
 
 // a column and its current, partial chunk
@@ -408,7 +408,7 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
   visit_summary(summary, [&](const char* name, std::uint64_t value) {
     written = written && put(name, H5T_STD_U64LE, &value);
   });
-  if (const auto sentences = kept_trouble(summary.trouble); !sentences.empty()) {
+  if (const auto sentences = stored_trouble(summary.trouble); !sentences.empty()) {
     const Handle type = fixed_text_type(kTroubleBytes, H5T_CSET_UTF8);
     written = written &&
               grow(trouble_, type.get(), 1, 0, sentences.size(), padded(sentences, kTroubleBytes).data());

@@ -70,10 +70,10 @@ void receive_methods(Receiver& in, std::vector<RecordingHead::UsedMethod>& metho
   in.get(count);
   if (count > kMaxMethods) in.fail("it lists too many methods");
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
-    RecordingHead::UsedMethod felt;
-    in.get(felt.method);
-    in.get(felt.tick);
-    methods.push_back(felt);
+    RecordingHead::UsedMethod used;
+    in.get(used.method);
+    in.get(used.tick);
+    methods.push_back(used);
   }
 }
 
@@ -128,16 +128,16 @@ bool is_sweep(const SweepRecord& sweep) {
   const auto place = [](double mm) { return std::abs(mm) <= kFarthest_mm; };
   constexpr double kLongest_mm = 30;
   const auto along = [](double mm) { return std::abs(mm) <= kLongest_mm; };
-  double way_mm = 0;
+  double distance_mm = 0;
   for (std::size_t axis = 0; axis < 3; ++axis)
-    way_mm = std::max(way_mm, std::abs(sweep.to_mm[axis] - sweep.from_mm[axis]));
+    distance_mm = std::max(distance_mm, std::abs(sweep.to_mm[axis] - sweep.from_mm[axis]));
   const bool is_row = std::ranges::any_of(sweep.axis_mm, [](double mm) { return mm != 0; });
   if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kLargest_mm) ||
       !(is_row ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
     return false;
   return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, place) &&
          std::ranges::all_of(sweep.to_mm, place) && sweep.radius_mm > 0 && sweep.radius_mm <= kLargest_mm &&
-         way_mm <= kLargest_mm;
+         distance_mm <= kLargest_mm;
 }
 
 // @param last_tick  in: tick of the preceding event; out: tick of the last one
@@ -190,9 +190,9 @@ bool send_head(ByteTarget& target, const RecordingHead& head) {
   out.put(head.ticks);
   out.put(head.is_clock_monotonic);
   out.put(static_cast<std::uint32_t>(head.methods.size()));
-  for (const RecordingHead::UsedMethod& felt : head.methods) {
-    out.put(felt.method);
-    out.put(felt.tick);
+  for (const RecordingHead::UsedMethod& used : head.methods) {
+    out.put(used.method);
+    out.put(used.tick);
   }
   return out.ok();
 }
@@ -213,15 +213,15 @@ bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std
   return out.ok();
 }
 
-void TickProperties::see(std::uint64_t tick, double time_s, std::uint8_t method) {
+void TickProperties::observe(std::uint64_t tick, double time_s, std::uint8_t method) {
   clock_rises_ = clock_rises_ && std::isfinite(time_s) && (ticks_ == 0 || time_s > last_s_);
   last_s_ = time_s;
   ++ticks_;
-  if (std::exchange(felt_[method], true)) return;
+  if (std::exchange(touchable_[method], true)) return;
   methods_.push_back({method, tick});
 }
 
-void TickProperties::tell(RecordingHead& head) const {
+void TickProperties::write_to(RecordingHead& head) const {
   head.ticks = ticks_;
   head.is_clock_monotonic = clock_rises_;
   head.methods = methods_;
@@ -258,7 +258,7 @@ Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
   std::vector<RecordingEvent> events;
   std::vector<std::byte> buffer;
   std::uint64_t last_event_tick = 0;
-  TickProperties seen;
+  TickProperties properties;
   for (std::uint64_t left = head.ticks; left > 0;) {
     if (progress.stopped()) return Progress::interrupted();
     std::uint32_t event_count = 0, tick_count = 0;
@@ -272,10 +272,10 @@ Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
     receive_events(in, events, last_event_tick, buffer);
     ticks.assign(tick_count, {});
     receive_ticks(in, head.header.devices, ticks, buffer);
-    for (const TickRecord& tick : ticks) seen.see(tick.tick, tick.time_s, tick.method);
-    if (!seen.agrees_with(head)) in.fail("its ticks contradict its header");
+    for (const TickRecord& tick : ticks) properties.observe(tick.tick, tick.time_s, tick.method);
+    if (!properties.agrees_with(head)) in.fail("its ticks contradict its header");
     if (!in.ok()) return in.error();
-    if (auto taken = take({ticks, events}); !taken) return taken;
+    if (auto used = take({ticks, events}); !used) return used;
     left -= tick_count;
   }
   return {};

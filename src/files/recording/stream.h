@@ -36,9 +36,9 @@ using reader::ByteTarget;
 /// Properties of the sequence of ticks that the head contains, accumulated from the first tick on.
 class TickProperties {
  public:
-  void see(std::uint64_t tick, double time_s, std::uint8_t method);
+  void observe(std::uint64_t tick, double time_s, std::uint8_t method);
   /// Stores them in a head.
-  void tell(RecordingHead& head) const;
+  void write_to(RecordingHead& head) const;
   /// Whether they agree so far with a received head.
   bool agrees_with(const RecordingHead& head) const;
 
@@ -46,7 +46,7 @@ class TickProperties {
   std::uint64_t ticks_ = 0;
   bool clock_rises_ = true;
   double last_s_ = 0;
-  std::array<bool, 256> felt_{};
+  std::array<bool, 256> touchable_{};
   std::vector<RecordingHead::UsedMethod> methods_;
 };
 

@@ -5,7 +5,7 @@
 
 namespace palpate {
 
-void RecordingSummary::see(const TickRecord& tick) {
+void RecordingSummary::observe(const TickRecord& tick) {
   PALPATE_CHECK(tick.devices >= 1 && tick.devices <= kMaxDevices);
   std::uint32_t flags = 0;
   for (std::size_t d = 0; d < static_cast<std::size_t>(tick.devices); ++d) flags |= tick.device[d].flags;

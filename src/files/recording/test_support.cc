@@ -64,9 +64,9 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.field) != bits(b.field)) return "field";
   if (bits(a.depth_mm) != bits(b.depth_mm)) return "depth_mm";
   if (a.label != b.label) return "label";
-  if (a.felt_label != b.felt_label) return "felt_label";
-  if (!same(a.felt_depth_mm, b.felt_depth_mm)) return "felt_depth_mm";
-  if (!same(a.felt_share, b.felt_share)) return "felt_share";
+  if (a.path_label != b.path_label) return "path_label";
+  if (!same(a.path_depth_mm, b.path_depth_mm)) return "path_depth_mm";
+  if (!same(a.path_share, b.path_share)) return "path_share";
   if (a.contact_label != b.contact_label) return "contact_label";
   if (a.contact_part != b.contact_part) return "contact_part";
   if (!same(a.contact_patient_mm, b.contact_patient_mm)) return "contact_patient_mm";
@@ -147,9 +147,9 @@ DeviceTick random_device(RandomBits& random) {
   device.field = random.number();
   device.depth_mm = random.number();
   device.label = static_cast<std::uint16_t>(random.word());
-  for (std::uint16_t& label : device.felt_label) label = static_cast<std::uint16_t>(random.word());
-  random.fill(device.felt_depth_mm);
-  random.fill(device.felt_share);
+  for (std::uint16_t& label : device.path_label) label = static_cast<std::uint16_t>(random.word());
+  random.fill(device.path_depth_mm);
+  random.fill(device.path_share);
   for (std::uint16_t& label : device.contact_label) label = static_cast<std::uint16_t>(random.word());
   for (std::uint16_t& part : device.contact_part) part = static_cast<std::uint16_t>(random.word());
   random.fill(device.contact_patient_mm);
@@ -314,7 +314,7 @@ std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate
     tick.switches = static_cast<std::uint8_t>(random.word());
     tick.max_force_N = random.number();
     random.fill(tick.rotation_target_wxyz);
-    random.fill(tick.rotation_felt_wxyz);
+    random.fill(tick.rotation_applied_wxyz);
     tick.devices = devices;
     for (int d = 0; d < devices; ++d) tick.device[static_cast<std::size_t>(d)] = random_device(random);
     tick.state_hash = random.word();
@@ -334,7 +334,7 @@ std::string first_difference(const TickRecord& a, const TickRecord& b) {
   if (a.switches != b.switches) return "switches";
   if (bits(a.max_force_N) != bits(b.max_force_N)) return "max_force_N";
   if (!same(a.rotation_target_wxyz, b.rotation_target_wxyz)) return "rotation_target_wxyz";
-  if (!same(a.rotation_felt_wxyz, b.rotation_felt_wxyz)) return "rotation_felt_wxyz";
+  if (!same(a.rotation_applied_wxyz, b.rotation_applied_wxyz)) return "rotation_applied_wxyz";
   if (a.devices != b.devices) return "devices";
   for (std::size_t d = 0; d < a.device.size(); ++d)
     if (const auto name = first_difference(a.device[d], b.device[d]); !name.empty())

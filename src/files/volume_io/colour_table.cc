@@ -10,7 +10,7 @@ using namespace volume_io;
 Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const std::string& source) {
   constexpr const char* kRemedy = "a line is: value name red green blue alpha, e.g. 95 femur 197 189 177 255";
   std::vector<NamedLabel> labels;
-  std::set<LabelId> seen;
+  std::set<LabelId> used_labels;
   for (int number = 1; !text.empty(); ++number) {
     const std::string_view line = trimmed(take_line(text));
     if (line.empty() || line.front() == '#') continue;
@@ -21,7 +21,7 @@ Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const 
       return bad_input(where, "has " + std::to_string(fields.size()) + " words instead of 6", kRemedy);
     const auto value = parse_number<LabelId>(fields[0]);
     if (!value) return bad_input(where, "the value is not a whole number in 0 ... 65535", kRemedy);
-    if (!seen.insert(*value).second)
+    if (!used_labels.insert(*value).second)
       return bad_input(where, "value " + std::to_string(*value) + " is named a second time",
                        "keep one of the lines");
     if (auto fault = name_fault(fields[1])) return bad_input(where, *fault, "rename the structure");

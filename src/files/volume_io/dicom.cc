@@ -231,12 +231,13 @@ Result<DicomContent> look_at(DicomLibrary& library, const FoundFiles& found, con
     if (!look(n)) break;
     const auto opened = InputFile::open(found.files[n]);
     std::string front(kKindBytes, '\0');
-    const auto got = opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
-    if (!got) {
+    const auto received =
+        opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
+    if (!received) {
       leave_out(bad_input("", "cannot be read", "check that you have permission to read it"));
       continue;
     }
-    front.resize(*got);
+    front.resize(*received);
     const auto kind = dicom_kind_of(found.files[n], front);
     if (!kind) {
       ++others;
@@ -392,7 +393,7 @@ Result<DicomContent> look_for(DicomLibrary& library, reader::ParentEnd& parent, 
 // a parsed segmentation
 struct Segments {
   std::vector<fs::path> files;  // indexed by DicomFrame::file
-  DicomSegmentation said;
+  DicomSegmentation stated;
   SegmentGrid grid;
   std::vector<std::vector<std::size_t>> frames_at;  // frame indices, by slice
   std::vector<int> layer_of_number;                 // indexed by segment number
@@ -425,15 +426,15 @@ class SegmentPixels {
   }
   // calls take(voxel, segment number) for each voxel that is in a segment
   template <class Take>
-  Result<void> read(const DicomSegmentation& said, std::size_t n, const Take& take) {
-    const DicomFrame& frame = said.frames[n];
+  Result<void> read(const DicomSegmentation& segmentation, std::size_t n, const Take& take) {
+    const DicomFrame& frame = segmentation.frames[n];
     values_.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
     if (auto read = opened_[frame.file].pixels->read(frame, values_); !read)
       return in_file(bad_input("", "frame " + std::to_string(frame.frame + 1) + " " + read.error().what,
                                read.error().remedy),
                      *files_, frame.file);
-    const int segment = said.segment_of_frame[n];
-    const SegmentCoding& coding = said.codings[frame.file];
+    const int segment = segmentation.segment_of_frame[n];
+    const SegmentCoding& coding = segmentation.codings[frame.file];
     for (std::size_t v = 0; v < values_.size(); ++v) {
       const std::int64_t value = values_[v];
       switch (coding.kind) {
@@ -465,20 +466,20 @@ class SegmentPixels {
 // @param look  called before each slice; false: the parent has gone
 template <class Look>
 Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Look& look) {
-  const DicomSegmentation& said = segments.said;
+  const DicomSegmentation& segmentation = segments.stated;
   std::vector<int> index_of_number(kNumbers, -1);
-  for (std::size_t n = 0; n < said.segments.size(); ++n)
-    index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
+  for (std::size_t n = 0; n < segmentation.segments.size(); ++n)
+    index_of_number[static_cast<std::size_t>(segmentation.segments[n].number)] = static_cast<int>(n);
   SegmentOverlapPairs meetings;
   // the labels of a single file are mutually exclusive
-  if (said.codings.size() > 1 || said.codings.front().kind != SegmentCoding::Kind::kLabels) {
+  if (segmentation.codings.size() > 1 || segmentation.codings.front().kind != SegmentCoding::Kind::kLabels) {
     auto pixels = SegmentPixels::open(library, segments.files);
     if (!pixels) return pixels.error();
     const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
       const auto& frames = segments.frames_at[k];
       if (frames.size() < 2) return {};
       for (const std::size_t n : frames) {
-        const auto read = pixels->read(said, n, [&](std::size_t v, int segment) {
+        const auto read = pixels->read(segmentation, n, [&](std::size_t v, int segment) {
           if (const int index = index_of_number[static_cast<std::size_t>(segment)]; index >= 0)
             take(v, index);
         });
@@ -490,9 +491,9 @@ Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Look
     if (!found) return found.error();
     meetings = *std::move(found);
   }
-  const auto layers = assign_layers(said.segments.size(), meetings, segments.file);
+  const auto layers = assign_layers(segmentation.segments.size(), meetings, segments.file);
   for (std::size_t n = 0; n < layers.size(); ++n)
-    segments.layer_of_number[static_cast<std::size_t>(said.segments[n].number)] = layers[n];
+    segments.layer_of_number[static_cast<std::size_t>(segmentation.segments[n].number)] = layers[n];
   return {};
 }
 
@@ -500,17 +501,17 @@ Result<DicomSegmentation> read_segmentation_file(DicomLibrary& library, const fs
   const auto opened = InputFile::open(file);
   if (!opened) return opened.error();
   std::string front(kKindBytes, '\0');
-  const auto got = opened->read_at(0, std::as_writable_bytes(std::span(front)));
-  front.resize(got ? *got : 0);
-  auto said = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
-  if (!said) return said.error();
-  std::erase_if(said->segments, [](const DicomSegment& segment) { return is_background(segment); });
+  const auto received = opened->read_at(0, std::as_writable_bytes(std::span(front)));
+  front.resize(received ? *received : 0);
+  auto stated = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
+  if (!stated) return stated.error();
+  std::erase_if(stated->segments, [](const DicomSegment& segment) { return is_background(segment); });
   std::set<int> numbers;
-  for (const DicomSegment& segment : said->segments)
+  for (const DicomSegment& segment : stated->segments)
     if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) ||
         !numbers.insert(segment.number).second)
       return bad_input("", "has a SegmentNumber (0062,0004) that is 0 or repeated", "export it again");
-  return said;
+  return stated;
 }
 
 // @param look  called regularly; false: the parent has gone
@@ -529,16 +530,16 @@ Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::p
     series.insert(part->series_uid);
     parts.push_back(*std::move(part));
   }
-  segments.said = join_segmentations(std::move(parts));
-  const DicomSegmentation& said = segments.said;
-  if (std::ranges::any_of(said.segments,
+  segments.stated = join_segmentations(std::move(parts));
+  const DicomSegmentation& segmentation = segments.stated;
+  if (std::ranges::any_of(segmentation.segments,
                           [](const auto& segment) { return segment.number >= static_cast<int>(kNumbers); }))
     return bad_input("", "has more segments than label numbers", "read fewer of its files at a time");
-  auto grid = lay_segments(said);
+  auto grid = lay_segments(segmentation);
   if (!grid) return grid.error();
   segments.grid = *std::move(grid);
   segments.frames_at.resize(static_cast<std::size_t>(segments.grid.geometry.dims[2]));
-  for (std::size_t n = 0; n < said.frames.size(); ++n)
+  for (std::size_t n = 0; n < segmentation.frames.size(); ++n)
     segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
   segments.layer_of_number.assign(kNumbers, 0);
   segments.file = labels_in_slices(segments.grid.geometry, named);
@@ -549,15 +550,15 @@ Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::p
     notes.push_back("is spread over " + std::to_string(files.size()) + " files of " +
                     counted(series.size(), "series", "series") +
                     ", which are read as one segmentation with " +
-                    counted(said.segments.size(), "segment", "segments"));
-  if (std::ranges::any_of(said.codings, [](const SegmentCoding& coding) {
+                    counted(segmentation.segments.size(), "segment", "segments"));
+  if (std::ranges::any_of(segmentation.codings, [](const SegmentCoding& coding) {
         return coding.kind == SegmentCoding::Kind::kFractional;
       }))
     notes.push_back(
         "is fractional: a voxel belongs to a segment at half of MaximumFractionalValue (0062,000E) or more");
   std::vector<std::string> names;
-  for (std::size_t n = 0; n < said.segments.size(); ++n) {
-    const DicomSegment& segment = said.segments[n];
+  for (std::size_t n = 0; n < segmentation.segments.size(); ++n) {
+    const DicomSegment& segment = segmentation.segments[n];
     std::string name = name_of_segment(segment);
     // several files may use the same names
     if (files.size() > 1) name = unique_name(std::move(name), names);
@@ -578,9 +579,9 @@ Result<void> send_segments(DicomLibrary& library, const Segments& segments, Voxe
         return segments.layer_of_number[static_cast<std::size_t>(segment)] == layer;
       };
       // 0: a label map, whose labels may be in different layers
-      const int only = segments.said.segment_of_frame[n];
+      const int only = segments.stated.segment_of_frame[n];
       if (only != 0 && !in_layer(only)) continue;
-      const auto read = pixels->read(segments.said, n, [&](std::size_t v, int segment) {
+      const auto read = pixels->read(segments.stated, n, [&](std::size_t v, int segment) {
         if (in_layer(segment)) take(v, segment);
       });
       if (!read) return read;
@@ -594,7 +595,7 @@ Result<void> send_segments(DicomLibrary& library, const Segments& segments, Voxe
 
 // contours rasterised on the grid of a scan
 struct Structures {
-  std::vector<DicomStructure> said;  // the structures with closed contours, which have moved to `planes`
+  std::vector<DicomStructure> stated;  // the structures with closed contours, which have moved to `planes`
   std::vector<StructurePlanes> planes;
   std::vector<int> layers;
   VolumeFile file;
@@ -615,7 +616,7 @@ void note_structures(const Structures& structures, const std::vector<std::string
   std::size_t bridged = 0;
   std::vector<std::string> with_gaps;
   for (std::size_t n = 0; n < structures.planes.size(); ++n) {
-    const std::string name = name_of_segment(structures.said[n].segment);
+    const std::string name = name_of_segment(structures.stated[n].segment);
     if (structures.planes[n].bridged() > 0) with_gaps.push_back(name);
     bridged += structures.planes[n].bridged();
     if (voxels[n] == 0)
@@ -623,19 +624,19 @@ void note_structures(const Structures& structures, const std::vector<std::string
     else if (structures.planes[n].is_cut())
       cut.push_back(name);
   }
-  const auto tell = [&](const std::string& what, const std::vector<std::string>& names) {
+  const auto warn_about = [&](const std::string& what, const std::vector<std::string>& names) {
     if (!names.empty()) file.notes.push_back(what + ": " + names_in_words(names));
   };
-  tell("has structures without a closed contour, which were left out", without_contours);
+  warn_about("has structures without a closed contour, which were left out", without_contours);
   if (left_out > 0)
     file.notes.push_back(counted(left_out, "contour is open, a point or less than a triangle, and was",
                                  "contours are open, points or less than a triangle, and were") +
                          " left out");
-  tell("lacks contours in " + counted(bridged, "plane", "planes") +
-           " between others, where the contours of the nearest plane are used",
-       with_gaps);
-  tell("has structures that extend beyond the scan and are cut off there", cut);
-  tell("has structures that contain no voxel centre or lie outside the scan", empty);
+  warn_about("lacks contours in " + counted(bridged, "plane", "planes") +
+                 " between others, where the contours of the nearest plane are used",
+             with_gaps);
+  warn_about("has structures that extend beyond the scan and are cut off there", cut);
+  warn_about("has structures that contain no voxel centre or lie outside the scan", empty);
 }
 
 // @param look  called regularly; false: the parent has gone
@@ -648,11 +649,11 @@ Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& nam
   std::size_t left_out = 0;
   const auto opened = InputFile::open(named);
   if (!opened) return opened.error();
-  auto said = library.read_structures(opened->name_for_libraries());
-  if (!said) return said.error();
-  if (said->size() >= kNumbers)
+  auto stated = library.read_structures(opened->name_for_libraries());
+  if (!stated) return stated.error();
+  if (stated->size() >= kNumbers)
     return bad_input("", "has more structures than label numbers", "export fewer of them");
-  for (DicomStructure& structure : *said) {
+  for (DicomStructure& structure : *stated) {
     left_out += structure.left_out;
     if (structure.contours.empty()) {
       without_contours.push_back(name_of_segment(structure.segment));
@@ -663,7 +664,7 @@ Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& nam
     if (!planes) return planes.error();
     structures.planes.push_back(*std::move(planes));
     structure.contours.clear();
-    structures.said.push_back(std::move(structure));
+    structures.stated.push_back(std::move(structure));
   }
 
   std::vector<std::uint64_t> voxels(structures.planes.size());
@@ -680,10 +681,10 @@ Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& nam
   structures.file = labels_in_slices(grid, named);
   structures.layers = assign_layers(structures.planes.size(), *meetings, structures.file);
   note_structures(structures, without_contours, left_out, voxels, structures.file);
-  for (std::size_t n = 0; n < structures.said.size(); ++n)
-    put_segment(structures.file, n, name_of_segment(structures.said[n].segment),
-                structures.said[n].segment.number, structures.layers[n],
-                colour_of_structure(structures.said[n]));
+  for (std::size_t n = 0; n < structures.stated.size(); ++n)
+    put_segment(structures.file, n, name_of_segment(structures.stated[n].segment),
+                structures.stated[n].segment.number, structures.layers[n],
+                colour_of_structure(structures.stated[n]));
   return structures;
 }
 
@@ -692,7 +693,7 @@ Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
     for (std::size_t n = 0; n < structures.planes.size(); ++n)
       if (structures.layers[n] == layer)
         structures.planes[n].read_slice(static_cast<int>(k),
-                                        [&](std::size_t v) { take(v, structures.said[n].segment.number); });
+                                        [&](std::size_t v) { take(v, structures.stated[n].segment.number); });
     return {};
   };
   return send_layers(structures.file.header, read_slice, sink);
@@ -720,9 +721,9 @@ bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Foun
   if (!chosen) return send_end(parent, chosen.error());
   if (!send_end(parent, {})) return false;
   const DicomVolume& volume = content->volumes[*chosen];
-  std::vector<std::string> said = content->notes;
-  said.insert(said.end(), volume.notes.begin(), volume.notes.end());
-  const VolumeFile file = volume_of(volume, named, std::move(said));
+  std::vector<std::string> stated = content->notes;
+  stated.insert(stated.end(), volume.notes.begin(), volume.notes.end());
+  const VolumeFile file = volume_of(volume, named, std::move(stated));
   if (!send_volume(parent, file, {&named, 1})) return false;
   while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
@@ -831,14 +832,14 @@ Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& fo
   std::size_t begun = 0;
   while (true) {
     std::uint32_t number = 0;
-    if (auto said = process.read(std::as_writable_bytes(std::span(&number, 1))); !said) {
+    if (auto stated = process.read(std::as_writable_bytes(std::span(&number, 1))); !stated) {
       // the file being read can only be identified by its path
       if (begun < found.files.size() && found.files.size() > 1) {
-        Error error = about(said.error(), {&found.files[begun], 1});
+        Error error = about(stated.error(), {&found.files[begun], 1});
         if (error.kind == ErrorKind::kBadInput) error.remedy += ", or take it out of the folder";
         return error;
       }
-      return about(said.error(), named);
+      return about(stated.error(), named);
     }
     if (number == kEnd) return receive_end(process, named);
     begun = std::min<std::size_t>(number, found.files.size());
@@ -890,7 +891,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
   });
   if (!process) return at(directory, process.error());
   const Files named{&directory, 1};
-  if (auto looked = wait_for_files(**process, itself, named, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, itself, named, progress); !result) return result.error();
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t count = 0;
   in.get(count);
@@ -984,7 +985,7 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   });
   if (!process) return at(study, process.error());
   const Files named{&study, 1};
-  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, *found, named, progress); !result) return result.error();
   reader::Receiver in(**process, "is damaged: ");
   DicomIdentity identity;
   std::uint32_t attributes = 0, images = 0;
@@ -1019,7 +1020,7 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, *found, named, progress); !result) return result.error();
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
@@ -1052,7 +1053,7 @@ Result<DicomReader> open_dicom_labels(const fs::path& file, std::vector<fs::path
   all.files = {file};
   std::vector<fs::path> blamed{file};
   blamed.insert(blamed.end(), found.files.begin(), found.files.end());
-  if (auto looked = wait_for_files(**process, all, blamed, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, all, blamed, progress); !result) return result.error();
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
@@ -1182,7 +1183,7 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   if (!process) return at(study.scan, process.error());
   std::vector<fs::path> named{study.scan, *study.labels};
   named.insert(named.end(), files.begin(), files.end());
-  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, *found, named, progress); !result) return result.error();
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t number = 0, is_stated = 0, notes = 0;
   in.get(number);
@@ -1256,7 +1257,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, *found, named, progress); !result) return result.error();
   reader::Receiver in(**process, "is damaged: ");
   VolumeList list;
   std::uint32_t count = 0;
@@ -1308,9 +1309,9 @@ bool says_nothing_is_burnt_in(const DicomIdentifier& identifier) {
   return identifier.what.starts_with("BurnedInAnnotation") && identifier.value == "NO";
 }
 
-void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_said, IdentifierRows& all) {
+void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_stated, IdentifierRows& all) {
   ++all.files;
-  all.burnt_in_unsaid += !picture_said;
+  all.burnt_in_unsaid += !picture_stated;
   std::set<IdentifierRows::Key> in_file;
   for (const DicomIdentifier& one : found) {
     if (says_nothing_is_burnt_in(one)) continue;
@@ -1346,9 +1347,10 @@ bool send_identifiers(DicomLibrary& library, reader::ParentEnd& parent, const Fo
       continue;
     }
     const bool image = kind->dicom_image;
-    bool said = !image;
-    for (const DicomIdentifier& one : *identifiers) said = said || one.what.starts_with("BurnedInAnnotation");
-    put_identifiers(*identifiers, said, all);
+    bool stated = !image;
+    for (const DicomIdentifier& one : *identifiers)
+      stated = stated || one.what.starts_with("BurnedInAnnotation");
+    put_identifiers(*identifiers, stated, all);
   }
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
@@ -1380,7 +1382,7 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  if (auto result = wait_for_files(**process, *found, named, progress); !result) return result.error();
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t files = 0, unsaid = 0, unread = 0, beyond = 0, rows = 0;
   for (std::uint32_t* number : {&files, &unsaid, &unread, &beyond, &rows}) in.get(*number);

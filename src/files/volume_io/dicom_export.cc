@@ -20,10 +20,10 @@ namespace {
 SegmentToWrite segment_to_write(const Segment& segment) {
   SegmentToWrite out;
   // maximum length of a SegmentLabel
-  std::size_t kept = 64;
+  std::size_t retained = 64;
   // do not cut a UTF-8 character
-  while (kept < segment.name.size() && (segment.name[kept] & 0xC0) == 0x80) --kept;
-  out.name = segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name.substr(0, kept);
+  while (retained < segment.name.size() && (segment.name[retained] & 0xC0) == 0x80) --retained;
+  out.name = segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name.substr(0, retained);
   std::ranges::replace(out.name, '\\', '/');
   out.colour = {segment.colour.r, segment.colour.g, segment.colour.b};
   const DicomSegment known = segment_called(segment.name);

@@ -302,7 +302,7 @@ std::optional<std::array<double, 3>> gradient_of(const Attributes& attributes, D
   return numbers_of<3>(*direction, DCM_DiffusionGradientOrientation);
 }
 
-void read_what_tells_apart(const Attributes& attributes, DcmItem& root, DicomFrame& frame) {
+void read_distinguishing_values(const Attributes& attributes, DcmItem& root, DicomFrame& frame) {
   frame.echo_time_ms = attributes.number(DCM_MREchoSequence, DCM_EffectiveEchoTime);
   if (!frame.echo_time_ms) frame.echo_time_ms = number_of(root, DCM_EchoTime);
   frame.b_value = attributes.number(DCM_MRDiffusionSequence, DCM_DiffusionBValue);
@@ -333,10 +333,10 @@ std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& 
   DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
   if (text_of(item, tag).empty()) return std::nullopt;
   constexpr double kMost = 1e30;  // leaves some margin to a float's range
-  const auto said = number_of(item, tag);
-  if (!said || std::abs(*said) > kMost)
+  const auto stated = number_of(item, tag);
+  if (!stated || std::abs(*stated) > kMost)
     return Fault{"has a " + in_words(tag) + " that is not a number", kExport};
-  number = *said;
+  number = *stated;
   return std::nullopt;
 }
 
@@ -514,10 +514,10 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
 
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
-  const double said = number_of(root, DCM_NumberOfFrames).value_or(1);
+  const double stated = number_of(root, DCM_NumberOfFrames).value_or(1);
   constexpr double kMaxFrames = 100'000;
-  const bool countable = said >= 1 && said <= kMaxFrames;
-  std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
+  const bool countable = stated >= 1 && stated <= kMaxFrames;
+  std::size_t count = countable ? static_cast<std::size_t>(stated) : 1;
   if (!countable && !fault) fault = Fault{"has an invalid NumberOfFrames (0028,0008)", kExport};
   if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
   // limits memory for a frame count without matching pixel data
@@ -541,7 +541,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
                     kExport};
     }
     if (frame.rows == 0 || frame.columns == 0) frame.placed = false;
-    read_what_tells_apart(attributes, root, frame);
+    read_distinguishing_values(attributes, root, frame);
     if (auto scale = read_scale(attributes, frame); scale && !wrong) wrong = scale;
     if (fault) wrong = fault;
     if (wrong) {
@@ -655,8 +655,8 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
   // the frame count must match the items, so that it cannot demand memory by itself
-  const double said = number_of(root, DCM_NumberOfFrames).value_or(0);
-  if (said < 1 || said != static_cast<double>(own.size()))
+  const double stated = number_of(root, DCM_NumberOfFrames).value_or(0);
+  if (stated < 1 || stated != static_cast<double>(own.size()))
     return refused({"has " + std::to_string(own.size()) +
                         " items of PerFrameFunctionalGroupsSequence (5200,9230) but a different "
                         "NumberOfFrames (0028,0008)",
@@ -723,8 +723,8 @@ std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKe
 // points of a contour, without a repetition of the first at the end; nullopt if they are invalid
 std::optional<std::vector<Eigen::Vector3d>> points_of(DcmItem& contour) {
   const auto numbers = long_numbers_of(contour, DCM_ContourData);
-  const auto said = number_of(contour, DCM_NumberOfContourPoints);
-  if (!numbers || numbers->size() % 3 != 0 || (said && *said != static_cast<double>(numbers->size() / 3)))
+  const auto stated = number_of(contour, DCM_NumberOfContourPoints);
+  if (!numbers || numbers->size() % 3 != 0 || (stated && *stated != static_cast<double>(numbers->size() / 3)))
     return std::nullopt;
   std::vector<Eigen::Vector3d> points;
   for (std::size_t n = 0; n < numbers->size(); n += 3) points.emplace_back(numbers->data() + n);
@@ -907,10 +907,10 @@ void FilePixels::find_fragments() {
   std::uint64_t begins = 0;
   std::size_t next = 0;  // byte offset in the table
   for (std::size_t n = 1; n < fragments_.size(); ++n) {
-    std::uint64_t said = 0;
+    std::uint64_t stated = 0;
     for (std::size_t byte = 4; !one_each && next + 4 <= table.size() && byte-- > 0;)
-      said = said << 8 | table[next + byte];
-    if (one_each || (next + 4 <= table.size() && said == begins)) {
+      stated = stated << 8 | table[next + byte];
+    if (one_each || (next + 4 <= table.size() && stated == begins)) {
       first_of_frame_.push_back(n);
       next += 4;
     }
@@ -940,7 +940,7 @@ constexpr const char* kOtherPixels = "has PixelData (7FE0,0010) that contradicts
 constexpr const char* kCopyAgain = "copy the series again";
 
 // true if the compressed image matches the attributes of the data set
-bool is_as_said(const Jpeg2000Header& packed, const DicomFrame& frame) {
+bool is_as_stated(const Jpeg2000Header& packed, const DicomFrame& frame) {
   if (packed.components != 1 || packed.subsampled ||
       packed.columns != static_cast<std::uint32_t>(frame.columns) ||
       packed.rows != static_cast<std::uint32_t>(frame.rows))
@@ -959,7 +959,7 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
   if (header->high_throughput)
     return bad_input("", std::string("is compressed as ") + kHighThroughput + ", which is not read",
                      kDecompress);
-  if (!is_as_said(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
+  if (!is_as_stated(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
   // each tile takes memory, however small it is
   constexpr std::uint64_t kMaxTiles = 4096;
   if (header->tiles > kMaxTiles)

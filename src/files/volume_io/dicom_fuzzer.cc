@@ -67,16 +67,16 @@ void look_at_structures(const std::string& name) {
 
 // the same bytes as a segmentation
 void look_at_segmentation(const std::string& name, const std::string& syntax) {
-  const auto said = library().read_segmentation(name, syntax);
-  if (!said) return must(!said.error().what.empty());
-  must(said->frames.size() == said->segment_of_frame.size());
-  for (const DicomSegment& segment : said->segments) must(!name_of_segment(segment).empty());
-  const auto grid = lay_segments(*said);
+  const auto stated = library().read_segmentation(name, syntax);
+  if (!stated) return must(!stated.error().what.empty());
+  must(stated->frames.size() == stated->segment_of_frame.size());
+  for (const DicomSegment& segment : stated->segments) must(!name_of_segment(segment).empty());
+  const auto grid = lay_segments(*stated);
   if (!grid) return must(!grid.error().what.empty());
-  must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == said->frames.size());
+  must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == stated->frames.size());
   for (const int slice : grid->slice_of_frame) must(slice >= 0 && slice < grid->geometry.dims[2]);
   auto pixels = library().open_pixels(name);
-  const DicomFrame& frame = said->frames.back();
+  const DicomFrame& frame = stated->frames.back();
   const auto count = static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns);
   if (!pixels || count > std::size_t{1} << 16) return;
   std::vector<std::int64_t> values(count);

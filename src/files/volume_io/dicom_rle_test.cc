@@ -40,9 +40,9 @@ PlainBytes pack_bits(const PlainBytes& plain, Random& random) {
   return packed;
 }
 
-void put_number(PlainBytes& bytes, std::size_t place, std::size_t number) {
+void put_number(PlainBytes& bytes, std::size_t index, std::size_t number) {
   for (std::size_t byte = 0; byte < 4; ++byte)
-    bytes[4 * place + byte] = static_cast<std::uint8_t>(number >> (8 * byte));
+    bytes[4 * index + byte] = static_cast<std::uint8_t>(number >> (8 * byte));
 }
 
 // frame of little-endian words
@@ -140,10 +140,10 @@ TEST(DicomRle, HeadersThatPointElsewhereAreRefused) {
   const PlainBytes packed = pack_frame(words, 2, random);
   ASSERT_TRUE(unpacked(packed, 2, 200));
   for (const std::size_t wrong : {std::size_t{0}, std::size_t{63}, packed.size() + 1, ~std::size_t{0}})
-    for (const std::size_t place : {1, 2}) {
+    for (const std::size_t index : {1, 2}) {
       PlainBytes bytes = packed;
-      put_number(bytes, place, wrong);
-      EXPECT_FALSE(unpacked(bytes, 2, 200)) << place << " at " << wrong;
+      put_number(bytes, index, wrong);
+      EXPECT_FALSE(unpacked(bytes, 2, 200)) << index << " at " << wrong;
     }
   for (const std::size_t segments : {0u, 1u, 3u, 15u, 16u, ~0u}) {
     PlainBytes bytes = packed;

@@ -246,26 +246,26 @@ std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, do
 
 /// Determines the slice distance.
 /// @param places_mm  positions in ascending order
-SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> said_mm) {
+SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> stated_mm) {
   std::vector<double> gaps_mm;
   for (std::size_t n = 1; n < places_mm.size(); ++n)
     if (const double gap_mm = places_mm[n] - places_mm[n - 1]; gap_mm > kSameSlice_mm)
       gaps_mm.push_back(gap_mm);
-  if (gaps_mm.empty()) return {said_mm.value_or(0), places_mm.front()};
+  if (gaps_mm.empty()) return {stated_mm.value_or(0), places_mm.front()};
   const auto [least, most] = std::ranges::minmax(gaps_mm);
   const bool regular = gaps_mm.size() > 1 && most - least <= kMaxOffSlice * most;
-  const double said_step_mm = said_mm ? even_step(places_mm, *said_mm) : 0,
+  const double stated_step_mm = stated_mm ? even_step(places_mm, *stated_mm) : 0,
                min_step_mm = even_step(places_mm, least);
   // if all frames are at every second slice of the stated grid, they are the slices of a coarser one
   constexpr double kNextSlice = 1.5;
-  if (said_step_mm > 0 && !(regular && least > kNextSlice * said_step_mm))
-    return {said_step_mm, places_mm.front()};
-  if (said_mm && !regular)
-    if (auto rounded = rounded_steps(places_mm, *said_mm)) return *std::move(rounded);
+  if (stated_step_mm > 0 && !(regular && least > kNextSlice * stated_step_mm))
+    return {stated_step_mm, places_mm.front()};
+  if (stated_mm && !regular)
+    if (auto rounded = rounded_steps(places_mm, *stated_mm)) return *std::move(rounded);
   SliceSteps steps{min_step_mm, places_mm.front()};
-  if (said_mm && min_step_mm > 0)
+  if (stated_mm && min_step_mm > 0)
     steps.note =
-        "states that slices are " + segment_mm(*said_mm) +
+        "states that slices are " + segment_mm(*stated_mm) +
         " mm apart (SpacingBetweenSlices (0018,0088), or SliceThickness (0018,0050)), but its frames are " +
         segment_mm(min_step_mm) + " mm apart: the positions are used";
   return steps;
@@ -285,8 +285,8 @@ Vector shift_of_tilt(const std::vector<DicomFrame>& frames, const std::vector<do
   const auto frame_at = [&](auto place) -> const DicomFrame& {
     return frames[static_cast<std::size_t>(place - places_mm.begin())];
   };
-  const Vector way = frame_at(highest).position - frame_at(lowest).position;
-  return (way - way.dot(normal) * normal) / length_mm;
+  const Vector displacement = frame_at(highest).position - frame_at(lowest).position;
+  return (displacement - displacement.dot(normal) * normal) / length_mm;
 }
 
 }  // namespace
@@ -328,18 +328,18 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
   SegmentGrid grid;
   if (!steps.note.empty()) grid.notes.push_back(std::move(steps.note));
   const Vector shift = shift_of_tilt(frames, places_mm, normal);
-  std::set<std::tuple<std::uint32_t, int, int>> seen;
+  std::set<std::tuple<std::uint32_t, int, int>> observed;
   int last = 0;
   for (std::size_t n = 0; n < frames.size(); ++n) {
-    const Vector way = frames[n].position - first.position;
-    const double aside_mm = (way - places_mm[n] * (normal + shift)).norm();
+    const Vector displacement = frames[n].position - first.position;
+    const double aside_mm = (displacement - places_mm[n] * (normal + shift)).norm();
     if (aside_mm > std::max(2e-3, 0.01 * std::min(first.row_spacing_mm, first.column_spacing_mm)))
       return refused("frame " + std::to_string(n + 1) + " lies " + segment_mm(aside_mm) +
                      " mm to the side of the first one");
     const int slice = static_cast<int>(std::lround((places_mm[n] - steps.first_mm) / step_mm));
     const int segment = segmentation.segment_of_frame[n];
     const bool labels = holds_labels(segmentation, frames[n]);
-    if (!seen.insert({labels ? frames[n].file : 0, segment, slice}).second)
+    if (!observed.insert({labels ? frames[n].file : 0, segment, slice}).second)
       return refused(
           (labels ? "has two frames of labels" : "has two frames of segment " + std::to_string(segment)) +
           " at the same position, frame " + std::to_string(n + 1) + " and an earlier one");
@@ -464,13 +464,13 @@ std::string colour_of_segment(const DicomSegment& segment) {
 std::vector<int> layers_of_segments(std::size_t segments, const std::vector<std::pair<int, int>>& overlaps) {
   std::vector<int> layers(segments, -1);
   for (std::size_t n = 0; n < segments; ++n) {
-    std::set<int> taken;
+    std::set<int> used;
     for (const auto& [one, other] : overlaps) {
-      if (one == static_cast<int>(n)) taken.insert(layers[static_cast<std::size_t>(other)]);
-      if (other == static_cast<int>(n)) taken.insert(layers[static_cast<std::size_t>(one)]);
+      if (one == static_cast<int>(n)) used.insert(layers[static_cast<std::size_t>(other)]);
+      if (other == static_cast<int>(n)) used.insert(layers[static_cast<std::size_t>(one)]);
     }
     int layer = 0;
-    while (taken.contains(layer)) ++layer;
+    while (used.contains(layer)) ++layer;
     layers[n] = layer;
   }
   return layers;

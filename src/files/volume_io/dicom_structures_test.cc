@@ -220,11 +220,12 @@ TEST(DicomStructures, APlateInObliquePlanes) {
 
 // Distance of a point to the nearest contour of its plane and to the nearest boundary between planes, and
 // whether it is inside, by the nearest plane and the sum of angles around the point.
-struct Told {
+struct Reported {
   bool in = false;
   double margin_mm = 1e9;
 };
-Told told_slowly(const std::vector<Contour3>& contours, const V3& normal, double gap_mm, const V3& p) {
+Reported reported_slowly(const std::vector<Contour3>& contours, const V3& normal, double gap_mm,
+                         const V3& p) {
   double nearest = 1e9, second = 1e9;
   for (const Contour3& contour : contours) {
     const double off = std::abs((p - contour.front()).dot(normal));
@@ -233,9 +234,9 @@ Told told_slowly(const std::vector<Contour3>& contours, const V3& normal, double
     else if (off > nearest + 1e-6)
       second = std::min(second, off);
   }
-  Told told;
-  told.margin_mm = std::min((second - nearest) / 2, std::abs(gap_mm / 2 - nearest));
-  if (nearest > gap_mm / 2) return told;
+  Reported reported;
+  reported.margin_mm = std::min((second - nearest) / 2, std::abs(gap_mm / 2 - nearest));
+  if (nearest > gap_mm / 2) return reported;
   for (const Contour3& contour : contours) {
     if (std::abs((p - contour.front()).dot(normal)) > nearest + 1e-6) continue;
     const V3 flat = p - (p - contour.front()).dot(normal) * normal;
@@ -245,11 +246,11 @@ Told told_slowly(const std::vector<Contour3>& contours, const V3& normal, double
       angle += std::atan2(normal.dot(a.cross(b)), a.dot(b));
       const V3 edge = b - a;
       const double along = std::clamp(-a.dot(edge) / edge.squaredNorm(), 0.0, 1.0);
-      told.margin_mm = std::min(told.margin_mm, (a + along * edge).norm());
+      reported.margin_mm = std::min(reported.margin_mm, (a + along * edge).norm());
     }
-    if (std::lround(angle / (2 * std::numbers::pi)) % 2 != 0) told.in = !told.in;
+    if (std::lround(angle / (2 * std::numbers::pi)) % 2 != 0) reported.in = !reported.in;
   }
-  return told;
+  return reported;
 }
 
 TEST(DicomStructures, AreWhatTheOracleSays) {
@@ -283,11 +284,11 @@ TEST(DicomStructures, AreWhatTheOracleSays) {
     for (std::size_t v = 0; v < mask.size(); ++v) {
       const auto i = static_cast<int>(v), row = grid.dims[0], plane = row * grid.dims[1];
       const V3 p = (X * Point<Voxel>(i % row, i % plane / row, i / plane)).eigen();
-      const Told told = told_slowly(contours, R.col(2), gap_mm, p);
-      if (told.margin_mm < 0.02) continue;
+      const Reported reported = reported_slowly(contours, R.col(2), gap_mm, p);
+      if (reported.margin_mm < 0.02) continue;
       ++compared;
-      in += told.in;
-      ASSERT_EQ(mask[v] != 0, told.in) << "round " << round << ", voxel " << v;
+      in += reported.in;
+      ASSERT_EQ(mask[v] != 0, reported.in) << "round " << round << ", voxel " << v;
     }
   }
   EXPECT_GT(compared, 30'000u);

@@ -68,12 +68,12 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
   for (std::size_t n = 0; n < bonds.size(); ++n)
     if (bonds[n] == closest) best.push_back(n);
   if (number) {
-    const auto asked = choose_volume(volumes, number);
-    if (!asked) return asked.error();
-    SegmentedVolume chosen{*asked,
-                           {relation_in_words(bonds[*asked], numbered(volumes, *asked))},
-                           bonds[*asked] <= VolumeRelation::kSpace};
-    if (bonds[*asked] != closest)
+    const auto requested = choose_volume(volumes, number);
+    if (!requested) return requested.error();
+    SegmentedVolume chosen{*requested,
+                           {relation_in_words(bonds[*requested], numbered(volumes, *requested))},
+                           bonds[*requested] <= VolumeRelation::kSpace};
+    if (bonds[*requested] != closest)
       chosen.notes.insert(chosen.notes.begin(), relation_in_words(closest, numbered(volumes, best.front())) +
                                                     "; volume " + std::to_string(*number) + " was requested");
     return chosen;

@@ -135,8 +135,8 @@ TEST_F(Dicom, ObliqueSlicesLieWhereTheirFilesSay) {
   const Eigen::Vector3d row(s, c, 0), column(0, 0, -1), normal = row.cross(column);
   write_series([&](DicomImage& image, int k) {
     image.orientation = {row.x(), row.y(), row.z(), column.x(), column.y(), column.z()};
-    const Eigen::Vector3d place = Eigen::Vector3d(12, -34, 56) + k * 2.5 * normal;
-    image.frames[0].position = {place.x(), place.y(), place.z()};
+    const Eigen::Vector3d position = Eigen::Vector3d(12, -34, 56) + k * 2.5 * normal;
+    image.frames[0].position = {position.x(), position.y(), position.z()};
   });
   expect_voxels();
   const auto header = read_header(folder_.path());
@@ -530,30 +530,30 @@ TEST_F(Dicom, Jpeg2000OfOtherBitsOrSizesIsRefused) {
 }
 
 TEST_F(Dicom, ALossIsSaid) {
-  const auto write = [&](DicomPacking packing, const std::string& said) {
+  const auto write = [&](DicomPacking packing, const std::string& stated) {
     write_series(
         [&](DicomImage& image, int) {
           image.bits_stored = 12;
           image.high_bit = 11;
-          if (!said.empty()) image.texts = {{0x0028, 0x2110, said}};
+          if (!stated.empty()) image.texts = {{0x0028, 0x2110, stated}};
         },
         packing);
     warnings_.clear();
     const auto list = list_volumes(folder_.path());
     ASSERT_TRUE(list && read());
-    const bool told = list->volumes[0].what.ends_with("compressed with loss");
-    EXPECT_EQ(told, warnings_.find("was compressed with loss") != std::string::npos);
+    const bool reported = list->volumes[0].what.ends_with("compressed with loss");
+    EXPECT_EQ(reported, warnings_.find("was compressed with loss") != std::string::npos);
   };
-  for (const auto& [packing, said, lossy] : {std::tuple{DicomPacking::kJpeg2000Lossy, "", true},
-                                             {DicomPacking::kJpeg2000, "", false},
-                                             {DicomPacking::kJpeg2000, "01", true},
-                                             {DicomPacking::kJpegExtended, "", true},
-                                             {DicomPacking::kJpegLsNear, "", true},
-                                             {DicomPacking::kExplicit, "01", true},
-                                             {DicomPacking::kExplicit, "00", false},
-                                             {DicomPacking::kJpegLs, "", false}}) {
+  for (const auto& [packing, stated, lossy] : {std::tuple{DicomPacking::kJpeg2000Lossy, "", true},
+                                               {DicomPacking::kJpeg2000, "", false},
+                                               {DicomPacking::kJpeg2000, "01", true},
+                                               {DicomPacking::kJpegExtended, "", true},
+                                               {DicomPacking::kJpegLsNear, "", true},
+                                               {DicomPacking::kExplicit, "01", true},
+                                               {DicomPacking::kExplicit, "00", false},
+                                               {DicomPacking::kJpegLs, "", false}}) {
     SCOPED_TRACE(static_cast<int>(packing));
-    write(packing, said);
+    write(packing, stated);
     EXPECT_EQ(warnings_.find("with loss") != std::string::npos, lossy);
   }
 }
@@ -1012,17 +1012,17 @@ TEST_F(Dicom, NothingSaysWhoItIs) {
       change(image, k);
     });
   };
-  std::string told;
+  std::string reported;
   const auto tell = [&] {
     const auto list = list_volumes(folder_.path());
     if (!list) {
-      told += list.error().message();
+      reported += list.error().message();
     } else {
-      for (const auto& volume : list->volumes) told += volume.what + volume.fault;
-      for (const auto& note : list->notes) told += note;
+      for (const auto& volume : list->volumes) reported += volume.what + volume.fault;
+      for (const auto& note : list->notes) reported += note;
     }
     const auto scan = read();
-    told += scan ? scan->header.format + scan->header.component_type : scan.error().message();
+    reported += scan ? scan->header.format + scan->header.component_type : scan.error().message();
   };
   with_patient([](DicomImage&, int) {});
   tell();
@@ -1041,9 +1041,9 @@ TEST_F(Dicom, NothingSaysWhoItIs) {
   tell();
   std::filesystem::resize_file(folder_ / "IM1", 900);
   tell();
-  told += warnings_;
-  EXPECT_THAT(told, AllOf(Not(HasSubstr("DOE")), Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
-  EXPECT_GT(told.size(), 300u);
+  reported += warnings_;
+  EXPECT_THAT(reported, AllOf(Not(HasSubstr("DOE")), Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
+  EXPECT_GT(reported.size(), 300u);
 }
 
 // ---- damage -------------------------------------------------------------------------------------
@@ -1260,10 +1260,10 @@ TEST_F(Segmentation, FramesInAnyOrderWithEmptyOnesLeftOut) {
     SCOPED_TRACE(static_cast<int>(packing));
     test::DicomMasks masks;
     masks.frames = {frame(1, 5, 5), frame(1, 0, 0), frame(1, 2, 2)};
-    for (const std::optional<double> said : {std::optional(1.25), std::optional<double>()}) {
-      masks.slice_spacing_mm = said;
+    for (const std::optional<double> stated : {std::optional(1.25), std::optional<double>()}) {
+      masks.slice_spacing_mm = stated;
       // without a stated distance, the smallest distance is that between slices
-      if (!said) masks.frames.push_back(frame(1, 3, 3));
+      if (!stated) masks.frames.push_back(frame(1, 3, 3));
       const auto labels = read(masks, packing);
       ASSERT_TRUE(labels) << labels.error().message();
       EXPECT_EQ(labels->labels.geometry().dims, (std::array{7, 5, 6}));
@@ -1419,8 +1419,8 @@ TEST_F(Segmentation, PositionsWinOverSpacingBetweenSlices) {
   test::DicomMasks masks;
   masks.frames = {frame(1, 0, 0), frame(1, 1, 1), frame(1, 2, 2)};
   // half the distance, and a non-integer multiple
-  for (const double said : {0.625, 3.0}) {
-    masks.slice_spacing_mm = said;
+  for (const double stated : {0.625, 3.0}) {
+    masks.slice_spacing_mm = stated;
     warnings_.clear();
     const auto labels = read(masks);
     ASSERT_TRUE(labels) << labels.error().message();
@@ -1588,9 +1588,9 @@ TEST_F(StudyOfTwo, TheVolumeThatASegmentationWasMadeOnIsFound) {
   ASSERT_FALSE(series);
   EXPECT_EQ(series.error().where, (elsewhere_ / "seg").string());
   EXPECT_THAT(series.error().what, HasSubstr("belongs to 2 volumes equally: 1) series 1"));
-  const auto asked = study(masks, 2);
-  ASSERT_TRUE(asked) << asked.error().message();
-  EXPECT_EQ(asked->volume, 2);
+  const auto requested = study(masks, 2);
+  ASSERT_TRUE(requested) << requested.error().message();
+  EXPECT_EQ(requested->volume, 2);
 }
 
 TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
@@ -1599,9 +1599,9 @@ TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
   const auto other = study(masks);
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().what, HasSubstr("was not made on these images"));
-  const auto asked = study(masks, 1);
-  ASSERT_TRUE(asked);
-  EXPECT_THAT(asked->notes,
+  const auto requested = study(masks, 1);
+  ASSERT_TRUE(requested);
+  EXPECT_THAT(requested->notes,
               ::testing::ElementsAre(HasSubstr("in a different frame of reference from volume 1")));
   // the same frame of reference, and none
   masks.frame_of_reference = "1.2.5.9753";
@@ -1634,9 +1634,9 @@ TEST_F(StudyOfTwo, ASegmentationInTheFolderIsFound) {
   ASSERT_FALSE(readings);
   EXPECT_THAT(readings.error().what, HasSubstr("holds 3 segmentations of 2 series"));
   EXPECT_THAT(readings.error().remedy, HasSubstr("this folder to read all of them as one"));
-  const auto asked = find_study(folder_.path(), folder_ / "more", {});
-  ASSERT_TRUE(asked) << asked.error().message();
-  EXPECT_EQ(asked->volume, 1);
+  const auto requested = find_study(folder_.path(), folder_ / "more", {});
+  ASSERT_TRUE(requested) << requested.error().message();
+  EXPECT_EQ(requested->volume, 1);
   // and so may files among the images
   std::filesystem::rename(folder_ / "more" / "c", folder_ / "c");
   const auto several = find_study(folder_.path(), {}, {});
@@ -1805,7 +1805,7 @@ TEST_F(StructureSet, WhatIsLeftOutOrFilledInIsTold) {
 
 TEST_F(StructureSet, WhatCannotBeIsRefusedByASentence) {
   auto contours = two();
-  contours.structures[1].contours[0].said_points = 5;
+  contours.structures[1].contours[0].stated_points = 5;
   EXPECT_THAT(refusal(contours), HasSubstr("damaged DICOM structure set"));
   for (const char* x : {"1.5x", "one", "1e7", ""}) {
     SCOPED_TRACE(x);
@@ -1844,15 +1844,15 @@ TEST_F(StructureSet, SaysNothingOfThePatient) {
   auto contours = two();
   contours.patient = "DOE^CANARY";
   contours.structures[0].contours[0].points[1][2] += 3;
-  std::string told = refusal(contours);
+  std::string reported = refusal(contours);
   contours = two();
   contours.patient = "DOE^CANARY";
   ASSERT_TRUE(labels(contours));
-  told += warnings_;
+  reported += warnings_;
   const auto study = find_study(folder_.path(), file_, {});
   ASSERT_TRUE(study);
-  for (const std::string& note : study->notes) told += note;
-  EXPECT_THAT(told, AllOf(Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
+  for (const std::string& note : study->notes) reported += note;
+  EXPECT_THAT(reported, AllOf(Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
 }
 
 TEST_F(StructureSet, DamagedOnesAreRefusedOrReadAndNothingElse) {

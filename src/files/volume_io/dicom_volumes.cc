@@ -45,11 +45,11 @@ Vector normal_of(const DicomFrame& frame) {
 
 // ---- grouping -----------------------------------------------------------------------------------
 
-using Told = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool,
-                        std::optional<double>, std::string, std::string, std::string, std::string>;
+using Reported = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool,
+                            std::optional<double>, std::string, std::string, std::string, std::string>;
 
 // key of attributes that are equal in all images of a volume, except those compared with a tolerance
-Told volume_key(const DicomFrame& frame) {
+Reported volume_key(const DicomFrame& frame) {
   // images without a position are distinguished only by what they lack
   if (!frame.placed)
     return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", frame.fault};
@@ -97,7 +97,7 @@ std::vector<std::vector<DicomFrame>> split_by_frame_of_reference(std::vector<Dic
 
 std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
   // a group with one key is split by orientation, pixel spacing and diffusion direction
-  std::map<Told, std::vector<std::vector<DicomFrame>>> groups;
+  std::map<Reported, std::vector<std::vector<DicomFrame>>> groups;
   for (DicomFrame& frame : frames) {
     auto& parts = groups[volume_key(frame)];
     const auto fits = [&](const std::vector<DicomFrame>& part) {
@@ -110,7 +110,7 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
     (part != parts.rend() ? *part : parts.emplace_back()).push_back(std::move(frame));
   }
   std::vector<std::vector<DicomFrame>> all;
-  for (auto& [told, parts] : groups)
+  for (auto& [reported, parts] : groups)
     for (auto& part : parts)
       for (auto& volume : split_by_frame_of_reference(std::move(part))) all.push_back(std::move(volume));
   return all;
@@ -147,9 +147,9 @@ bool has_doubles(const Frames& frames) {
 std::vector<Frames> split_by_trigger_time(const Frames& sorted) {
   const auto counts = counts_at_places(sorted);
   const std::size_t each = counts.front();
-  const auto told = [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); };
+  const auto reported = [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); };
   if (std::ranges::any_of(counts, [&](std::size_t count) { return count != each; }) ||
-      !std::ranges::all_of(sorted, told))
+      !std::ranges::all_of(sorted, reported))
     return {};
   std::vector<Frames> parts(each);
   for (std::size_t first = 0; first < sorted.size(); first += each) {
@@ -428,8 +428,8 @@ class Stack {
 
   // in-plane offset from the normal through the first slice
   Vector aside(std::size_t n) const {
-    const Vector way = frames_[n].position - frames_.front().position;
-    return way - way.dot(normal_) * normal_;
+    const Vector displacement = frames_[n].position - frames_.front().position;
+    return displacement - displacement.dot(normal_) * normal_;
   }
 
   // in-plane shift per distance along the normal; its length is the tangent of the gantry tilt

@@ -125,7 +125,7 @@ const DcmTagKey kRequired[] = {DCM_PatientName,    DCM_PatientID, DCM_PatientBir
 const DcmTagKey kKept[] = {DCM_IssuerOfPatientID, DCM_PatientAge, DCM_PatientSize, DCM_PatientWeight,
                            DCM_StudyDescription};
 
-bool may_be_kept(const DcmTagKey& tag) {
+bool may_be_retained(const DcmTagKey& tag) {
   return tag == DCM_StudyInstanceUID || std::ranges::find(kRequired, tag) != std::end(kRequired) ||
          std::ranges::find(kKept, tag) != std::end(kKept);
 }
@@ -139,7 +139,7 @@ void put_common(const Writer& root, const std::optional<DicomIdentity>& identity
   // no other attributes, whatever the reader process sent
   if (identity)
     for (const auto& [tag, value] : identity->attributes)
-      if (const DcmTagKey key(tag.first, tag.second); may_be_kept(key)) root.text(key, value);
+      if (const DcmTagKey key(tag.first, tag.second); may_be_retained(key)) root.text(key, value);
   if (!identity) {
     root.text(DCM_PatientIdentityRemoved, "YES");
     root.text(DCM_DeidentificationMethod, "palpate: no identifier was written");
@@ -261,7 +261,7 @@ Result<void> save(DcmFileFormat& format, bool good, const std::filesystem::path&
                file.string(), "is the disk full, or is the folder not writable?"};
 }
 
-std::string kept_text(DcmItem& item, const DcmTagKey& tag) {
+std::string stored_text(DcmItem& item, const DcmTagKey& tag) {
   OFString value;
   DcmElement* element = nullptr;
   constexpr Uint32 kLongest = 1 << 12;
@@ -273,27 +273,27 @@ std::string kept_text(DcmItem& item, const DcmTagKey& tag) {
 
 // Copied attributes of patient and study, in the file's character set.
 using Attributes = std::vector<std::pair<std::pair<std::uint16_t, std::uint16_t>, std::string>>;
-Attributes kept_attributes(DcmItem& root) {
-  Attributes kept;
+Attributes retained_attributes(DcmItem& root) {
+  Attributes stored;
   const auto keep = [&](const DcmTagKey& tag) {
-    if (std::string value = kept_text(root, tag); !value.empty())
-      kept.push_back({{tag.getGroup(), tag.getElement()}, std::move(value)});
+    if (std::string value = stored_text(root, tag); !value.empty())
+      stored.push_back({{tag.getGroup(), tag.getElement()}, std::move(value)});
   };
   for (const DcmTagKey& tag : kRequired) keep(tag);
   for (const DcmTagKey& tag : kKept) keep(tag);
   keep(DCM_StudyInstanceUID);
-  return kept;
+  return stored;
 }
 
 // The attributes in UTF-8; nullopt if the conversion fails.
-std::optional<Attributes> in_utf8(DcmItem& root, Attributes kept) {
-  const std::string set = kept_text(root, DCM_SpecificCharacterSet);
-  for (auto& [tag, value] : kept) {
+std::optional<Attributes> in_utf8(DcmItem& root, Attributes stored) {
+  const std::string set = stored_text(root, DCM_SpecificCharacterSet);
+  for (auto& [tag, value] : stored) {
     auto converted = dicom_text_in_utf8(value, set);
     if (!converted) return std::nullopt;
     value = *std::move(converted);
   }
-  return kept;
+  return stored;
 }
 
 }  // namespace
@@ -305,14 +305,14 @@ Result<DicomIdentity> read_dicom_identity(const std::filesystem::path& name) {
     return bad_input("", "is a damaged DICOM file", "copy it again");
   DcmDataset& root = *file.getDataset();
   DicomIdentity identity;
-  auto attributes = in_utf8(root, kept_attributes(root));
+  auto attributes = in_utf8(root, retained_attributes(root));
   if (!attributes)
     return bad_input("", "has texts in a character set that cannot be converted",
                      "export without --keep-identifiers");
   identity.attributes = *std::move(attributes);
-  identity.frame_of_reference = kept_text(root, DCM_FrameOfReferenceUID);
-  identity.series = kept_text(root, DCM_SeriesInstanceUID);
-  identity.images.emplace_back(kept_text(root, DCM_SOPClassUID), kept_text(root, DCM_SOPInstanceUID));
+  identity.frame_of_reference = stored_text(root, DCM_FrameOfReferenceUID);
+  identity.series = stored_text(root, DCM_SeriesInstanceUID);
+  identity.images.emplace_back(stored_text(root, DCM_SOPClassUID), stored_text(root, DCM_SOPInstanceUID));
   return identity;
 }
 

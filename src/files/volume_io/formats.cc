@@ -143,8 +143,8 @@ std::optional<Error> not_a_file(const std::filesystem::path& file) {
   return std::nullopt;
 }
 
-Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& wanted) {
-  switch (wanted.which) {
+Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& requested) {
+  switch (requested.which) {
     case OtherFile::Which::kHeader:
       return partner(file, ".hdr");
     case OtherFile::Which::kVoxels:
@@ -152,20 +152,20 @@ Result<std::filesystem::path> find_other_file(const std::filesystem::path& file,
     case OtherFile::Which::kNamed:
       break;
   }
-  return data_file_beside(file, wanted.name);
+  return data_file_beside(file, requested.name);
 }
 
-Result<std::filesystem::path> OtherFiles::find(const OtherFile& wanted) {
-  for (const auto& [known, file] : known_)
-    if (known == wanted) return file;
-  asked_ = wanted;
+Result<std::filesystem::path> OtherFiles::find(const OtherFile& requested) {
+  for (const auto& [known, file] : entries_)
+    if (known == requested) return file;
+  requested_ = requested;
   return bad_input("", "another file is needed first");
 }
 
 Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
                               const Placing& placing) {
   auto volume = format.inspect(file, others, placing);
-  if (volume || others.asked()) return volume;
+  if (volume || others.requested()) return volume;
   // the content may be of another kind than the name says
   const auto unpack = [](const std::filesystem::path& packed, std::size_t bytes) {
     const auto front = read_front(packed, Encoding::kDeflate, bytes);

@@ -21,15 +21,15 @@ namespace palpate::volume_io {
 class OtherFiles {
  public:
   void add(OtherFile other, std::filesystem::path file) {
-    known_.emplace_back(std::move(other), std::move(file));
+    entries_.emplace_back(std::move(other), std::move(file));
   }
   /// Path of a file if it is known; otherwise an Error, and asked() returns the request.
-  Result<std::filesystem::path> find(const OtherFile& wanted);
-  const std::optional<OtherFile>& asked() const { return asked_; }
+  Result<std::filesystem::path> find(const OtherFile& requested);
+  const std::optional<OtherFile>& requested() const { return requested_; }
 
  private:
-  std::vector<std::pair<OtherFile, std::filesystem::path>> known_;
-  std::optional<OtherFile> asked_;
+  std::vector<std::pair<OtherFile, std::filesystem::path>> entries_;
+  std::optional<OtherFile> requested_;
 };
 
 /// A file format. To add one, write a source file with its inspect function and add a line to formats.cc.
@@ -52,9 +52,9 @@ Result<VolumeFile> understand(const Format& format, const std::filesystem::path&
                               const Placing& placing);
 /// Locates the additional file that a reader requests.
 /// @param file  the file that the user named
-/// @param wanted  request of the reader, which is as untrusted as a header
+/// @param requested  request of the reader, which is as untrusted as a header
 /// Errors: missing; not a regular file; outside the folder unless that is allowed.
-Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& wanted);
+Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& requested);
 /// Error for a path that does not exist or is a folder; nullopt otherwise.
 std::optional<Error> not_a_file(const std::filesystem::path& file);
 

@@ -68,8 +68,8 @@ class PictureReader {
     if (!input) return input.error();
     input_ = *std::move(input);
     auto decoder = open_image({input_->size(), [this](std::uint64_t offset, std::span<std::byte> bytes) {
-                                 const auto got = input_->read_at(offset, bytes);
-                                 return got && *got == bytes.size();
+                                 const auto received = input_->read_at(offset, bytes);
+                                 return received && *received == bytes.size();
                                }});
     if (!decoder) return at(decoder.error(), n);
     decoder_ = *std::move(decoder);
@@ -120,10 +120,11 @@ constexpr std::uint32_t luminance(std::uint32_t rgb) {
 }
 
 // collects the pages of all files, which must agree in size and kind
-Result<void> find_slices(PictureReader& reader, const std::function<bool()>& look, ImageStack& stack) {
+Result<void> find_slices(PictureReader& reader, const std::function<bool()>& should_continue,
+                         ImageStack& stack) {
   constexpr std::size_t kMaxSlices = 20'000;
   for (std::size_t n = 0; n < stack.files.size(); ++n) {
-    if (!look()) return bad_input("", "nobody reads it");
+    if (!should_continue()) return bad_input("", "nobody reads it");
     const auto decoder = reader.open(n);
     if (!decoder) return decoder.error();
     const auto& pages = (*decoder)->pages();
@@ -151,13 +152,13 @@ Result<void> find_slices(PictureReader& reader, const std::function<bool()>& loo
 }
 
 // collects the distinct 24-bit colours
-Result<void> find_colours(PictureReader& reader, const std::function<bool()>& look, double& share,
+Result<void> find_colours(PictureReader& reader, const std::function<bool()>& should_continue, double& share,
                           ImageStack& stack) {
   std::vector<bool> present(std::size_t{1} << 24);
   std::vector<std::uint32_t> pixels(stack.shape.pixels());
   bool grey = true;
   for (std::size_t k = 0; k < stack.slices.size(); ++k) {
-    if (!look()) return bad_input("", "nobody reads it");
+    if (!should_continue()) return bad_input("", "nobody reads it");
     share = static_cast<double>(k) / static_cast<double>(stack.slices.size());
     if (auto read = reader.read(stack.slices[k], pixels); !read) return read;
     std::uint32_t last = 0;
@@ -186,17 +187,17 @@ Result<void> find_colours(PictureReader& reader, const std::function<bool()>& lo
 
 Result<ImageStack> look_at_stack(const StructureFiles& found, const fs::path& named,
                                  const Eigen::Vector3d& spacing_mm, ImageColours colours,
-                                 const std::function<bool()>& look, double& share) {
+                                 const std::function<bool()>& should_continue, double& share) {
   ImageStack stack;
   stack.files = found.files;
   stack.meaning = colours;
   PictureReader reader(stack.files);
-  if (auto alike = find_slices(reader, look, stack); !alike) return alike.error();
+  if (auto alike = find_slices(reader, should_continue, stack); !alike) return alike.error();
   if (stack.slices.size() < 2)
     return bad_input(named.string(), "is a single picture, but a volume has several slices",
                      "give the folder with all slices, or a TIFF with several pages");
   if (stack.shape.colour)
-    if (auto known = find_colours(reader, look, share, stack); !known) return known.error();
+    if (auto known = find_colours(reader, should_continue, share, stack); !known) return known.error();
 
   GridGeometry grid;
   grid.dims = {stack.shape.columns, stack.shape.rows, static_cast<int>(stack.slices.size())};
@@ -312,11 +313,12 @@ Result<LabelReader> open_image_stack(const fs::path& file, const std::optional<E
                      "save the stack as one TIFF with several pages, or as fewer slices");
   return open_sliced_files(
       found, file, progress,
-      [&, spacing = *spacing_mm](const std::function<bool()>& look, double& share) -> Result<SlicedVolume> {
-        auto stack = look_at_stack(found, file, spacing, colours, look, share);
+      [&, spacing = *spacing_mm](const std::function<bool()>& should_continue,
+                                 double& share) -> Result<SlicedVolume> {
+        auto stack = look_at_stack(found, file, spacing, colours, should_continue, share);
         if (!stack) return stack.error();
-        const auto kept = std::make_shared<const ImageStack>(*std::move(stack));
-        return SlicedVolume{kept->file, [kept](VoxelSink& sink) { return send_stack(*kept, sink); }};
+        const auto stored = std::make_shared<const ImageStack>(*std::move(stack));
+        return SlicedVolume{stored->file, [stored](VoxelSink& sink) { return send_stack(*stored, sink); }};
       },
       "crop or scale the pictures first, as in Fiji");
 }

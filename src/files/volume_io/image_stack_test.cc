@@ -181,10 +181,10 @@ TEST_F(ImageStack, TheSpacingIsAskedFor) {
   EXPECT_THAT(unsaid.error().what, HasSubstr("a stack of 12 pictures without a voxel spacing"));
   EXPECT_THAT(unsaid.error().remedy, HasSubstr("--spacing X,Y,Z"));
   // settings of a scene take precedence over those of the program
-  const auto said = read_scan(folder_ / "stack", {}, {}, VoxelCaching::kOff, {},
-                              {.image_spacing_mm = Eigen::Vector3d(1, 2, 3)});
-  ASSERT_TRUE(said) << said.error().message();
-  EXPECT_EQ(said->scan.geometry().spacing_mm, Eigen::Vector3d(1, 2, 3));
+  const auto stated = read_scan(folder_ / "stack", {}, {}, VoxelCaching::kOff, {},
+                                {.image_spacing_mm = Eigen::Vector3d(1, 2, 3)});
+  ASSERT_TRUE(stated) << stated.error().message();
+  EXPECT_EQ(stated->scan.geometry().spacing_mm, Eigen::Vector3d(1, 2, 3));
 }
 
 TEST_F(ImageStack, WhatIsNoSliceIsTold) {

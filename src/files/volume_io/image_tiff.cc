@@ -91,14 +91,14 @@ bool unpack_bits(std::span<const std::uint8_t> packed, std::span<std::uint8_t> o
     if (at >= packed.size()) return false;
     const auto control = static_cast<std::int8_t>(packed[at++]);
     if (control == -128) continue;
-    const std::size_t wanted = control >= 0 ? static_cast<std::size_t>(control) + 1
-                                            : static_cast<std::size_t>(1 - static_cast<int>(control)),
-                      count = std::min(wanted, out.size() - to);
+    const std::size_t requested = control >= 0 ? static_cast<std::size_t>(control) + 1
+                                               : static_cast<std::size_t>(1 - static_cast<int>(control)),
+                      count = std::min(requested, out.size() - to);
     if (control >= 0) {
       if (packed.size() - at < count) return false;
       std::copy_n(packed.begin() + static_cast<std::ptrdiff_t>(at), count,
                   out.begin() + static_cast<std::ptrdiff_t>(to));
-      at += wanted;
+      at += requested;
     } else {
       if (at >= packed.size()) return false;
       std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(to), count, packed[at++]);
@@ -256,12 +256,12 @@ class TiffDecoder : public ImageDecoder {
     const std::uint8_t* stored = entry + (big_ ? 12 : 8);
     // a 16-bit palette has 196 608 values, a page of 16 x 16 tiles about as many
     constexpr std::uint64_t kMaxValues = std::uint64_t{1} << 20;
-    static constexpr std::array kWanted{
+    static constexpr std::array kRequested{
         kNewSubfileType,  kImageWidth,          kImageLength,    kBitsPerSample,   kCompression,
         kPhotometric,     kFillOrder,           kStripOffsets,   kSamplesPerPixel, kRowsPerStrip,
         kStripByteCounts, kPlanarConfiguration, kPredictor,      kColorMap,        kTileWidth,
         kTileLength,      kTileOffsets,         kTileByteCounts, kExtraSamples,    kSampleFormat};
-    if (std::ranges::find(kWanted, static_cast<Tag>(tag)) == kWanted.end()) return true;
+    if (std::ranges::find(kRequested, static_cast<Tag>(tag)) == kRequested.end()) return true;
     if (each == 0 || count == 0) return true;
     if (count > kMaxValues) return false;
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(count * each));

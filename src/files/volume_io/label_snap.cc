@@ -11,7 +11,7 @@ Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const s
   constexpr const char* kRowRemedy =
       "a line is: value red green blue opacity visible mesh \"name\", e.g. 5 255 0 0 1 1 1 \"Left femur\"";
   std::vector<NamedLabel> labels;
-  std::set<LabelId> seen;
+  std::set<LabelId> used_labels;
   for (int number = 1; !text.empty(); ++number) {
     const std::string_view line = trimmed(take_line(text));
     if (line.empty() || line.front() == '#') continue;
@@ -27,7 +27,7 @@ Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const s
                        kRowRemedy);
     const auto value = parse_number<LabelId>(fields[0]);
     if (!value) return bad_input(where, "the value is not a whole number in 0 ... 65535", kRowRemedy);
-    if (!seen.insert(*value).second)
+    if (!used_labels.insert(*value).second)
       return bad_input(where, "value " + std::to_string(*value) + " is named a second time",
                        "keep one of the lines");
     std::uint8_t colour[3];

@@ -117,7 +117,7 @@ Result<std::vector<NamedLabel>> parse_table(std::string_view text, char separato
   if (!columns) return columns.error();
 
   std::vector<NamedLabel> labels;
-  std::set<LabelId> seen;
+  std::set<LabelId> used_labels;
   for (int number = 2; !text.empty(); ++number) {
     const std::string_view line = take_line(text);
     if (trimmed(line).empty()) continue;
@@ -132,7 +132,7 @@ Result<std::vector<NamedLabel>> parse_table(std::string_view text, char separato
                                          : "put a name with a comma in quotation marks");
     const auto value = parse_number<LabelId>(trimmed((*fields)[columns->value]));
     if (!value) return bad_input(where, "the value is not a whole number in 0 ... 65535");
-    if (!seen.insert(*value).second)
+    if (!used_labels.insert(*value).second)
       return bad_input(where, "value " + std::to_string(*value) + " is named a second time",
                        "keep one of the lines");
     const std::string_view name = trimmed((*fields)[columns->name]);

@@ -47,7 +47,7 @@ Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, con
     meetings.pairs.emplace(low, high);
   };
   constexpr std::size_t kLookEvery = 4096;
-  std::size_t taken = 0;
+  std::size_t used = 0;
   bool heard = true;
   // segments of each voxel
   std::vector<std::vector<int>> in(static_cast<std::size_t>(grid.dims[0]) *
@@ -57,7 +57,7 @@ Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, con
     if (!heard) break;
     for (auto& voxel : in) voxel.clear();
     const auto read = read_slice(static_cast<std::size_t>(k), [&](std::size_t v, int index) {
-      if (++taken % kLookEvery == 0) heard = heard && look();
+      if (++used % kLookEvery == 0) heard = heard && look();
       for (const int other : in[v]) meet(index, other);
       if (in[v].size() == 1) ++meetings.voxels;
       in[v].push_back(index);

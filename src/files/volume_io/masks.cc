@@ -31,16 +31,16 @@ StructureFiles find_masks(const fs::path& folder) {
 // ---- in the reader process ----------------------------------------------------------------------
 
 // thrown when the parent has gone
-struct Unheard : std::runtime_error {
-  Unheard() : std::runtime_error("nobody reads it") {}
+struct ReaderStopped : std::runtime_error {
+  ReaderStopped() : std::runtime_error("nobody reads it") {}
 };
 
 /// Receives the voxels of one file and records those that are not 0.
 class MaskSink final : public VoxelSink {
  public:
-  MaskSink(const VolumeFile& file, const std::function<bool()>& look)
+  MaskSink(const VolumeFile& file, const std::function<bool()>& should_continue)
       : file_(file),
-        look_(look),
+        look_(should_continue),
         slice_(static_cast<std::uint64_t>(file.header.geometry.dims[0]) *
                static_cast<std::uint64_t>(file.header.geometry.dims[1])),
         piece_(kPieceValues * sizeof(double)) {}
@@ -51,7 +51,7 @@ class MaskSink final : public VoxelSink {
     with_type(file_.voxels.component, [&](auto type) { take<decltype(type)>(bytes); });
   }
   void still_reading() override {
-    if (!look_()) throw Unheard();
+    if (!look_()) throw ReaderStopped();
   }
   /// Why the file is not a mask; empty if it is one.
   const std::string& fault() const { return fault_; }
@@ -118,13 +118,13 @@ Result<VolumeFile> understand_mask(const fs::path& file, const Placing& placing)
   if (!format) return format.error();
   OtherFiles others;
   auto volume = understand(**format, file, others, placing);
-  if (others.asked()) return no_mask(file, "has its voxels in another file");
+  if (others.requested()) return no_mask(file, "has its voxels in another file");
   if (volume && volume->header.layers > 1) return no_mask(file, "has several values for each voxel");
   return volume;
 }
 
 Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::path& named,
-                                      const Placing& placing, const std::function<bool()>& look,
+                                      const Placing& placing, const std::function<bool()>& should_continue,
                                       double& share) try {
   if (found.files.size() > kMaxMasks)
     return bad_input(named.string(),
@@ -138,7 +138,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   // parse all headers before any voxels are read
   std::vector<VolumeFile> files;
   for (const fs::path& one : found.files) {
-    if (!look()) throw Unheard();
+    if (!should_continue()) throw ReaderStopped();
     auto file = understand_mask(one, placing);
     if (!file) return file.error();
     if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
@@ -155,7 +155,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
     const fs::path& one = found.files[n];
     const VolumeFile* const file = &files[n];
     share = static_cast<double>(n) / static_cast<double>(files.size());
-    MaskSink sink(*file, look);
+    MaskSink sink(*file, should_continue);
     if (auto read = send_voxels(*file, sink); !read) return read.error();
     if (!sink.fault().empty()) return no_mask(one, sink.fault());
     const auto [name, left_out] = name_of_structure(one, labels.names);
@@ -165,7 +165,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
     if (labels.voxels.back().count() == 0) empty.push_back(name);
   }
 
-  if (auto done = lay_out(labels, grid, named, look); !done) return done.error();
+  if (auto done = lay_out(labels, grid, named, should_continue); !done) return done.error();
   labels.file.header.has_geometry = has_geometry;
   labels.file.header.placement_doubt = placement_doubt;
   auto& notes = labels.file.notes;
@@ -174,8 +174,8 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   if (!empty.empty()) notes.push_back("has masks without voxels: " + names_in_words(empty));
   if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
   return labels;
-} catch (const Unheard& unheard) {
-  return bad_input("", unheard.what());
+} catch (const ReaderStopped& stopped) {
+  return bad_input("", stopped.what());
 }
 
 }  // namespace
@@ -194,8 +194,8 @@ Result<LabelReader> open_masks(const fs::path& folder, const Placing& placing, c
   const StructureFiles found = find_masks(folder);
   return open_structure_files(
       found, folder, progress,
-      [&](const std::function<bool()>& look, double& share) {
-        return look_at_masks(found, folder, placing, look, share);
+      [&](const std::function<bool()>& should_continue, double& share) {
+        return look_at_masks(found, folder, placing, should_continue, share);
       },
       "give fewer masks, or crop them first");
 }

@@ -38,10 +38,10 @@ using DirectedEdge = std::pair<std::uint32_t, std::uint32_t>;
 
 // edges traversed more often in one direction than in the other, repeated by the difference
 std::vector<DirectedEdge> open_edges(const std::vector<MeshTriangle>& triangles) {
-  // low corner first; `way` is 1 if the edge runs from low to high, otherwise -1
+  // low corner first; `orientation` is 1 if the edge runs from low to high, otherwise -1
   struct Edge {
     std::uint32_t low, high;
-    std::int32_t way;
+    std::int32_t orientation;
   };
   std::vector<Edge> edges;
   edges.reserve(3 * triangles.size());
@@ -55,12 +55,12 @@ std::vector<DirectedEdge> open_edges(const std::vector<MeshTriangle>& triangles)
   });
   std::vector<DirectedEdge> open;
   for (std::size_t n = 0; n < edges.size();) {
-    std::int32_t ways = 0;
+    std::int32_t paths = 0;
     std::size_t end = n;
     for (; end < edges.size() && edges[end].low == edges[n].low && edges[end].high == edges[n].high; ++end)
-      ways += edges[end].way;
-    for (; ways > 0; --ways) open.emplace_back(edges[n].low, edges[n].high);
-    for (; ways < 0; ++ways) open.emplace_back(edges[n].high, edges[n].low);
+      paths += edges[end].orientation;
+    for (; paths > 0; --paths) open.emplace_back(edges[n].low, edges[n].high);
+    for (; paths < 0; ++paths) open.emplace_back(edges[n].high, edges[n].low);
     n = end;
   }
   return open;
@@ -236,7 +236,7 @@ ClosedMesh closed_mesh(const TriangleMesh& mesh) {
 }
 
 VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
-                         const std::function<bool()>& look) {
+                         const std::function<bool()>& should_continue) {
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   std::vector<Vec3> points;
@@ -261,7 +261,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
   if (first[0] > last[0] || first[1] > last[1] || first[2] > last[2]) return voxels;
 
   const FastWinding fans(mesh.points, MeshTriangles(mesh.triangles).subspan(mesh.own));
-  if (!look()) return voxels;
+  if (!should_continue()) return voxels;
   FanBlocks blocks(fans, grid);
   // triangles sorted by their lowest slice, and those that may intersect the current slice
   std::vector<std::uint32_t> order(mesh.triangles.size()), active;
@@ -289,7 +289,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
     if (!fans.empty()) blocks.begin_slice(k);
     // one voxel more around the box, into which rounding may move intersections
     for (int j = std::max(first[1] - 1, 0); j <= std::min(last[1] + 1, grid.dims[1] - 1); ++j) {
-      if (!look()) return voxels;
+      if (!should_continue()) return voxels;
       const auto row = turns.row(j);
       const bool in_box = j >= first[1] && j <= last[1];
       std::int32_t wound = 0;

@@ -35,7 +35,8 @@ ClosedMesh closed_mesh(const TriangleMesh& mesh);
 /// surface is assigned to one side by rule, so that adjacent meshes share no voxel and leave none out. Near
 /// holes, the winding number of the fans (FastWinding) is subtracted where it can reach one half; voxels
 /// outside the mesh's own bounding box are outside.
-/// @param look  called before each row; false: the parent has gone, and the rest is skipped
-VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid, const std::function<bool()>& look);
+/// @param should_continue  called before each row; false: the parent has gone, and the rest is skipped
+VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
+                         const std::function<bool()>& should_continue);
 
 }  // namespace palpate::volume_io

@@ -174,12 +174,12 @@ TEST(MeshLabels, AShapeIsTheShape) {
   for (const Shape& shape : shapes)
     for (const bool left_handed : {false, true}) {
       const GridGeometry grid = oblique_grid({66, 66, 42}, {1, 1, 1.6}, left_handed);
-      const Agreement got = agreement(test_meshes::moved(shape.mesh, turn, at), shape.inside, grid);
-      std::printf("[ %s: Dice %.4f, volume %+.2f %%, centre %.3f voxel ]\n", shape.name, got.dice,
-                  100 * got.volume, got.centroid_voxels);
-      EXPECT_GE(got.dice, 0.98) << shape.name;
-      EXPECT_LE(std::abs(got.volume), 0.01) << shape.name;
-      EXPECT_LE(got.centroid_voxels, 0.1) << shape.name;
+      const Agreement result = agreement(test_meshes::moved(shape.mesh, turn, at), shape.inside, grid);
+      std::printf("[ %s: Dice %.4f, volume %+.2f %%, centre %.3f voxel ]\n", shape.name, result.dice,
+                  100 * result.volume, result.centroid_voxels);
+      EXPECT_GE(result.dice, 0.98) << shape.name;
+      EXPECT_LE(std::abs(result.volume), 0.01) << shape.name;
+      EXPECT_LE(result.centroid_voxels, 0.1) << shape.name;
     }
 }
 
@@ -193,10 +193,10 @@ TEST(MeshLabels, AHoleChangesLittle) {
   const Vector3 at(4, -7, 11);
   const ClosedMesh closed = closed_mesh(test_meshes::moved(sphere, Eigen::Matrix3d::Identity(), at));
   EXPECT_EQ(closed.loops, 1u);
-  const auto got = agreement(
+  const auto received = agreement(
       test_meshes::moved(sphere, Eigen::Matrix3d::Identity(), at),
       [&](const Vector3& p) { return (p - at).norm() <= 24; }, grid);
-  EXPECT_GE(got.dice, 0.95);
+  EXPECT_GE(received.dice, 0.95);
 }
 
 // each row is reported, however long a slice takes
@@ -250,11 +250,11 @@ GridGeometry scan_beside_the_origin() {
   return grid;
 }
 
-Result<PlacedMeshes> placed(const TriangleMesh& mesh, const GridGeometry* scan, const MeshPlacing& asked = {},
-                            std::optional<MeshSpace> stated = {}) {
-  MeshSurvey survey(scan, asked.unit_mm);
-  survey.see(mesh);
-  return place_meshes(survey, asked, stated);
+Result<PlacedMeshes> placed(const TriangleMesh& mesh, const GridGeometry* scan,
+                            const MeshPlacing& placing = {}, std::optional<MeshSpace> stated = {}) {
+  MeshSurvey survey(scan, placing.unit_mm);
+  survey.observe(mesh);
+  return place_meshes(survey, placing, stated);
 }
 
 TEST(MeshPlacing, TheScanProvesWhatTheFileDoesNotSay) {
@@ -280,11 +280,11 @@ TEST(MeshPlacing, SeveralUnitsThatFitAreAskedFor) {
   scan.dims = {300, 300, 300};
   scan.origin = Point<Patient>(-150, -150, -150);
   TriangleMesh leg = test_meshes::sphere_mesh(0.12, 20);
-  const auto asked_for = placed(leg, &scan, {}, MeshSpace::kLps);
-  ASSERT_FALSE(asked_for);
-  EXPECT_NE(asked_for.error().message().find("read in cm and in m alike"), std::string::npos)
-      << asked_for.error().message();
-  EXPECT_NE(asked_for.error().message().find("--mesh-unit"), std::string::npos);
+  const auto requested_for = placed(leg, &scan, {}, MeshSpace::kLps);
+  ASSERT_FALSE(requested_for);
+  EXPECT_NE(requested_for.error().message().find("read in cm and in m alike"), std::string::npos)
+      << requested_for.error().message();
+  EXPECT_NE(requested_for.error().message().find("--mesh-unit"), std::string::npos);
   EXPECT_EQ(placed(leg, &scan, {{}, 1000}, MeshSpace::kLps)->unit_mm, 1000);
   // any unit if it is given: inches
   const GridGeometry beside = scan_beside_the_origin();
@@ -301,12 +301,12 @@ TEST(MeshPlacing, WhatTheScanDoesNotProveIsAskedFor) {
   GridGeometry scan = scan_beside_the_origin();
   scan.origin = Point<Patient>(-40, -40, -20);
   const TriangleMesh middle = test_meshes::sphere_mesh(12, 20);
-  const auto asked_for = placed(middle, &scan);
-  ASSERT_FALSE(asked_for);
-  EXPECT_NE(asked_for.error().message().find("--mesh-space"), std::string::npos);
-  const auto told = placed(middle, &scan, {MeshSpace::kRas, {}});
-  ASSERT_TRUE(told);
-  EXPECT_EQ(told->space, MeshSpace::kRas);
+  const auto requested_for = placed(middle, &scan);
+  ASSERT_FALSE(requested_for);
+  EXPECT_NE(requested_for.error().message().find("--mesh-space"), std::string::npos);
+  const auto reported = placed(middle, &scan, {MeshSpace::kRas, {}});
+  ASSERT_TRUE(reported);
+  EXPECT_EQ(reported->space, MeshSpace::kRas);
   EXPECT_EQ(placed(middle, &scan, {}, MeshSpace::kLps)->space, MeshSpace::kLps);
   // the user's choice takes precedence over the file's statement
   EXPECT_EQ(placed(middle, &scan, {MeshSpace::kRas, {}}, MeshSpace::kLps)->space, MeshSpace::kRas);

@@ -32,8 +32,9 @@ std::string percent(double part) {
 // maximum for a wrong one.
 constexpr double kMost = 0.99, kByMistake = 0.9, kHalf = 0.5, kHardlyAny = 0.02;
 
-bool proves(double this_way, double other_way) {
-  return (this_way >= kMost && other_way < kByMistake) || (this_way >= kHalf && other_way <= kHardlyAny);
+bool proves(double this_orientation, double other_orientation) {
+  return (this_orientation >= kMost && other_orientation < kByMistake) ||
+         (this_orientation >= kHalf && other_orientation <= kHardlyAny);
 }
 
 }  // namespace
@@ -43,7 +44,7 @@ Eigen::Vector3d in_patient(const Eigen::Vector3d& point, MeshSpace space, double
   return unit_mm * Eigen::Vector3d(turn * point.x(), turn * point.y(), point.z());
 }
 
-void MeshSurvey::see(const TriangleMesh& mesh) {
+void MeshSurvey::observe(const TriangleMesh& mesh) {
   Transform<Voxel, Patient> X;
   if (scan_) X = scan_->X_PatientVoxel().inverse();
   for (const Eigen::Vector3d& point : mesh.points) {
@@ -54,11 +55,11 @@ void MeshSurvey::see(const TriangleMesh& mesh) {
     for (const MeshSpace space : {MeshSpace::kLps, MeshSpace::kRas})
       for (std::size_t unit = 0; unit < units_mm_.size(); ++unit) {
         const Eigen::Vector3d voxel = (X * Point<Patient>(in_patient(point, space, units_mm_[unit]))).eigen();
-        bool within = true;
+        bool is_inside = true;
         // a surface around the outermost voxels lies half a voxel outside, or one voxel if it is smoothed
         for (int a = 0; a < 3; ++a)
-          within = within && voxel[a] >= -1 && voxel[a] <= scan_->dims[static_cast<std::size_t>(a)];
-        within_[static_cast<std::size_t>(space)][unit] += within;
+          is_inside = is_inside && voxel[a] >= -1 && voxel[a] <= scan_->dims[static_cast<std::size_t>(a)];
+        within_[static_cast<std::size_t>(space)][unit] += is_inside;
       }
   }
 }
@@ -69,18 +70,18 @@ double MeshSurvey::within(MeshSpace space, std::size_t unit) const {
                             static_cast<double>(points_);
 }
 
-Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& asked,
+Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& placing,
                                   std::optional<MeshSpace> stated) {
-  const std::optional<MeshSpace> said = asked.space ? asked.space : stated;
-  const std::string by = asked.space ? "as requested" : "as stated in the file";
+  const std::optional<MeshSpace> message = placing.space ? placing.space : stated;
+  const std::string by = placing.space ? "as requested" : "as stated in the file";
   PlacedMeshes placed;
-  if (!survey.has_scan() || (said && asked.unit_mm)) {
-    placed.space = said.value_or(MeshSpace::kLps);
-    placed.unit_mm = asked.unit_mm.value_or(1);
-    placed.space_is_known = said.has_value();
+  if (!survey.has_scan() || (message && placing.unit_mm)) {
+    placed.space = message.value_or(MeshSpace::kLps);
+    placed.unit_mm = placing.unit_mm.value_or(1);
+    placed.space_is_known = message.has_value();
     placed.note = "is read as " + name_of(placed.space) + " (" +
-                  (said ? by : "which the file does not state: its sides are unknown") + ") in " +
-                  name_of_unit(placed.unit_mm) + (asked.unit_mm ? "" : " (which the file does not state)");
+                  (message ? by : "which the file does not state: its sides are unknown") + ") in " +
+                  name_of_unit(placed.unit_mm) + (placing.unit_mm ? "" : " (which the file does not state)");
     return placed;
   }
 
@@ -91,15 +92,15 @@ Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& a
   std::string fitting_units;
   for (std::size_t tried = 0; tried < survey.units_mm().size(); ++tried) {
     const double best =
-        said ? survey.within(*said, tried)
-             : std::max(survey.within(MeshSpace::kLps, tried), survey.within(MeshSpace::kRas, tried));
+        message ? survey.within(*message, tried)
+                : std::max(survey.within(MeshSpace::kLps, tried), survey.within(MeshSpace::kRas, tried));
     if (best < kHalf ||
         survey.extent() * survey.units_mm()[tried] < kSpeck_voxels * survey.scan()->min_spacing_mm())
       continue;
     fitting_units += (fitting.empty() ? "" : " and in ") + name_of_unit(survey.units_mm()[tried]);
     fitting.push_back(tried);
   }
-  const std::string tried_units = asked.unit_mm ? name_of_unit(*asked.unit_mm) : "mm, cm and m";
+  const std::string tried_units = placing.unit_mm ? name_of_unit(*placing.unit_mm) : "mm, cm and m";
   if (fitting.size() > 1)
     return bad_input(
         "", "does not state its unit, and lies in the scan if read in " + fitting_units + " alike",
@@ -107,23 +108,24 @@ Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& a
   if (fitting.empty())
     return bad_input(
         "",
-        "does not lie in the scan, read as " + (said ? name_of(*said) : "LPS or as RAS") + " in " +
+        "does not lie in the scan, read as " + (message ? name_of(*message) : "LPS or as RAS") + " in " +
             tried_units + ": at least half of its points must lie in it",
         "give the scan that it was made on; or choose how to read it with --mesh-space and --mesh-unit");
   const std::size_t unit = fitting.front();
   placed.unit_mm = survey.units_mm()[unit];
   const double lps = survey.within(MeshSpace::kLps, unit), ras = survey.within(MeshSpace::kRas, unit);
-  placed.space = said.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
-  const double this_way = survey.within(placed.space, unit),
-               other_way = survey.within(other_than(placed.space), unit);
-  if (!said && !proves(this_way, other_way))
+  placed.space = message.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
+  const double this_orientation = survey.within(placed.space, unit),
+               other_orientation = survey.within(other_than(placed.space), unit);
+  if (!message && !proves(this_orientation, other_orientation))
     return bad_input("",
                      "does not state whether its axes are LPS or RAS, and lies in the scan either way (" +
                          percent(lps) + " of its points as LPS, " + percent(ras) + " as RAS)",
                      "choose one with --mesh-space lps or --mesh-space ras (in a scene file: mesh_space)");
-  placed.note = "is read as " + name_of(placed.space) + (said ? " (" + by + ")" : "") + " in " +
-                name_of_unit(placed.unit_mm) + ": so " + percent(this_way) + " of its points lie in the scan";
-  if (!said) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_way);
+  placed.note = "is read as " + name_of(placed.space) + (message ? " (" + by + ")" : "") + " in " +
+                name_of_unit(placed.unit_mm) + ": so " + percent(this_orientation) +
+                " of its points lie in the scan";
+  if (!message) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_orientation);
   return placed;
 }
 

@@ -30,7 +30,7 @@ class MeshSurvey {
   explicit MeshSurvey(const GridGeometry* scan, std::optional<double> unit_mm = {}) : scan_(scan) {
     if (unit_mm) units_mm_ = {*unit_mm};
   }
-  void see(const TriangleMesh& mesh);
+  void observe(const TriangleMesh& mesh);
 
   std::span<const double> units_mm() const { return units_mm_; }
   bool has_scan() const { return scan_ != nullptr; }
@@ -59,11 +59,11 @@ struct PlacedMeshes {
 
 /// Chooses coordinate system and unit.
 /// @param survey  survey with the given unit, or with all
-/// @param asked   values given by the user
+/// @param placing   values given by the user
 /// @param stated  value stated by the file
 /// Errors, without `where`: less than half of the points lie within the scan under every interpretation;
 /// several units, or both coordinate systems, fit, so that the user must decide.
-Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& asked,
+Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& placing,
                                   std::optional<MeshSpace> stated);
 
 }  // namespace palpate::volume_io

@@ -27,8 +27,8 @@ std::string at_line(std::size_t line, const std::string& what) {
   return "line " + std::to_string(line) + " " + what;
 }
 
-std::string counted_of(std::uint64_t got, std::uint64_t promised, const std::string& what) {
-  return "it ends after " + std::to_string(got) + " of " + std::to_string(promised) + " " + what;
+std::string counted_of(std::uint64_t received, std::uint64_t promised, const std::string& what) {
+  return "it ends after " + std::to_string(received) + " of " + std::to_string(promised) + " " + what;
 }
 
 // ---- STL ------------------------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
   // vertices are numbered across the file: each object gets those that it uses
   std::vector<Eigen::Vector3d> points;
   std::vector<std::uint32_t> index_in_mesh;  // index + 1 in the current object; 0: not used
-  std::vector<bool> taken;                   // used by some object
+  std::vector<bool> consumed;                // used by some object
   std::vector<std::size_t> used;
   std::vector<std::int64_t> corners;
   bool objects = false, parted = false;
@@ -295,7 +295,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
       if (points.size() == kMaxPoints) return builder.too_many();
       points.push_back(point);
       index_in_mesh.push_back(0);
-      taken.push_back(false);
+      consumed.push_back(false);
     } else if (words[0] == "o" || (words[0] == "g" && !objects)) {
       objects = words[0] == "o";
       begin(text.substr(text.find(words[0]) + 1));
@@ -317,8 +317,8 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
           index_in_mesh[at] = static_cast<std::uint32_t>(builder.points());
           used.push_back(at);
           // groups that share points are parts of one surface, for example by material; objects are not
-          parted = parted || taken[at];
-          taken[at] = true;
+          parted = parted || consumed[at];
+          consumed[at] = true;
         }
         corners.push_back(static_cast<std::int64_t>(index_in_mesh[at]) - 1);
       }

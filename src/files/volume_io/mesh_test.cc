@@ -42,10 +42,10 @@ TEST(Mesh, EveryFormatHoldsTheSameTriangles) {
     ASSERT_TRUE(file) << file.error().message();
     ASSERT_EQ(file->meshes.size(), 1u) << written.name;
     EXPECT_FALSE(file->space) << written.name;
-    const auto got = corners_of(file->meshes.front()), wanted = corners_of(mesh);
-    ASSERT_EQ(got.size(), wanted.size()) << written.name;
-    for (std::size_t n = 0; n < got.size(); ++n)
-      EXPECT_LT((got[n] - wanted[n]).norm(), 2e-5) << written.name << ", corner " << n;
+    const auto received = corners_of(file->meshes.front()), wanted = corners_of(mesh);
+    ASSERT_EQ(received.size(), wanted.size()) << written.name;
+    for (std::size_t n = 0; n < received.size(); ++n)
+      EXPECT_LT((received[n] - wanted[n]).norm(), 2e-5) << written.name << ", corner " << n;
   }
 }
 

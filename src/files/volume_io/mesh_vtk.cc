@@ -348,17 +348,17 @@ class ByteStream {
       text_.remove_prefix(count);
       return true;
     }
-    if (count > text_.size() + kept_.size()) return false;
+    if (count > text_.size() + stored_.size()) return false;
     bytes.reserve(count);
     while (bytes.size() < count) {
-      if (kept_.empty() && !decode_four()) return false;
-      bytes += kept_.front();
-      kept_.erase(0, 1);
+      if (stored_.empty() && !decode_four()) return false;
+      bytes += stored_.front();
+      stored_.erase(0, 1);
     }
     return true;
   }
   // discards the padding of the last group of four letters
-  void end_part() { kept_.clear(); }
+  void end_part() { stored_.clear(); }
 
  private:
   bool decode_four() {
@@ -382,13 +382,13 @@ class ByteStream {
     }
     if (padding > 2) return false;
     const int bits = values[0] << 18 | values[1] << 12 | values[2] << 6 | values[3];
-    for (std::size_t n = 0; n < 3 - padding; ++n) kept_ += static_cast<char>(bits >> (16 - 8 * n));
+    for (std::size_t n = 0; n < 3 - padding; ++n) stored_ += static_cast<char>(bits >> (16 - 8 * n));
     return true;
   }
 
   std::string_view text_;
   bool base64_;
-  std::string kept_;
+  std::string stored_;
 };
 
 struct XmlSettings {
@@ -441,11 +441,11 @@ std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& setting
     if (expected > kLeast + kMaxGain * packed.size() || bytes.size() + expected > most) return std::nullopt;
     const std::size_t before = bytes.size();
     bytes.resize(before + expected);
-    uLongf got = static_cast<uLongf>(expected);
-    if (::uncompress(reinterpret_cast<Bytef*>(bytes.data() + before), &got,
+    uLongf received = static_cast<uLongf>(expected);
+    if (::uncompress(reinterpret_cast<Bytef*>(bytes.data() + before), &received,
                      reinterpret_cast<const Bytef*>(packed.data()),
                      static_cast<uLong>(packed.size())) != Z_OK ||
-        got != expected)
+        received != expected)
       return std::nullopt;
   }
   left -= bytes.size();
@@ -541,9 +541,9 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
       if (tag->closes) continue;
       const auto type = vtk_type((*tag)["type"]);
       const std::string_view format = (*tag)["format"];
-      const bool wanted =
+      const bool requested =
           section == "Points" || section == "Polys" || section == "Strips" || section == "FieldData";
-      if (!wanted) continue;
+      if (!requested) continue;
       if (!type) return builder.damaged("it has an array of unknown type");
       XmlArray array{section,
                      std::string((*tag)["Name"]),

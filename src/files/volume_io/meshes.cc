@@ -93,25 +93,25 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
 // maximum number of meshes in all files: each is compared with those that it overlaps
 constexpr std::size_t kMaxMeshes = 1024;
 
-// @param look  called regularly; false: the parent has gone
+// @param should_continue  called regularly; false: the parent has gone
 Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::path& named,
-                                       const GridGeometry* scan, const MeshPlacing& asked,
-                                       const std::function<bool()>& look, double& share) {
+                                       const GridGeometry* scan, const MeshPlacing& placing,
+                                       const std::function<bool()>& should_continue, double& share) {
   // survey the points of all files, and the coordinate systems that the files state
-  MeshSurvey survey(scan, asked.unit_mm);
+  MeshSurvey survey(scan, placing.unit_mm);
   std::optional<MeshSpace> stated;
   bool first = true, alike = true;
   std::size_t meshes = 0;
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
   const StructureFiles& found = meshes_of.found;
   for (const fs::path& one : found.files) {
-    if (!look()) return bad_input("", "nobody reads it");
+    if (!should_continue()) return bad_input("", "nobody reads it");
     const auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     alike = alike && (first || stated == file->space);
     stated = file->space;
     for (const TriangleMesh& mesh : file->meshes) {
-      survey.see(mesh);
+      survey.observe(mesh);
       for (const Eigen::Vector3d& point : mesh.points) {
         low = first ? point : Eigen::Vector3d(low.cwiseMin(point));
         high = first ? point : Eigen::Vector3d(high.cwiseMax(point));
@@ -125,11 +125,11 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
                      "has " + std::to_string(meshes) + " structures, but at most " +
                          std::to_string(kMaxMeshes) + " can be read",
                      "give fewer of them");
-  if (!alike && !asked.space)
+  if (!alike && !placing.space)
     return bad_input(named.string(),
                      "holds surfaces with different axes: some LPS, others RAS or unspecified",
                      "export all of them with the same axes, or choose the axes of all with --mesh-space");
-  const auto placed = place_meshes(survey, asked, stated);
+  const auto placed = place_meshes(survey, placing, stated);
   if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
 
   StructureLabels labels;
@@ -149,7 +149,7 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
     auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
-      if (!look()) return bad_input("", "nobody reads it");
+      if (!should_continue()) return bad_input("", "nobody reads it");
       TriangleMesh& mesh = file->meshes[n];
       bool beyond = false;
       for (Eigen::Vector3d& point : mesh.points) {
@@ -161,22 +161,22 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
       const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one,
                                                  found.files.size() == 1 && one == named, labels.names);
       if (left_out) named_in_part.push_back(name);
-      const std::string said = name.empty() ? "its only structure" : name;
+      const std::string message = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
-      if (!look()) return bad_input("", "nobody reads it");
-      labels.voxels.push_back(voxels_of_mesh(closed, grid, look));
+      if (!should_continue()) return bad_input("", "nobody reads it");
+      labels.voxels.push_back(voxels_of_mesh(closed, grid, should_continue));
       labels.names.push_back(name);
       if (closed.open_edges > 0)
-        open.push_back(said + " along " + std::to_string(closed.open_edges) + " edges");
+        open.push_back(message + " along " + std::to_string(closed.open_edges) + " edges");
       if (labels.voxels.back().count() == 0)
-        empty.push_back(said);
+        empty.push_back(message);
       else if (beyond)
-        cut.push_back(said);
+        cut.push_back(message);
     }
   }
 
-  if (auto done = lay_out(labels, grid, named, look); !done) return done.error();
+  if (auto done = lay_out(labels, grid, named, should_continue); !done) return done.error();
   labels.file.header.has_geometry = placed->space_is_known;
   auto& notes = labels.file.notes;
   notes.insert(notes.end(), found.notes.begin(), found.notes.end());
@@ -184,13 +184,14 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
   if (!scan)
     notes.push_back("is voxelised on its own grid of " + as_text(grid.spacing_mm[0]) +
                     " mm; given after a scan, it uses the grid of the scan");
-  const auto tell = [&](const std::string& what, const std::vector<std::string>& names) {
+  const auto warn_about = [&](const std::string& what, const std::vector<std::string>& names) {
     if (!names.empty()) notes.push_back(what + ": " + names_in_words(names));
   };
-  tell("is not closed everywhere: a voxel counts as inside if most directions hit the surface from within",
-       open);
-  tell("extends beyond the scan and is cut off there", cut);
-  tell("has surfaces that contain no voxel centre", empty);
+  warn_about(
+      "is not closed everywhere: a voxel counts as inside if most directions hit the surface from within",
+      open);
+  warn_about("extends beyond the scan and is cut off there", cut);
+  warn_about("has surfaces that contain no voxel centre", empty);
   if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
   return labels;
 }
@@ -219,8 +220,8 @@ Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan, 
   const FoundMeshes meshes = find_meshes(file);
   auto reader = open_structure_files(
       meshes.found, file, progress,
-      [&](const std::function<bool()>& look, double& share) {
-        return look_at_meshes(meshes, file, scan, placing, look, share);
+      [&](const std::function<bool()>& should_continue, double& share) {
+        return look_at_meshes(meshes, file, scan, placing, should_continue, share);
       },
       "simplify it first, for example with 3D Slicer's Surface Toolbox (Decimate), or give fewer surfaces");
   if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});

@@ -80,7 +80,7 @@ Result<SegmentFieldPairs> parse_caret_labels(std::string_view xml, const std::st
   const auto fault = [&](const std::string& why) {
     return bad_input(source, "its label table (CaretExtension) " + why, kRemedy);
   };
-  std::set<LabelId> seen;
+  std::set<LabelId> labels;
   for (auto at = xml.find("<Label "); at != std::string_view::npos; at = xml.find("<Label ", at)) {
     const auto tag_end = xml.find('>', at);
     const auto end = xml.find("</Label>", at);
@@ -92,12 +92,12 @@ Result<SegmentFieldPairs> parse_caret_labels(std::string_view xml, const std::st
     at = end;
     if (!key) return fault("has a key that is not a whole number in 0 ... 65535");
     if (*key == 0) continue;
-    if (!seen.insert(*key).second) return fault("names label " + std::to_string(*key) + " a second time");
+    if (!labels.insert(*key).second) return fault("names label " + std::to_string(*key) + " a second time");
     if (!name) return fault("has a name that is not a text");
     const std::string shown(trimmed(*name));
     if (const auto wrong = name_fault(shown))
       return fault("at label " + std::to_string(*key) + ": " + *wrong);
-    const std::string segment = "Segment" + std::to_string(seen.size() - 1);
+    const std::string segment = "Segment" + std::to_string(labels.size() - 1);
     fields.emplace_back(segment + "_LabelValue", std::to_string(*key));
     fields.emplace_back(segment + "_Name", shown);
     std::string colour;

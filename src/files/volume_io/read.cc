@@ -10,10 +10,10 @@
 #include "volume_io/formats.h"
 #include "volume_io/label_names.h"
 #include "volume_io/layered_labels.h"
-#include "volume_io/looks_like.h"
 #include "volume_io/masks.h"
 #include "volume_io/meshes.h"
 #include "volume_io/segment_fields.h"
+#include "volume_io/value_statistics.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_cache.h"
 #include "volume_io/voxel_stream.h"
@@ -161,15 +161,15 @@ class LabelSink {
   }
 
   /// Takes all voxels from the cache; false if they are not cached.
-  bool find(const VoxelCacheEntry& kept) {
-    auto layers = kept.find_labels(layers_.size());
+  bool find(const VoxelCacheEntry& stored) {
+    auto layers = stored.find_labels(layers_.size());
     if (layers.empty()) return false;
     layers_ = std::move(layers);
-    for (std::size_t layer = 0; layer < layers_.size(); ++layer) see(layers_[layer], present_[layer]);
+    for (std::size_t layer = 0; layer < layers_.size(); ++layer) observe(layers_[layer], present_[layer]);
     return true;
   }
   /// Stores the voxels in the cache, after the last voxel.
-  void keep(const VoxelCacheEntry& kept) const { kept.keep_labels(layers_); }
+  void keep(const VoxelCacheEntry& stored) const { stored.keep_labels(layers_); }
   /// Moves the layers out, after the last voxel.
   std::vector<Volume<LabelId>> take_layers() {
     std::vector<Volume<LabelId>> layers;
@@ -190,7 +190,7 @@ class LabelSink {
     }
   }
   // most voxels equal their predecessor
-  static void see(const std::vector<LabelId>& voxels, std::vector<char>& present) {
+  static void observe(const std::vector<LabelId>& voxels, std::vector<char>& present) {
     LabelId last = 0;
     for (const LabelId label : voxels) {
       if (label == last) continue;
@@ -305,12 +305,12 @@ struct FoundNames {
 
 // table that may name the labels: a given one, or one in the folder of the file
 Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::path& labels,
-                              const std::optional<std::filesystem::path>& given,
+                              const std::optional<std::filesystem::path>& supplied,
                               const std::optional<std::filesystem::path>& scan, const Warn& warn) {
-  if (given) {
-    auto names = read_label_names(*given);
+  if (supplied) {
+    auto names = read_label_names(*supplied);
     if (!names) return names.error();
-    return FoundNames{*std::move(names), NameSource::kGivenTable, given};
+    return FoundNames{*std::move(names), NameSource::kSuppliedTable, supplied};
   }
   if (file.header.has_segments && file.header.format != kColouredPictures) return FoundNames{};
   const auto table = find_adjacent_table(labels, scan);
@@ -407,7 +407,7 @@ Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& 
   if (named == 0) {
     const std::string why = "it names none of its labels, which are " + some_of(in_map) + ", but " +
                             (in_table.empty() ? std::string("0 alone") : some_of(in_table));
-    if (found.source == NameSource::kGivenTable)
+    if (found.source == NameSource::kSuppliedTable)
       return bad_input(table,
                        "names none of the labels of " + labels.string() + ", which are " + some_of(in_map) +
                            ", but " + (in_table.empty() ? std::string("0 alone") : some_of(in_table)),
@@ -461,15 +461,15 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
                      "if it is a segmentation give it as the labels");
   if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
 
-  const VoxelCacheEntry kept(reader, "scan", unpacked);
+  const VoxelCacheEntry stored(reader, "scan", unpacked);
   ScanValues values;
-  if (kept.find_scan(values.voxels, values.replaced)) {
+  if (stored.find_scan(values.voxels, values.replaced)) {
     progress.report("loading from the cache", 0);
   } else {
     auto fresh = unpack_scan(reader, path);
     if (!fresh) return fresh.error();
     values = *std::move(fresh);
-    kept.keep_scan(values.voxels, values.replaced);
+    stored.keep_scan(values.voxels, values.replaced);
   }
   if (values.replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(values.replaced) +
@@ -483,11 +483,11 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
 
 // informs a user who expects the file name as structure name why it is not used, and how to set it
 std::string left_out_of_name(const std::string& name) {
-  const std::string taken =
+  const std::string used =
       name.empty()
           ? "its structure has no name, because the name of its file has no known anatomical word"
           : "its structure is called \"" + name + "\", the known anatomical words of its file's name";
-  return taken +
+  return used +
          "; other words might identify a patient\n"
          "  a table can set any name (--names TABLE, or a table next to it with the same name)";
 }
@@ -504,8 +504,8 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     return plausible.error();
 
   LabelSink sink(file);
-  const VoxelCacheEntry kept(reader, "labels", unpacked);
-  if (sink.find(kept)) {
+  const VoxelCacheEntry stored(reader, "labels", unpacked);
+  if (sink.find(stored)) {
     progress.report("loading from the cache", 0);
   } else {
     const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
@@ -514,7 +514,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     });
     if (!read) return read.error();
     if (const auto checked = sink.check_ids(); !checked) return checked.error();
-    sink.keep(kept);
+    sink.keep(stored);
   }
   for (const std::string& note : file.notes)
     if (warn) warn(path.string() + ": " + note);
@@ -541,17 +541,17 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
   if (says_labels(result) || !looks_like_scan(result.labels)) return result;
-  const Error taken = taken_for_labels(path, result.labels.segments.size());
-  if (doubtful == Doubtful::kRefused) return taken;
-  if (warn) warn(taken.message());
+  const Error used = taken_for_labels(path, result.labels.segments.size());
+  if (doubtful == Doubtful::kRefused) return used;
+  if (warn) warn(used.message());
   return result;
 }
 
 // evidence, by a given table or one in the folder, that the values are labels
 std::optional<std::string> evidence_by_table(const ValueStatistics& values, const std::filesystem::path& file,
-                                             const std::optional<std::filesystem::path>& given) {
+                                             const std::optional<std::filesystem::path>& supplied) {
   if (!values.only_whole || values.distinct == 0) return std::nullopt;
-  if (given) return "its values are whole numbers, and a table was given";
+  if (supplied) return "its values are whole numbers, and a table was given";
   const auto beside = find_adjacent_table(file, {});
   if (!beside || !check_stays_in(file.parent_path(), beside->file)) return std::nullopt;
   const auto names = read_label_names(beside->file);
@@ -651,7 +651,7 @@ std::string_view words_of(NameSource source) {
       return "the file itself";
     case NameSource::kFileName:
       return "anatomical words in its file names";
-    case NameSource::kGivenTable:
+    case NameSource::kSuppliedTable:
       return "the given table";
     case NameSource::kOwnTable:
       return "a table next to it with the same name";

@@ -10,7 +10,7 @@
 
 #include "base/test_files.h"
 #include "palpate/volume_io/volume_io.h"
-#include "volume_io/looks_like.h"
+#include "volume_io/value_statistics.h"
 
 namespace palpate {
 namespace {
@@ -149,7 +149,7 @@ TEST(ReadVolume, AScanTakenForLabelsIsRefused) {
 
   // an explicit declaration as labels, by a table or a switch, takes precedence
   std::string warning;
-  const auto warn = [&](const std::string& said) { warning = said; };
+  const auto warn = [&](const std::string& stated) { warning = stated; };
   EXPECT_EQ(refusal_of(scan, std::nullopt, Progress(), Warn(warn), Doubtful::kWarnedOf), "");
   EXPECT_NE(warning.find("looks like a scan"), std::string::npos);
   std::string table = "value\tname\n";

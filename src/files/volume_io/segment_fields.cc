@@ -123,13 +123,13 @@ bool number_segments(std::vector<Segment>& segments) {
   });
   int highest = 0;
   for (const Segment& s : segments) highest = std::max<int>(highest, s.value);
-  std::set<LabelId> taken;
+  std::set<LabelId> labels;
   for (Segment& s : segments) {
     s.id = s.value;
-    if (taken.insert(s.id).second) continue;
+    if (labels.insert(s.id).second) continue;
     if (++highest > 65535) return false;
     s.id = static_cast<LabelId>(highest);
-    taken.insert(s.id);
+    labels.insert(s.id);
   }
   std::sort(segments.begin(), segments.end(), [](const Segment& a, const Segment& b) { return a.id < b.id; });
   return true;
@@ -169,7 +169,7 @@ Result<std::vector<Segment>> parse_segment_fields(
   }
 
   std::vector<Segment> segments;
-  std::set<std::pair<int, LabelId>> seen;
+  std::set<std::pair<int, LabelId>> observed;
   for (const auto& [number, f] : by_number) {
     const std::string name = "Segment" + std::to_string(number);
     Segment segment;
@@ -181,7 +181,7 @@ Result<std::vector<Segment>> parse_segment_fields(
     segment.layer = f.layer.value_or(layers > 1 ? number : 0);
     segment.value = f.value.value_or(1);
     if (segment.layer >= layers) return bad_input(source, name + " has no layer in the file");
-    if (!seen.insert({segment.layer, segment.value}).second)
+    if (!observed.insert({segment.layer, segment.value}).second)
       return bad_input(source,
                        name + " repeats value " + std::to_string(segment.value) + " of layer " +
                            std::to_string(segment.layer),

@@ -125,13 +125,13 @@ std::string note_of_left_out(const std::vector<std::string>& names) {
 }
 
 Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs::path& named,
-                     const std::function<bool()>& look) {
+                     const std::function<bool()>& should_continue) {
   const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
     for (std::size_t n = 0; n < labels.voxels.size(); ++n)
       labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { take(v, static_cast<int>(n)); });
     return {};
   };
-  const auto meetings = find_overlapping_pairs(grid, read_slice, look);
+  const auto meetings = find_overlapping_pairs(grid, read_slice, should_continue);
   if (!meetings) return meetings.error();
   labels.file = labels_in_slices(grid, named);
   labels.layers = assign_layers(labels.voxels.size(), *meetings, labels.file);
@@ -142,22 +142,25 @@ Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs
 
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
-    const std::function<Result<StructureLabels>(const std::function<bool()>& look, double& share)>& look_at,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue, double& share)>&
+        look_at,
     const char* too_large) {
   return open_sliced_files(
       found, named, progress,
-      [&](const std::function<bool()>& look, double& share) -> Result<SlicedVolume> {
-        auto labels = look_at(look, share);
+      [&](const std::function<bool()>& should_continue, double& share) -> Result<SlicedVolume> {
+        auto labels = look_at(should_continue, share);
         if (!labels) return labels.error();
-        const auto kept = std::make_shared<const StructureLabels>(*std::move(labels));
-        return SlicedVolume{kept->file, [kept](VoxelSink& sink) { return send_structures(*kept, sink); }};
+        const auto stored = std::make_shared<const StructureLabels>(*std::move(labels));
+        return SlicedVolume{stored->file,
+                            [stored](VoxelSink& sink) { return send_structures(*stored, sink); }};
       },
       too_large);
 }
 
 Result<LabelReader> open_sliced_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
-    const std::function<Result<SlicedVolume>(const std::function<bool()>& look, double& share)>& look_at,
+    const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& share)>&
+        look_at,
     const char* too_large) {
   std::vector<int> descriptors;
   for (const fs::path& root : found.roots)
@@ -186,8 +189,8 @@ Result<LabelReader> open_sliced_files(
     return Error{process.error().kind, process.error().what, named.string(), process.error().remedy};
   while (true) {
     std::uint32_t word = 0;
-    if (auto said = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !said)
-      return about(said.error(), names);
+    if (auto stated = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !stated)
+      return about(stated.error(), names);
     if (word != kEnd) {
       progress.report("examining each file", std::min(1.0, word / 1000.0));
       continue;

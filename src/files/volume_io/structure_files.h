@@ -57,9 +57,9 @@ struct StructureLabels {
 };
 /// Distributes structures, whose names and voxels are set, over layers in which they do not overlap, and
 /// fills in `file`. Errors: interrupted.
-/// @param look  called regularly; false: the parent has gone
+/// @param should_continue  called regularly; false: the parent has gone
 Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const std::filesystem::path& named,
-                     const std::function<bool()>& look);
+                     const std::function<bool()>& should_continue);
 
 /// Parsed volume, and a function that sends its voxels, slice by slice, any number of times.
 struct SlicedVolume {
@@ -69,16 +69,19 @@ struct SlicedVolume {
 /// Starts a process that reads files as one volume; parameters as for open_structure_files().
 Result<LabelReader> open_sliced_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
-    const std::function<Result<SlicedVolume>(const std::function<bool()>& look, double& share)>& look_at,
+    const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& share)>&
+        look_at,
     const char* too_large);
 
 /// Starts a process that reads the files as one structure each.
-/// @param look_at    called in that process with the `look` of lay_out(), which it must call, and with a
+/// @param look_at    called in that process with the `should_continue` of lay_out(), which it must call, and
+/// with a
 ///                   reference to the completed fraction of its work, 0 ... 1, which it must update
 /// @param too_large  remedy if the data do not fit into memory
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
-    const std::function<Result<StructureLabels>(const std::function<bool()>& look, double& share)>& look_at,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue, double& share)>&
+        look_at,
     const char* too_large);
 
 }  // namespace palpate::volume_io

@@ -425,7 +425,7 @@ void write_contours(const std::filesystem::path& file, const DicomContours& cont
       DcmItem& one = item_of(drawn, DCM_ContourSequence, static_cast<long>(c));
       put(one, DCM_ContourGeometricType, contour.type);
       put(one, DCM_NumberOfContourPoints,
-          std::to_string(contour.said_points.value_or(static_cast<int>(contour.points.size()))));
+          std::to_string(contour.stated_points.value_or(static_cast<int>(contour.points.size()))));
       std::string data;
       for (const auto& point : contour.points) data += (data.empty() ? "" : "\\") + in_text(point);
       put(one, DCM_ContourData, contour.data.value_or(data));

@@ -174,11 +174,11 @@ bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files fil
   return out.ok();
 }
 
-bool send_file_request(reader::ByteTarget& target, const OtherFile& wanted) {
+bool send_file_request(reader::ByteTarget& target, const OtherFile& requested) {
   Sender out(target);
   out.put(static_cast<std::uint8_t>(Answer::kFileRequest));
-  out.put(static_cast<std::uint8_t>(wanted.which));
-  out.put(wanted.name.substr(0, kMaxErrorText));
+  out.put(static_cast<std::uint8_t>(requested.which));
+  out.put(requested.name.substr(0, kMaxErrorText));
   return out.ok();
 }
 
@@ -202,11 +202,11 @@ Result<std::variant<VolumeFile, OtherFile>> receive_answer(reader::ByteSource& s
     if (!volume) return volume.error();
     return Received(*std::move(volume));
   }
-  OtherFile wanted;
-  get_one_of(in, wanted.which, OtherFile::Which::kVoxels);
-  in.get(wanted.name, kMaxErrorText);
+  OtherFile requested;
+  get_one_of(in, requested.which, OtherFile::Which::kVoxels);
+  in.get(requested.name, kMaxErrorText);
   if (!in.ok()) return about(in.error(), files);
-  return Received(std::move(wanted));
+  return Received(std::move(requested));
 }
 
 Result<void> receive_end(reader::ByteSource& source, Files files) {

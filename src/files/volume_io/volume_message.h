@@ -42,7 +42,7 @@ using Files = std::span<const std::filesystem::path>;
 
 bool send_refusal(reader::ByteTarget& target, const Error& refusal);
 bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files files);
-bool send_file_request(reader::ByteTarget& target, const OtherFile& wanted);
+bool send_file_request(reader::ByteTarget& target, const OtherFile& requested);
 /// Sent after the last voxel.
 bool send_end(reader::ByteTarget& target, const Result<void>& read);
 

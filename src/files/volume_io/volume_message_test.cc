@@ -22,10 +22,10 @@ class Memory : public reader::ByteTarget, public reader::ByteSource {
     bytes.insert(bytes.end(), more.begin(), more.end());
     return true;
   }
-  Result<void> read(std::span<std::byte> wanted) override {
-    if (wanted.size() > bytes.size() - at) return Error{ErrorKind::kBadInput, "ended", "", ""};
-    std::memcpy(wanted.data(), bytes.data() + at, wanted.size());
-    at += wanted.size();
+  Result<void> read(std::span<std::byte> requested) override {
+    if (requested.size() > bytes.size() - at) return Error{ErrorKind::kBadInput, "ended", "", ""};
+    std::memcpy(requested.data(), bytes.data() + at, requested.size());
+    at += requested.size();
     return {};
   }
   std::vector<std::byte> bytes;
@@ -67,30 +67,30 @@ TEST(VolumeMessage, AVolumeArrivesWhole) {
   ASSERT_TRUE(send_volume(memory, sent, kFiles));
   const auto answer = receive_answer(memory, kFiles);
   ASSERT_TRUE(answer) << answer.error().message();
-  const auto& got = std::get<VolumeFile>(*answer);
+  const auto& received = std::get<VolumeFile>(*answer);
   EXPECT_EQ(memory.at, memory.bytes.size());
-  EXPECT_EQ(got.header.geometry.dims, sent.header.geometry.dims);
-  EXPECT_EQ(got.header.geometry.spacing_mm, sent.header.geometry.spacing_mm);
-  EXPECT_EQ(got.header.geometry.direction, sent.header.geometry.direction);
-  for (int a = 0; a < 3; ++a) EXPECT_EQ(got.header.geometry.origin[a], sent.header.geometry.origin[a]);
-  EXPECT_EQ(got.header.layers, 3);
-  EXPECT_FALSE(got.header.has_geometry);
-  EXPECT_TRUE(got.header.has_segments);
-  EXPECT_EQ(got.header.meaning, ValueMeaning::kLabels);
-  EXPECT_EQ(got.voxels.file, kFiles[1]);
-  EXPECT_EQ(got.voxels.encoding, Encoding::kBzip2);
-  EXPECT_EQ(got.voxels.component, Component::kUint64);
-  EXPECT_TRUE(got.voxels.big_endian);
-  EXPECT_EQ(got.voxels.offset, 11u);
-  EXPECT_EQ(got.voxels.skip, 12u);
-  EXPECT_EQ(got.voxels.bytes_after, 13u);
-  EXPECT_TRUE(got.voxels.may_have_more);
-  EXPECT_EQ(got.voxels.slope, 2.5);
-  EXPECT_EQ(got.voxels.intercept, -7);
-  EXPECT_FALSE(got.layers_first);
-  EXPECT_EQ(got.segment_fields, sent.segment_fields);
-  EXPECT_TRUE(got.padded);
-  EXPECT_EQ(got.notes, sent.notes);
+  EXPECT_EQ(received.header.geometry.dims, sent.header.geometry.dims);
+  EXPECT_EQ(received.header.geometry.spacing_mm, sent.header.geometry.spacing_mm);
+  EXPECT_EQ(received.header.geometry.direction, sent.header.geometry.direction);
+  for (int a = 0; a < 3; ++a) EXPECT_EQ(received.header.geometry.origin[a], sent.header.geometry.origin[a]);
+  EXPECT_EQ(received.header.layers, 3);
+  EXPECT_FALSE(received.header.has_geometry);
+  EXPECT_TRUE(received.header.has_segments);
+  EXPECT_EQ(received.header.meaning, ValueMeaning::kLabels);
+  EXPECT_EQ(received.voxels.file, kFiles[1]);
+  EXPECT_EQ(received.voxels.encoding, Encoding::kBzip2);
+  EXPECT_EQ(received.voxels.component, Component::kUint64);
+  EXPECT_TRUE(received.voxels.big_endian);
+  EXPECT_EQ(received.voxels.offset, 11u);
+  EXPECT_EQ(received.voxels.skip, 12u);
+  EXPECT_EQ(received.voxels.bytes_after, 13u);
+  EXPECT_TRUE(received.voxels.may_have_more);
+  EXPECT_EQ(received.voxels.slope, 2.5);
+  EXPECT_EQ(received.voxels.intercept, -7);
+  EXPECT_FALSE(received.layers_first);
+  EXPECT_EQ(received.segment_fields, sent.segment_fields);
+  EXPECT_TRUE(received.padded);
+  EXPECT_EQ(received.notes, sent.notes);
 }
 
 TEST(VolumeMessage, BelievesNoVolume) {
@@ -187,17 +187,17 @@ TEST(VolumeMessage, EndsAndWishesArrive) {
     std::uint32_t end = 0;
     ASSERT_TRUE(memory.read(std::as_writable_bytes(std::span(&end, 1))));
     EXPECT_EQ(end, kEnd);
-    const auto told = receive_end(memory, kFiles);
-    EXPECT_EQ(told.ok(), whole);
-    if (!told) {
-      EXPECT_EQ(told.error().message(), "/a/voxels.raw: ends early");
+    const auto reported = receive_end(memory, kFiles);
+    EXPECT_EQ(reported.ok(), whole);
+    if (!reported) {
+      EXPECT_EQ(reported.error().message(), "/a/voxels.raw: ends early");
     }
   }
-  const OtherFile wanted{OtherFile::Which::kVoxels, "name"};
-  ASSERT_TRUE(send_file_request(memory, wanted));
+  const OtherFile requested{OtherFile::Which::kVoxels, "name"};
+  ASSERT_TRUE(send_file_request(memory, requested));
   const auto answer = receive_answer(memory, kFiles);
   ASSERT_TRUE(answer);
-  EXPECT_EQ(std::get<OtherFile>(*answer), wanted);
+  EXPECT_EQ(std::get<OtherFile>(*answer), requested);
   ASSERT_TRUE(send_file_request(memory, {static_cast<OtherFile::Which>(3), ""}));
   EXPECT_FALSE(receive_answer(memory, kFiles));
 }

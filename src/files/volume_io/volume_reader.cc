@@ -23,7 +23,7 @@ namespace {
 bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
               const Placing& placing) {
   const auto volume = understand(format, files.front(), others, placing);
-  if (others.asked()) return send_file_request(parent, *others.asked());
+  if (others.requested()) return send_file_request(parent, *others.requested());
   if (!volume) return send_refusal(parent, volume.error());
   if (!send_volume(parent, *volume, files)) return false;
   while (parent.wait_for_grant()) {
@@ -71,7 +71,7 @@ std::span<std::byte> VoxelSlots::room() {
 }
 
 void VoxelSlots::put(std::size_t bytes) {
-  say(static_cast<std::uint32_t>(bytes));
+  write_number(static_cast<std::uint32_t>(bytes));
   next_ = (next_ + 1) % kSlots;
   ++filled_;
 }
@@ -85,7 +85,7 @@ void VoxelSlots::wait() {
   --filled_;
 }
 
-void VoxelSlots::say(std::uint32_t number) {
+void VoxelSlots::write_number(std::uint32_t number) {
   if (!parent_.write(std::as_bytes(std::span(&number, 1)))) throw std::runtime_error("nobody reads");
 }
 
@@ -181,14 +181,14 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     }
     // restart with access to this file too
     if (reader.files_.size() == kMaxFiles) return nonsense(reader.names_);
-    auto& wanted = std::get<OtherFile>(*answer);
-    const auto other = find_other_file(file, wanted);
+    auto& requested = std::get<OtherFile>(*answer);
+    const auto other = find_other_file(file, requested);
     if (!other) return other.error();
     auto other_opened = InputFile::open(*other);
     if (!other_opened) return other_opened.error();
     reader.names_.push_back(*other);
     reader.files_.push_back(*std::move(other_opened));
-    others.add(std::move(wanted), *other);
+    others.add(std::move(requested), *other);
   }
 }
 
@@ -200,9 +200,9 @@ const InputFile& VolumeReader::voxel_file() const {
 
 Result<void> VolumeReader::stream(const TakeVoxels& take) {
   PALPATE_CHECK(process_ != nullptr);
-  auto taken = take_voxels(*process_, volume_, names_, *progress_, take);
-  if (!taken) process_ = nullptr;
-  return taken;
+  auto used = take_voxels(*process_, volume_, names_, *progress_, take);
+  if (!used) process_ = nullptr;
+  return used;
 }
 
 Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
@@ -214,8 +214,8 @@ Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file,
   process.go_on();
   for (std::size_t slot = 0;;) {
     std::uint32_t bytes = 0;
-    if (auto said = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !said)
-      return about(at_slice(said.error(), file, first), files);
+    if (auto stated = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !stated)
+      return about(at_slice(stated.error(), file, first), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
     if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);
@@ -224,7 +224,7 @@ Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file,
     std::memcpy(values.data(), process.shared().data() + slot * kSlotBytes, bytes);
     process.go_on();
     slot = (slot + 1) % kSlots;
-    if (auto taken = take(first, values); !taken) return taken;
+    if (auto used = take(first, values); !used) return used;
     first += bytes / size;
     progress.report("reading", static_cast<double>(first) / static_cast<double>(count));
   }

@@ -83,13 +83,13 @@ class VoxelSlots : public VoxelSink {
   explicit VoxelSlots(reader::ParentEnd& parent) : parent_(parent) {}
   std::span<std::byte> room() override;
   void put(std::size_t bytes) override;
-  void still_reading() override { say(kStillReading); }
+  void still_reading() override { write_number(kStillReading); }
   /// Returns once the parent has copied all slots.
   void drain();
 
  private:
   void wait();
-  void say(std::uint32_t number);
+  void write_number(std::uint32_t number);
 
   reader::ParentEnd& parent_;
   std::size_t next_ = 0, filled_ = 0;

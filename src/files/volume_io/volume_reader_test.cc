@@ -86,15 +86,15 @@ TEST_F(VolumeReaderTest, StreamsEveryValueAsOftenAsItIsAsked) {
   EXPECT_EQ(reader->file().header.component_type, "uint8");
   const std::string whole = voxels();
   for (int time = 0; time < 3; ++time) {
-    std::string got;
+    std::string received;
     const auto read =
         reader->stream([&](std::uint64_t first, std::span<const std::byte> values) -> Result<void> {
-          EXPECT_EQ(first, got.size());
-          got.append(reinterpret_cast<const char*>(values.data()), values.size());
+          EXPECT_EQ(first, received.size());
+          received.append(reinterpret_cast<const char*>(values.data()), values.size());
           return {};
         });
     ASSERT_TRUE(read) << read.error().message();
-    EXPECT_TRUE(got == whole) << time;
+    EXPECT_TRUE(received == whole) << time;
   }
 }
 
@@ -202,13 +202,13 @@ std::string taken_from(const std::vector<std::uint32_t>& words, const Result<voi
       silent);
   PALPATE_CHECK(process.ok());
   std::uint64_t values = 0;
-  const auto taken =
+  const auto used =
       take_voxels(**process, file, files, silent, [&](std::uint64_t, std::span<const std::byte> bytes) {
         values += bytes.size() / 2;
         return Result<void>();
       });
   EXPECT_LE(values, 64u);
-  return taken ? std::to_string(values) : taken.error().what;
+  return used ? std::to_string(values) : used.error().what;
 }
 
 TEST_F(VolumeReaderTest, BelievesNoPiece) {

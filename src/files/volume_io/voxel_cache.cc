@@ -6,8 +6,8 @@
 #include <cstring>
 #include <new>
 
+#include "palpate/cache/entries.h"
 #include "palpate/cache/fields.h"
-#include "palpate/cache/kept.h"
 
 namespace palpate::volume_io {
 namespace {
@@ -36,8 +36,8 @@ bool fit_into_16_bits(const std::vector<float>& voxels) {
 VoxelCacheEntry::VoxelCacheEntry(const VolumeReader& reader, std::string_view kind, VoxelCaching unpacked)
     : reader_(reader) {
   const VolumeFile& file = reader.file();
-  if (unpacked == VoxelCaching::kOff || !cache::is_kept() || file.voxels.encoding == Encoding::kRaw ||
-      file.voxels.encoding == Encoding::kSlices)
+  if (unpacked == VoxelCaching::kOff || !cache::is_cache_enabled() ||
+      file.voxels.encoding == Encoding::kRaw || file.voxels.encoding == Encoding::kSlices)
     return;
   changed_ = changed_at(reader.voxel_file());
   const auto packed = cache::digest_of(reader.voxel_file(), file.voxels.offset);
@@ -80,7 +80,7 @@ void VoxelCacheEntry::keep_labels(const std::vector<std::vector<LabelId>>& layer
   if (!key_ || file_has_changed()) return;
   cache::FieldWriter out;
   for (const std::vector<LabelId>& layer : layers) out.put_values(std::span(layer));
-  cache::keep(*key_, out.bytes());
+  cache::store(*key_, out.bytes());
 } catch (const std::bad_alloc&) {
   // out of memory: the values are decompressed again next time
 }
@@ -123,7 +123,7 @@ void VoxelCacheEntry::keep_scan(const std::vector<float>& voxels, std::uint64_t 
     out.put_values(std::span<const std::int16_t>(std::vector<std::int16_t>(voxels.begin(), voxels.end())));
   else
     out.put_values(std::span(voxels));
-  cache::keep(*key_, out.bytes());
+  cache::store(*key_, out.bytes());
 } catch (const std::bad_alloc&) {
   // out of memory: the values are decompressed again next time
 }

@@ -12,10 +12,10 @@
 namespace palpate {
 namespace {
 
-class KeptVoxelsTest : public ::testing::Test {
+class CachedVoxelsTest : public ::testing::Test {
  protected:
-  KeptVoxelsTest() { set_cache({folder_ / "cache"}); }
-  ~KeptVoxelsTest() override { set_cache({}); }
+  CachedVoxelsTest() { set_cache({folder_ / "cache"}); }
+  ~CachedVoxelsTest() override { set_cache({}); }
 
   // records whether voxels were decompressed, by the reported progress
   Progress progress() {
@@ -37,7 +37,7 @@ class KeptVoxelsTest : public ::testing::Test {
   std::vector<std::string> warnings_;
 };
 
-GridGeometry kept_grid() {
+GridGeometry stored_grid() {
   GridGeometry grid;
   grid.dims = {9, 8, 7};
   grid.spacing_mm = {0.5, 0.5, 2};
@@ -46,7 +46,7 @@ GridGeometry kept_grid() {
 
 LabelMap two_layers() {
   LabelMap map;
-  map.layers.assign(2, Volume<LabelId>(kept_grid()));
+  map.layers.assign(2, Volume<LabelId>(stored_grid()));
   map.layers[0].at(1, 2, 3) = 1;
   map.layers[0].at(2, 2, 3) = 2;
   map.layers[1].at(1, 2, 3) = 1;
@@ -54,7 +54,7 @@ LabelMap two_layers() {
   return map;
 }
 
-TEST_F(KeptVoxelsTest, LabelsComeBackWithEveryLayerAndWhatTheFilesSay) {
+TEST_F(CachedVoxelsTest, LabelsComeBackWithEveryLayerAndWhatTheFilesSay) {
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", two_layers()).ok());
   const auto first = labels(folder_ / "a.seg.nrrd");
   ASSERT_TRUE(first.ok()) << first.error().message();
@@ -69,7 +69,7 @@ TEST_F(KeptVoxelsTest, LabelsComeBackWithEveryLayerAndWhatTheFilesSay) {
   EXPECT_EQ(second->labels.segments[2].name, "c");
 }
 
-TEST_F(KeptVoxelsTest, SegmentsThatTheFileDoesNotNameAreFoundAgain) {
+TEST_F(CachedVoxelsTest, SegmentsThatTheFileDoesNotNameAreFoundAgain) {
   LabelMap map = two_layers();
   map.layers.pop_back();
   ASSERT_TRUE(write_labels(folder_ / "a.nii.gz", map).ok());
@@ -81,7 +81,7 @@ TEST_F(KeptVoxelsTest, SegmentsThatTheFileDoesNotNameAreFoundAgain) {
   EXPECT_EQ(second->unnamed.size(), 2u);
 }
 
-TEST_F(KeptVoxelsTest, ARenamedStructureIsTheSameVoxelsAndOthersAreNot) {
+TEST_F(CachedVoxelsTest, ARenamedStructureIsTheSameVoxelsAndOthersAreNot) {
   LabelMap map = two_layers();
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", map).ok());
   ASSERT_TRUE(labels(folder_ / "a.seg.nrrd").ok());
@@ -97,8 +97,8 @@ TEST_F(KeptVoxelsTest, ARenamedStructureIsTheSameVoxelsAndOthersAreNot) {
   EXPECT_EQ(other->labels.layers[1].at(4, 4, 4), 1);
 }
 
-TEST_F(KeptVoxelsTest, TheSameBytesOfAnotherMeaningAreOtherVoxels) {
-  ASSERT_TRUE(write_volume(folder_ / "a.nrrd", Volume<std::int16_t>(kept_grid(), 3)).ok());
+TEST_F(CachedVoxelsTest, TheSameBytesOfAnotherMeaningAreOtherVoxels) {
+  ASSERT_TRUE(write_volume(folder_ / "a.nrrd", Volume<std::int16_t>(stored_grid(), 3)).ok());
   ASSERT_TRUE(scan(folder_ / "a.nrrd").ok());
   std::string bytes = test::bytes_of_file(folder_ / "a.nrrd");
   const auto at = bytes.find("endian: little");
@@ -113,8 +113,8 @@ TEST_F(KeptVoxelsTest, TheSameBytesOfAnotherMeaningAreOtherVoxels) {
   EXPECT_TRUE(unpacked_);
 }
 
-TEST_F(KeptVoxelsTest, ScansComeBackBitForBitWithTheirWarning) {
-  Volume<float> whole(kept_grid()), fractions(kept_grid());
+TEST_F(CachedVoxelsTest, ScansComeBackBitForBitWithTheirWarning) {
+  Volume<float> whole(stored_grid()), fractions(stored_grid());
   for (std::size_t n = 0; n < whole.voxels().size(); ++n) {
     whole.voxels()[n] = static_cast<float>(static_cast<int>(n) - 200);
     fractions.voxels()[n] = 0.25f * static_cast<float>(n);
@@ -140,7 +140,7 @@ TEST_F(KeptVoxelsTest, ScansComeBackBitForBitWithTheirWarning) {
   }
 }
 
-TEST_F(KeptVoxelsTest, WhatIsDamagedIsAnErrorEachTimeAndNotKept) {
+TEST_F(CachedVoxelsTest, WhatIsDamagedIsAnErrorEachTimeAndNotKept) {
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", two_layers()).ok());
   std::string bytes = test::bytes_of_file(folder_ / "a.seg.nrrd");
   bytes.resize(bytes.size() - 12);
@@ -150,7 +150,7 @@ TEST_F(KeptVoxelsTest, WhatIsDamagedIsAnErrorEachTimeAndNotKept) {
   EXPECT_EQ(cache_contents().entries, 0u);
 }
 
-TEST_F(KeptVoxelsTest, WhoDoesNotAskForItKeepsNothing) {
+TEST_F(CachedVoxelsTest, WhoDoesNotAskForItKeepsNothing) {
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", two_layers()).ok());
   ASSERT_TRUE(read_labels(folder_ / "a.seg.nrrd").ok());
   EXPECT_EQ(cache_contents().entries, 0u);

@@ -27,10 +27,10 @@ class FileBytes {
   }
   // returns fewer bytes than requested only at the end or after a read error
   std::size_t read(std::span<std::byte> out) {
-    const auto got = file_->read_at(at_, out);
-    if (!got) return 0;
-    at_ += *got;
-    return *got;
+    const auto received = file_->read_at(at_, out);
+    if (!received) return 0;
+    at_ += *received;
+    return *received;
   }
 
  private:
@@ -92,19 +92,19 @@ class DeflateStream : public ByteStream {
     fault_ = std::move(fault);
   }
   bool refill() {
-    const std::size_t got = file_.read(std::as_writable_bytes(std::span(in_)));
+    const std::size_t received = file_.read(std::as_writable_bytes(std::span(in_)));
     z_.next_in = in_;
-    z_.avail_in = static_cast<uInt>(got);
-    if (got == 0) stop("the compressed data end early");
-    return got != 0;
+    z_.avail_in = static_cast<uInt>(received);
+    if (received == 0) stop("the compressed data end early");
+    return received != 0;
   }
   // gzip members may be concatenated; other bytes after the end are ignored
   bool next_member() {
     if (z_.avail_in < 2) {
       std::memmove(in_, z_.next_in, z_.avail_in);
-      const std::size_t kept = z_.avail_in;
+      const std::size_t retained = z_.avail_in;
       z_.next_in = in_;
-      z_.avail_in += static_cast<uInt>(file_.read(std::as_writable_bytes(std::span(in_).subspan(kept))));
+      z_.avail_in += static_cast<uInt>(file_.read(std::as_writable_bytes(std::span(in_).subspan(retained))));
     }
     return z_.avail_in >= 2 && z_.next_in[0] == 0x1f && z_.next_in[1] == 0x8b && inflateReset(&z_) == Z_OK;
   }
@@ -294,9 +294,9 @@ std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes, VoxelSink& sink
   while (passed < bytes) {
     if (passed % kWord == 0) sink.still_reading();
     const auto piece = static_cast<std::size_t>(std::min<std::uint64_t>(dump.size(), bytes - passed));
-    const std::size_t got = stream.read(std::span(dump).first(piece));
-    passed += got;
-    if (got < piece) break;
+    const std::size_t received = stream.read(std::span(dump).first(piece));
+    passed += received;
+    if (received < piece) break;
   }
   return passed;
 }
@@ -408,13 +408,13 @@ Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {
                     source.big_endian != (std::endian::native == std::endian::big);
   const std::uint64_t count = file.value_count();
   for (std::uint64_t first = 0; first < count;) {
-    const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(count - first, kPieceValues));
-    const auto values = sink.room().first(wanted * size);
-    const std::size_t got = stream.read(values);
-    if (got < values.size()) return ended_early(file, first + got / size, stream.fault());
+    const auto requested = static_cast<std::size_t>(std::min<std::uint64_t>(count - first, kPieceValues));
+    const auto values = sink.room().first(requested * size);
+    const std::size_t received = stream.read(values);
+    if (received < values.size()) return ended_early(file, first + received / size, stream.fault());
     if (swap) swap_bytes(values, size);
     sink.put(values.size());
-    first += wanted;
+    first += requested;
   }
 
   // trailing data: the rest of the stream contains its checksum

@@ -143,10 +143,10 @@ TEST(AnimatedPng, SaysItsColoursAsAStillDoes) {
   AnimatedPng animated(20, 20, 1, 50);
   animated.add(image);
   const auto colours = [](const Bytes& png) {
-    Bytes said;
+    Bytes stated;
     for (const Chunk& chunk : chunks_of(png))
-      if (chunk.type == "sRGB") said = chunk.data;
-    return said;
+      if (chunk.type == "sRGB") stated = chunk.data;
+    return stated;
   };
   EXPECT_EQ(colours(encode_png(image)), Bytes{0});
   EXPECT_EQ(colours(animated.finish()), Bytes{0});

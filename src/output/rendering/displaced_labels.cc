@@ -67,9 +67,9 @@ PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueDisplac
     for (int k = first_of(2, box[2]); k < end_of(2, box[2]); ++k)
       for (int j = first_of(1, box[1]); j < end_of(1, box[1]); ++j)
         for (int i = first_of(0, box[0]); i < end_of(0, box[0]); ++i) {
-          const Point<Voxel> seen(i, j, k);
+          const Point<Voxel> observed(i, j, k);
           const Eigen::Vector3d from =
-              (X_VoxelPatient * rest_position(X_PatientVoxel * seen, moved)).eigen().array().round();
+              (X_VoxelPatient * rest_position(X_PatientVoxel * observed, moved)).eigen().array().round();
           const bool is_in = (from.array() >= 0).all() && from[0] < grid.dims[0] && from[1] < grid.dims[1] &&
                              from[2] < grid.dims[2];
           row(j, k)[i - low[0]] = is_in ? labels.at(static_cast<int>(from[0]), static_cast<int>(from[1]),

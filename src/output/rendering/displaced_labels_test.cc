@@ -52,13 +52,13 @@ TEST(MovedLabels, AreLookedUpWhereTissueLay) {
     const Point<Patient> middle =
         X_PatientVoxel * Point<Voxel>(any(0, kDims[0]), any(0, kDims[1]), any(0, kDims[2]));
     const double width_mm = any(2, 5), depth_mm = any(0.2, 1.2) * width_mm;
-    const Vector<Patient> way = Vector<Patient>(any(-1, 1), any(-1, 1), any(-1, 1)).normalized();
+    const Vector<Patient> displacement = Vector<Patient>(any(-1, 1), any(-1, 1), any(-1, 1)).normalized();
     const auto moved = [&](const Point<Patient>& at) {
-      return way * (depth_mm * std::exp(-0.5 * std::pow((at - middle).norm() / width_mm, 2)));
+      return displacement * (depth_mm * std::exp(-0.5 * std::pow((at - middle).norm() / width_mm, 2)));
     };
     const PatchOf<LabelId> patch = moved_labels(*labels, moved, {{0, 0, 0}, grid.dims});
     ASSERT_GT(patch.box.voxel_count(), 0u);
-    const Bricks<LabelId> seen = labels->with(patch);
+    const Bricks<LabelId> observed = labels->with(patch);
     for (int k = 0; k < kDims[2]; ++k)
       for (int j = 0; j < kDims[1]; ++j)
         for (int i = 0; i < kDims[0]; ++i) {
@@ -68,8 +68,8 @@ TEST(MovedLabels, AreLookedUpWhereTissueLay) {
           const LabelId expected = grid.contains(whole[0], whole[1], whole[2])
                                        ? labels->at(whole[0], whole[1], whole[2])
                                        : LabelId{0};
-          ASSERT_EQ(seen.at(i, j, k), expected) << i << " " << j << " " << k;
-          differing += seen.at(i, j, k) != labels->at(i, j, k);
+          ASSERT_EQ(observed.at(i, j, k), expected) << i << " " << j << " " << k;
+          differing += observed.at(i, j, k) != labels->at(i, j, k);
         }
   }
   EXPECT_GT(differing, 0);

@@ -216,17 +216,17 @@ TEST(ForceArrows, AnObliqueGridIsSampledAlongThePatientsAxes) {
     const std::string svg = draw(model, request);
     const Page page(svg, request);
     const Pixel middle = page.place_of({});
-    int seen = 0;
+    int observed = 0;
     for (const Drawn& arrow : arrows_of(svg)) {
       const double x = arrow.middle()[0] - middle[0], y = arrow.middle()[1] - middle[1];
       const double distance_mm = std::hypot(x, y) * page.plane.mm_per_px();
       if (std::abs(distance_mm - kBoneRadius_mm) > 1) continue;
-      ++seen;
+      ++observed;
       const double cosine =
           (arrow.along()[0] * x + arrow.along()[1] * y) / (arrow.length() * std::hypot(x, y));
       EXPECT_GT(cosine, std::cos(3 * 3.14159265358979323846 / 180));
     }
-    EXPECT_GT(seen, 40);
+    EXPECT_GT(observed, 40);
     EXPECT_TRUE(says(svg, "class=\"letter\""));
   }
 }

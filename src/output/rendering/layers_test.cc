@@ -130,7 +130,7 @@ TEST_P(LayersOnGrids, LabelsAreTheNearestVoxels) {
 
   const std::vector<LabelId> labels = section_labels(model, plane);
   const auto X_VoxelPatient = noise.geometry().X_PatientVoxel().inverse();
-  int seen = 0;
+  int observed = 0;
   for (int row = 0; row < 83; ++row) {
     for (int column = 0; column < 97; ++column) {
       const Point<Voxel> v = X_VoxelPatient * plane.at(column, row);
@@ -138,11 +138,11 @@ TEST_P(LayersOnGrids, LabelsAreTheNearestVoxels) {
           noise.at_or(static_cast<int>(std::lround(v[0])), static_cast<int>(std::lround(v[1])),
                       static_cast<int>(std::lround(v[2])), 0);
       ASSERT_EQ(labels[row * 97 + column], expected) << "column " << column << ", row " << row;
-      seen += expected != 0;
+      observed += expected != 0;
     }
   }
-  EXPECT_GT(seen, 1000);
-  EXPECT_LT(seen, 97 * 83 - 1000);  // the plane extends beyond the volume
+  EXPECT_GT(observed, 1000);
+  EXPECT_LT(observed, 97 * 83 - 1000);  // the plane extends beyond the volume
 }
 
 // a scan that is linear in the patient frame is reproduced exactly on any grid

@@ -401,9 +401,9 @@ TEST(SectionRenderer, WithoutAWindowTheAutomaticOneIsTaken) {
   const SectionPlane plane =
       anatomical_section(AnatomicalPlane::kCoronal, model.scan->geometry().centre(), 12, 50, 40);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  SectionRenderer said(model, {window[0], window[1]}), none(model), empty(model, {700, 700}),
+  SectionRenderer stated(model, {window[0], window[1]}), none(model), empty(model, {700, 700}),
       upside_down(model, {900, 100}), no_number(model, {nan, 100});
-  const Rendered expected = render(said, plane);
+  const Rendered expected = render(stated, plane);
   for (SectionRenderer* renderer : {&none, &empty, &upside_down, &no_number})
     EXPECT_TRUE(render(*renderer, plane) == expected);
 }

@@ -238,12 +238,12 @@ bool PixelView::next() {
 
 void PixelView::sample_next_band() {
   const int width = rows_.width;
-  const std::ptrdiff_t kept = kRowsAbove * band_.stride;
+  const std::ptrdiff_t stored = kRowsAbove * band_.stride;
   if (band_.count > 0) {
     const int end = band_.first + band_.count;
     // keep the last two rows: one without the row below yet, and the one above it
-    std::copy_n(labels_of(end) - kept - 1, kept, band_.labels - kept - 1);
-    std::copy_n(grey_of(end) - kept, kept, band_.grey - kept);
+    std::copy_n(labels_of(end) - stored - 1, stored, band_.labels - stored - 1);
+    std::copy_n(grey_of(end) - stored, stored, band_.grey - stored);
   }
   band_.first += band_.count;
   band_.count = std::min(kBandRows, rows_.count - band_.first);

@@ -17,11 +17,11 @@ constexpr double kNearest = 1e-3;
 /// Empty margin of the intermediate picture; pixels.
 constexpr int kRim = 2;
 
-int class_of(const Eigen::Vector3d& way, const Eigen::Vector3d& spacing) {
+int class_of(const Eigen::Vector3d& displacement, const Eigen::Vector3d& spacing) {
   int axis = 0;
   for (int a = 1; a < 3; ++a)
-    if (std::abs(way[a] * spacing[a]) > std::abs(way[axis] * spacing[axis])) axis = a;
-  return 2 * axis + (way[axis] > 0 ? 1 : 0);
+    if (std::abs(displacement[a] * spacing[a]) > std::abs(displacement[axis] * spacing[axis])) axis = a;
+  return 2 * axis + (displacement[axis] > 0 ? 1 : 0);
 }
 
 struct Bounds {
@@ -47,12 +47,12 @@ Rays::Rays(const GridGeometry& grid, const VolumeCamera& camera) : is_parallel(c
     from = corner;
     from_step = step;
     from_line = line;
-    way = (X_VoxelPatient * camera.into()).eigen();
+    path = (X_VoxelPatient * camera.into()).eigen();
   } else {
     from = (X_VoxelPatient * (camera.focus - camera.into() * camera.eye_mm)).eigen();
-    way = corner - from;
-    way_step = step;
-    way_line = line;
+    path = corner - from;
+    ray_step = step;
+    ray_line = line;
   }
 }
 
@@ -106,18 +106,19 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   f.z_ref = 0.5 * (slices.low + slices.high);
 
   // projects pixels onto that slice, (x, y) = (U, V) / W
-  const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& way, double one) {
+  const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& displacement, double one) {
     if (rays.is_parallel) {
       const double beyond = one * f.z_ref - start[z];
-      return Eigen::Vector3d(start[x] + beyond * rays.way[x] / rays.way[z],
-                             start[y] + beyond * rays.way[y] / rays.way[z], one);
+      return Eigen::Vector3d(start[x] + beyond * rays.path[x] / rays.path[z],
+                             start[y] + beyond * rays.path[y] / rays.path[z], one);
     }
     const double off = f.z_ref - eye[z];
-    return Eigen::Vector3d(eye[x] * way[z] + off * way[x], eye[y] * way[z] + off * way[y], way[z]);
+    return Eigen::Vector3d(eye[x] * displacement[z] + off * displacement[x],
+                           eye[y] * displacement[z] + off * displacement[y], displacement[z]);
   };
-  f.warp_start = to_slice(rays.from, rays.way, 1);
-  f.warp_step = to_slice(rays.from_step, rays.way_step, 0);
-  f.warp_line = to_slice(rays.from_line, rays.way_line, 0);
+  f.warp_start = to_slice(rays.from, rays.path, 1);
+  f.warp_step = to_slice(rays.from_step, rays.ray_step, 0);
+  f.warp_line = to_slice(rays.from_line, rays.ray_line, 0);
 
   // visible extent in that slice, pixel size there, and distance between slices along the rays
   Bounds xs, ys;
@@ -127,10 +128,11 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
       const Eigen::Vector3d at = f.warp_start + f.warp_step * column + f.warp_line * run.row;
       xs.add(at[0] / at[2]);
       ys.add(at[1] / at[2]);
-      const Eigen::Vector3d way = rays.along(column, run.row);
-      const double nearer = rays.is_parallel ? 1 : (f.z_ref - eye[z]) / way[z];
+      const Eigen::Vector3d direction = rays.along(column, run.row);
+      const double nearer = rays.is_parallel ? 1 : (f.z_ref - eye[z]) / direction[z];
       pixel_mm = std::min(pixel_mm, camera.mm_per_px() * nearer);
-      apart_mm = std::max(apart_mm, (grid.X_PatientVoxel().linear() * way).norm() / std::abs(way[z]));
+      apart_mm =
+          std::max(apart_mm, (grid.X_PatientVoxel().linear() * direction).norm() / std::abs(direction[z]));
     }
   Bounds all_x, all_y;
   for (int corner = 0; corner < 8; ++corner) {
@@ -140,8 +142,8 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
     at[z] = (corner >> z & 1) != 0 ? slices.high : slices.low;
     const double off = at[z] - f.z_ref;
     if (rays.is_parallel) {
-      all_x.add(at[x] - off * rays.way[x] / rays.way[z]);
-      all_y.add(at[y] - off * rays.way[y] / rays.way[z]);
+      all_x.add(at[x] - off * rays.path[x] / rays.path[z]);
+      all_y.add(at[y] - off * rays.path[y] / rays.path[z]);
     } else if (const double farther = (at[z] - eye[z]) / (f.z_ref - eye[z]); farther > kNearest) {
       all_x.add(eye[x] + (at[x] - eye[x]) / farther);
       all_y.add(eye[y] + (at[y] - eye[y]) / farther);
@@ -184,8 +186,8 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
     plane.u_per_x = 1 / plane.x_per_u;
     plane.y_per_v = f.y_ref_per_v * farther;
     if (rays.is_parallel) {
-      plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.way[x] / rays.way[z];
-      plane.y_0 = f.y_ref_0 + (at - f.z_ref) * rays.way[y] / rays.way[z];
+      plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.path[x] / rays.path[z];
+      plane.y_0 = f.y_ref_0 + (at - f.z_ref) * rays.path[y] / rays.path[z];
     } else {
       plane.x_0 = eye[x] + (f.x_ref_0 - eye[x]) * farther;
       plane.y_0 = eye[y] + (f.y_ref_0 - eye[y]) * farther;

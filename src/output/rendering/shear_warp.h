@@ -13,18 +13,18 @@
 namespace palpate::internal::volume_picture {
 
 /// Rays of a picture in voxel coordinates. Parallel rays start at from + column * from_step + row * from_line
-/// with direction `way`, per mm; perspective rays start at `from` and pass through the pixels in the plane
-/// through the focus, along way + column * way_step + row * way_line.
+/// with direction `path`, per mm; perspective rays start at `from` and pass through the pixels in the plane
+/// through the focus, along way + column * ray_step + row * ray_line.
 struct Rays {
   Rays(const GridGeometry& grid, const VolumeCamera& camera);
   Eigen::Vector3d start(double column, double row) const {
     return from + from_step * column + from_line * row;
   }
-  Eigen::Vector3d along(double column, double row) const { return way + way_step * column + way_line * row; }
+  Eigen::Vector3d along(double column, double row) const { return path + ray_step * column + ray_line * row; }
 
   bool is_parallel;
   Eigen::Vector3d from, from_step = Eigen::Vector3d::Zero(), from_line = Eigen::Vector3d::Zero();
-  Eigen::Vector3d way, way_step = Eigen::Vector3d::Zero(), way_line = Eigen::Vector3d::Zero();
+  Eigen::Vector3d path, ray_step = Eigen::Vector3d::Zero(), ray_line = Eigen::Vector3d::Zero();
 };
 
 /// Range of pixels in a row of the picture.

@@ -332,14 +332,14 @@ void EmptySpaceMap::pass(const Cubes& region, int step) {
 
 void EmptySpaceMap::find(const BlockRows& rows, const VoxelBox& box) {
   // cubes that the box may fill or empty, and those whose leaps depend on them
-  Cubes looked{}, region{};
+  Cubes found{}, region{};
   for (std::size_t a = 0; a < 3; ++a) {
-    looked[a] = {std::max(0, box.first[a] / kCubeSide),
-                 std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kCubeSide)};
-    region[a] = {std::max(0, looked[a][0] - kFarthestLeap),
-                 std::min(cubes_[a] - 1, looked[a][1] + kFarthestLeap)};
+    found[a] = {std::max(0, box.first[a] / kCubeSide),
+                std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kCubeSide)};
+    region[a] = {std::max(0, found[a][0] - kFarthestLeap),
+                 std::min(cubes_[a] - 1, found[a][1] + kFarthestLeap)};
   }
-  fill(rows, looked);
+  fill(rows, found);
   for (int c = region[2][0]; c <= region[2][1]; ++c)
     for (int b = region[1][0]; b <= region[1][1]; ++b)
       for (int a = region[0][0]; a <= region[0][1]; ++a)
@@ -554,7 +554,7 @@ class Encoding::Tile {
       float coverage;
     };
     std::array<Share, 27> shares;
-    std::size_t met = 0;
+    std::size_t encountered = 0;
     Eigen::Vector3d slope = Eigen::Vector3d::Zero();
     for (int r = 0; r < 9; ++r)
       for (int a = -1; a <= 1; ++a) {
@@ -563,15 +563,15 @@ class Encoding::Tile {
         const int b = r % 3 - 1, c = r / 3 - 1;
         const double wa = a == 0 ? 0.5 : 0.25, wb = b == 0 ? 0.5 : 0.25, wc = c == 0 ? 0.5 : 0.25;
         std::size_t n = 0;
-        while (n < met && shares[n].label != label) ++n;
-        if (n == met) shares[met++] = {label, 0};
+        while (n < encountered && shares[n].label != label) ++n;
+        if (n == encountered) shares[encountered++] = {label, 0};
         shares[n].coverage += static_cast<float>(wa * wb * wc);
         slope += 0.5 * Eigen::Vector3d(a * wb * wc, b * wa * wc, c * wa * wb);
       }
     VoxelLook look;
-    if (met == 0) return look;
+    if (encountered == 0) return look;
     float all = 0, solid = 0;
-    for (std::size_t n = 0; n < met; ++n) {
+    for (std::size_t n = 0; n < encountered; ++n) {
       all += shares[n].coverage;
       if (part(shares[n].label).solid > 0) solid += shares[n].coverage;
     }
@@ -579,7 +579,7 @@ class Encoding::Tile {
     const auto solidity = static_cast<float>(volume_picture::solidity(solid, part(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
-    for (std::size_t n = 0; n < met; ++n) {
+    for (std::size_t n = 0; n < encountered; ++n) {
       const Part& p = part(shares[n].label);
       const float e = p.solid > 0 ? shares[n].coverage * p.solid * solidity / solid
                                   : shares[n].coverage * (p.haze + p.surface * steep / all);
@@ -646,15 +646,15 @@ class Encoding::Tile {
       }
   }
 
-  void fill_look(VoxelBlock& block, int place, std::size_t voxel) const {
+  void fill_look(VoxelBlock& block, int index, std::size_t voxel) const {
     const VoxelLook& look = looks_[voxel];
     // rounds non-negative values
     const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
-    block.extinction[place] =
+    block.extinction[index] =
         static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
     // an invisible voxel has a canonical colour
     for (std::size_t a = 0; a < 3; ++a)
-      block.colour[a][place] =
+      block.colour[a][index] =
           look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
   }
   /// Normals of a block as eight-byte words per component, restricted to those that may differ.
@@ -688,9 +688,9 @@ class Encoding::Tile {
     for (int n = first; n < end; ++n) differing[static_cast<std::size_t>(n)] = 0xff;
     NormalWords words{};
     std::memcpy(&words.differing, differing.data(), sizeof words.differing);
-    const std::size_t place =
+    const std::size_t index =
         normal_place(along, at[0] - box_.first[0], at[1] - box_.first[1], at[2] - box_.first[2]);
-    for (std::size_t a = 0; a < 3; ++a) words.made[a] = NormalWords::word(normals_[along][a].data() + place);
+    for (std::size_t a = 0; a < 3; ++a) words.made[a] = NormalWords::word(normals_[along][a].data() + index);
     return words;
   }
   /// @param along  0: i fastest, 1: j fastest

@@ -38,8 +38,8 @@ class BlockRows {
     const VoxelBlock* voxels;
 
     const VoxelBlock* operator[](int block) const {
-      const std::uint32_t place = place_of(mask, first, block);
-      return place != 0 ? voxels + place : nullptr;
+      const std::uint32_t index = place_of(mask, first, block);
+      return index != 0 ? voxels + index : nullptr;
     }
   };
   /// @param across  voxel index across the rows; @param k  slice

@@ -15,7 +15,7 @@ constexpr double kMarkAmbient = 0.35, kMarkDiffuse = 0.65;
 
 struct MarkRay {
   Point<Patient> from;
-  Vector<Patient> way;  ///< Unit vector
+  Vector<Patient> path;  ///< Unit vector
 };
 
 MarkRay mark_ray(const VolumeCamera& camera, double column, double row) {
@@ -34,29 +34,29 @@ struct MarkHit {
 /// otherwise with the spheres.
 MarkHit enter(const MarkRay& ray, const VolumeMark& mark) {
   const Eigen::Vector3d a = (ray.from - mark.from).eigen(), b = (ray.from - mark.to).eigen(),
-                        way = ray.way.eigen(), axis = (mark.to - mark.from).eigen();
+                        path = ray.path.eigen(), axis = (mark.to - mark.from).eigen();
   const double narrows = mark.from_mm - mark.to_mm, square = axis.squaredNorm() - narrows * narrows;
-  const double along_way = axis.dot(way), along_a = axis.dot(a), a_way = a.dot(way);
+  const double along_path = axis.dot(path), along_a = axis.dot(a), a_path = a.dot(path);
   MarkHit hit;
   // no cone if one sphere contains the other
   if (square > 1e-12) {
-    const double k2 = square - along_way * along_way,
-                 k1 = square * a_way - along_a * along_way + along_way * narrows * mark.from_mm,
+    const double k2 = square - along_path * along_path,
+                 k1 = square * a_path - along_a * along_path + along_path * narrows * mark.from_mm,
                  k0 = square * a.squaredNorm() - along_a * along_a + 2 * along_a * narrows * mark.from_mm -
                       axis.squaredNorm() * mark.from_mm * mark.from_mm;
     const double within = k1 * k1 - k0 * k2;
     if (within < 0) return hit;
     if (std::abs(k2) > 1e-12 * square) {
       const double mm = (-std::sqrt(within) - k1) / k2,
-                   along = along_a - mark.from_mm * narrows + mm * along_way;
+                   along = along_a - mark.from_mm * narrows + mm * along_path;
       if (along > 0 && along < square) {
-        const Eigen::Vector3d normal = square * (a + mm * way) - axis * along;
-        return {mm, std::abs(normal.normalized().dot(way))};
+        const Eigen::Vector3d normal = square * (a + mm * path) - axis * along;
+        return {mm, std::abs(normal.normalized().dot(path))};
       }
     }
   }
   const auto ball = [&](const Eigen::Vector3d& from_middle, double radius) {
-    const double middle = from_middle.dot(way),
+    const double middle = from_middle.dot(path),
                  within = middle * middle - from_middle.squaredNorm() + radius * radius;
     if (within <= 0 || radius <= 0) return;
     const double mm = -middle - std::sqrt(within);
@@ -130,12 +130,12 @@ void add_path(std::vector<VolumeMark>& marks, std::span<const Point<Patient>> po
   }
 }
 
-void add_arrow(std::vector<VolumeMark>& marks, const Point<Patient>& tail, const Vector<Patient>& way,
-               double radius_mm, const Rgb& colour) {
-  const double length = way.norm();
+void add_arrow(std::vector<VolumeMark>& marks, const Point<Patient>& tail,
+               const Vector<Patient>& displacement, double radius_mm, const Rgb& colour) {
+  const double length = displacement.norm();
   if (!(length > 0) || !std::isfinite(length)) return;
-  const Point<Patient> head = tail + way,
-                       neck = tail + way * std::max(0.0, 1 - kHeadLength * radius_mm / length);
+  const Point<Patient> head = tail + displacement,
+                       neck = tail + displacement * std::max(0.0, 1 - kHeadLength * radius_mm / length);
   marks.push_back({tail, neck, radius_mm, radius_mm, colour, 0});
   marks.push_back({neck, head, kHeadRadius * radius_mm, 0.05 * radius_mm, colour, 0});
 }

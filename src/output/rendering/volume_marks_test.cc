@@ -61,9 +61,11 @@ TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
         const Point<Patient> through = camera.at(column, row),
                              eye = camera.focus - camera.into() * camera.eye_mm;
         const Point<Patient> from = camera.is_parallel() ? through - camera.into() * 100 : eye;
-        const Vector<Patient> way = camera.is_parallel() ? camera.into() : (through - eye).normalized();
+        const Vector<Patient> displacement =
+            camera.is_parallel() ? camera.into() : (through - eye).normalized();
         double nearest = 1e9;
-        for (double t = 0; t < 220; t += 0.5) nearest = std::min(nearest, outside_mm(mark, from + way * t));
+        for (double t = 0; t < 220; t += 0.5)
+          nearest = std::min(nearest, outside_mm(mark, from + displacement * t));
         const bool drawn = image.rgb[3 * static_cast<std::size_t>(60 * row + column)] > 0;
         covered += drawn ? 1 : 0;
         // a pixel is 1 mm wide, and sampled spheres are smaller than the tangent cone
@@ -98,8 +100,8 @@ TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
     int wrong = 0;
     for (int row = 0; row < kSide; ++row)
       for (int column = 0; column < kSide; ++column) {
-        const Vector<Patient> way = (camera.at(column, row) - eye).normalized();
-        const double beside = way.cross(middle - eye).norm();
+        const Vector<Patient> displacement = (camera.at(column, row) - eye).normalized();
+        const double beside = displacement.cross(middle - eye).norm();
         const bool drawn = image.rgb[3 * static_cast<std::size_t>(kSide * row + column)] > 0;
         covered += drawn ? 1 : 0;
         // ambiguous within a pixel of the rim

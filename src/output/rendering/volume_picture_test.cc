@@ -53,8 +53,8 @@ TEST(VolumePicture, ShowsAllOfTheVolume) {
                                  (corner & 4) != 0 ? 39.5 : -0.5);
         const Vector<Patient> off = grid.X_PatientVoxel() * voxel - camera.focus;
         const double larger = perspective ? camera.eye_mm / (camera.eye_mm + off.dot(camera.into())) : 1;
-        for (const Vector<Patient>& way : {camera.right, camera.down})
-          most = std::max(most, std::abs(off.dot(way)) * larger / (camera.width_mm / 2));
+        for (const Vector<Patient>& displacement : {camera.right, camera.down})
+          most = std::max(most, std::abs(off.dot(displacement)) * larger / (camera.width_mm / 2));
       }
       EXPECT_LE(most, 1);
       EXPECT_GE(most, 0.8);

@@ -109,7 +109,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
       plane.slice = static_cast<int>(random() % static_cast<unsigned>(count[2]));
       plane.beyond = deep(random);
     }
-    int seen = 0;
+    int observed = 0;
     std::vector<TracedRay> rays(20'000);
     for (std::size_t n = 0; n < rays.size(); ++n) {
       // at the boundary on an integer plane, from outside or inside, at most 8 voxels away, or slightly
@@ -128,9 +128,9 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
       std::vector<TracedRay> traced = rays;
       trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1, true,
                  static_cast<int>(traced.size()), traced.data(), *grid.lit);
-      for (const TracedRay& ray : traced) seen += ray.clear == 1 ? 0 : 1;
+      for (const TracedRay& ray : traced) observed += ray.clear == 1 ? 0 : 1;
     }
-    EXPECT_EQ(seen, 0) << count[0] << " " << count[1] << " " << count[2];
+    EXPECT_EQ(observed, 0) << count[0] << " " << count[1] << " " << count[2];
   }
 }
 

@@ -55,9 +55,10 @@ using internal::volume_picture::kNoPlane;
 constexpr std::size_t kMaxRays = 64;
 
 /// Per intermediate pixel: visible range of planes under clipping, and distance between planes along its ray.
-class Ways {
+class RayRanges {
  public:
-  Ways(const GridGeometry& grid, const Rays& rays, const Factored& view, const std::optional<ClipPlane>& clip)
+  RayRanges(const GridGeometry& grid, const Rays& rays, const Factored& view,
+            const std::optional<ClipPlane>& clip)
       : rays_(rays), view_(view), linear_(grid.X_PatientVoxel().linear()), h_(grid.min_spacing_mm()) {
     if (!clip) return;
     is_clipped_ = true;
@@ -68,8 +69,8 @@ class Ways {
 
   /// Step of an intermediate pixel's ray from plane to plane; voxels.
   Eigen::Vector3d pace(const Eigen::Vector3d& at) const {
-    const Eigen::Vector3d way = rays_.is_parallel ? rays_.way : Eigen::Vector3d(at - rays_.from);
-    return way * (view_.z_step / way[view_.z]);
+    const Eigen::Vector3d displacement = rays_.is_parallel ? rays_.path : Eigen::Vector3d(at - rays_.from);
+    return displacement * (view_.z_step / displacement[view_.z]);
   }
   float step(const Eigen::Vector3d& pace) const { return static_cast<float>((linear_ * pace).norm() / h_); }
   /// Range of visible planes.
@@ -160,7 +161,7 @@ MixingBuffers mixing_room(std::vector<float>& floats, LitBlockCache& lit, int ro
 
 /// Initialisation of a picture's rays.
 struct RayStart {
-  const Ways& ways;
+  const RayRanges& ranges;
   const Factored& view;
   const float* begun;  ///< First non-empty plane of the intermediate pixels, `stride` per line
   std::ptrdiff_t stride;
@@ -171,17 +172,17 @@ struct RayStart {
     at[view.x] = view.x_ref_0 + view.x_ref_per_u * u;
     at[view.y] = view.y_ref_0 + view.y_ref_per_v * v;
     at[view.z] = view.z_ref;
-    const Eigen::Vector3d pace = ways.pace(at),
+    const Eigen::Vector3d pace = ranges.pace(at),
                           start = at - pace * ((view.z_ref - view.z_first) / view.z_step);
-    const auto seen = ways.seen(at, pace);
+    const auto observed = ranges.seen(at, pace);
     TracedRay ray{};
     ray.x = static_cast<float>(start[view.x]);
     ray.y = static_cast<float>(start[view.y]);
     ray.x_per_plane = static_cast<float>(pace[view.x]);
     ray.y_per_plane = static_cast<float>(pace[view.y]);
-    ray.step = ways.step(pace);
-    ray.first = seen[0];
-    ray.last = seen[1];
+    ray.step = ranges.step(pace);
+    ray.first = observed[0];
+    ray.last = observed[1];
     const int column = std::clamp(static_cast<int>(u), 0, view.width - 2),
               row = std::clamp(static_cast<int>(v), 0, view.height - 2);
     const float* near = begun + stride * row + column;
@@ -193,7 +194,7 @@ struct RayStart {
 /// Traces individual rays for some pixels of a row, through the same planes.
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
-           LitBlockCache& lit, std::uint8_t* rgb, float* met) {
+           LitBlockCache& lit, std::uint8_t* rgb, float* encountered) {
   const Factored& view = starts.view;
   rays.resize(kMaxRays);
   for (std::size_t from = 0; from < columns.size(); from += kMaxRays) {
@@ -204,14 +205,15 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
     trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
-               static_cast<float>(view.z_step), met != nullptr, static_cast<int>(count), rays.data(), lit);
+               static_cast<float>(view.z_step), encountered != nullptr, static_cast<int>(count), rays.data(),
+               lit);
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
       for (int c = 0; c < 3; ++c) {
         const float value = rays[n].channel[c] + rays[n].clear * background[c];
         rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
       }
-      if (met != nullptr) met[column] = rays[n].met;
+      if (encountered != nullptr) encountered[column] = rays[n].met;
     }
   }
 }
@@ -292,7 +294,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       continue;
     }
     const RowsView rows = rows_of(encoding_->rows_for(region.axis).view(camera, style.light), grid, *view);
-    const Ways ways(grid, rays, *view, style.clip);
+    const RayRanges paths(grid, rays, *view, style.clip);
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
                         internal::volume_picture::kChunk * internal::volume_picture::kChunk;
     const std::size_t all = stride * static_cast<std::size_t>(view->height);
@@ -316,8 +318,9 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       std::array<AccumulatedLine, kMaxLines> lines{};
       for (int n = 0; n < count; ++n) {
         auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMaxLines + n)];
-        lines[static_cast<std::size_t>(n)] = line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
-        ways.find(first + n, lines[static_cast<std::size_t>(n)]);
+        lines[static_cast<std::size_t>(n)] =
+            line_of(room, view->width, paths.is_clipped(), !depth_mm.empty());
+        paths.find(first + n, lines[static_cast<std::size_t>(n)]);
       }
       accumulate_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
                        view->width, lines.data(),
@@ -346,12 +349,12 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
     scratch_->row_met.resize(scratch_->rays.size());
-    const RayStart starts{ways, *view, scratch_->begun.data(), static_cast<std::ptrdiff_t>(stride)};
+    const RayStart starts{paths, *view, scratch_->begun.data(), static_cast<std::ptrdiff_t>(stride)};
     for_each_index(runs, warpers, [&](int worker, int n) {
       const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
       const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
       std::vector<std::int32_t>& edges = scratch_->edges[static_cast<std::size_t>(worker)];
-      std::vector<float>& met = scratch_->row_met[static_cast<std::size_t>(worker)];
+      std::vector<float>& encountered = scratch_->row_met[static_cast<std::size_t>(worker)];
       edges.resize(width);
       std::uint8_t* row = &rgb[3 * width * static_cast<std::size_t>(run.row)];
       const int edge_count = internal::volume_picture::warp_row(
@@ -359,29 +362,30 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
            view->warp_step[0], start[1], view->warp_step[1], start[2], view->warp_step[2]},
           run.begin, run.end, row, edges.data());
       if (!depth_mm.empty()) {
-        met.resize(width);
+        encountered.resize(width);
         for (int x = run.begin; x < run.end; ++x) {
           const Eigen::Vector3d at = start + view->warp_step * x;
           const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
           const bool is_in = u >= 0 && v >= 0 && u < view->width && v < view->height;
-          met[static_cast<std::size_t>(x)] =
+          encountered[static_cast<std::size_t>(x)] =
               is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
         }
       }
       trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
             scratch_->rays[static_cast<std::size_t>(worker)], scratch_->lit[static_cast<std::size_t>(worker)],
-            row, depth_mm.empty() ? nullptr : met.data());
+            row, depth_mm.empty() ? nullptr : encountered.data());
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {
-        const float plane = met[static_cast<std::size_t>(x)];
+        const float plane = encountered[static_cast<std::size_t>(x)];
         // the first plane's sample extends half a plane before it
         if (plane < -0.5f) continue;
-        const Eigen::Vector3d way = rays.along(x, run.row);
+        const Eigen::Vector3d displacement = rays.along(x, run.row);
         const double slice = view->z_first + view->z_step * plane,
-                     ways_along = (slice - rays.start(x, run.row)[view->z]) / way[view->z];
+                     ranges_along = (slice - rays.start(x, run.row)[view->z]) / displacement[view->z];
         depth_mm[width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
-            static_cast<float>(ways_along *
-                               (rays.is_parallel ? 1 : (grid.X_PatientVoxel().linear() * way).norm()));
+            static_cast<float>(ranges_along * (rays.is_parallel
+                                                   ? 1
+                                                   : (grid.X_PatientVoxel().linear() * displacement).norm()));
       }
       return true;
     });

@@ -108,30 +108,30 @@ HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitB
   }
 }
 
-HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t place, LitBlockCache& lit) {
-  const std::uint32_t slot = place % LitBlockCache::kCount;
-  light_block(rows.voxels[place], rows.light, lit.lit[slot]);
-  lit.place[slot] = place;
+HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t index, LitBlockCache& lit) {
+  const std::uint32_t slot = index % LitBlockCache::kCount;
+  light_block(rows.voxels[index], rows.light, lit.lit[slot]);
+  lit.place[slot] = index;
 }
 
-HWY_INLINE bool is_lit(std::uint32_t place, const LitBlockCache& lit) {
-  return lit.place[place % LitBlockCache::kCount] == place;
+HWY_INLINE bool is_lit(std::uint32_t index, const LitBlockCache& lit) {
+  return lit.place[index % LitBlockCache::kCount] == index;
 }
 
 /// Returns a lit block, valid until the next call.
-HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlockCache& lit) {
-  const std::uint32_t slot = place % LitBlockCache::kCount;
-  if (HWY_UNLIKELY(!is_lit(place, lit))) light_now(rows, place, lit);
+HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t index, LitBlockCache& lit) {
+  const std::uint32_t slot = index % LitBlockCache::kCount;
+  if (HWY_UNLIKELY(!is_lit(index, lit))) light_now(rows, index, lit);
   return lit.lit[slot];
 }
 
 /// Prefetches a block, in its lit or unlit form. Selected without a branch, which would often be
 /// mispredicted.
-HWY_INLINE void prefetch_block(const RowsView& rows, std::uint32_t place, const LitBlockCache& lit) {
-  const std::uint32_t slot = place % LitBlockCache::kCount;
+HWY_INLINE void prefetch_block(const RowsView& rows, std::uint32_t index, const LitBlockCache& lit) {
+  const std::uint32_t slot = index % LitBlockCache::kCount;
   const auto there = reinterpret_cast<std::uintptr_t>(&lit.lit[slot]),
-             far = reinterpret_cast<std::uintptr_t>(&rows.voxels[place]),
-             is_there = std::uintptr_t{0} - static_cast<std::uintptr_t>(lit.place[slot] == place);
+             far = reinterpret_cast<std::uintptr_t>(&rows.voxels[index]),
+             is_there = std::uintptr_t{0} - static_cast<std::uintptr_t>(lit.place[slot] == index);
   __builtin_prefetch(reinterpret_cast<const void*>((there & is_there) | (far & ~is_there)));
 }
 
@@ -181,10 +181,10 @@ HWY_INLINE bool prefetch_pair(const RowsView& rows, const RowPair& pair, int beg
   bool any = false;
   for (int n = 0; n < pair.count; ++n)
     for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
-      const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
-      if (place == 0) continue;
+      const std::uint32_t index = place_of(pair.mask[n], pair.first[n], b);
+      if (index == 0) continue;
       any = true;
-      if (!is_lit(place, lit)) __builtin_prefetch(&rows.voxels[place]);
+      if (!is_lit(index, lit)) __builtin_prefetch(&rows.voxels[index]);
     }
   return any;
 }
@@ -203,15 +203,15 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
     int count = 0;
     if (b >= 0 && b < rows.blocks) {
       for (int n = 0; n < pair.count; ++n) {
-        const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
-        if (place == 0) continue;
+        const std::uint32_t index = place_of(pair.mask[n], pair.first[n], b);
+        if (index == 0) continue;
         // the second block may evict the first from its slot
-        if (count == 1 && (places[0] - place) % LitBlockCache::kCount == 0) {
+        if (count == 1 && (places[0] - index) % LitBlockCache::kCount == 0) {
           aside = *blocks[0];
           blocks[0] = &aside;
         }
-        blocks[count] = &lit_block(rows, place, lit);
-        places[count] = place;
+        blocks[count] = &lit_block(rows, index, lit);
+        places[count] = index;
         weights[count++] = pair.weight[n];
       }
     }
@@ -288,14 +288,14 @@ HWY_NOINLINE bool take_samples(const AccumulatedLine& line, const MixedLine& mix
       any = hn::Or(any, sees);
       continue;
     }
-    VF way = hn::LoadU(d, line.step + at + n);
+    VF path = hn::LoadU(d, line.step + at + n);
     if (line.first != nullptr) {
       const VF q = hn::Set(d, plane + 0.5f), zero = hn::Zero(d), one = hn::Set(d, 1.0f);
       const VF begun = hn::Sub(q, hn::LoadU(d, line.first + at + n));
       const VF left = hn::Sub(hn::Add(hn::LoadU(d, line.last + at + n), one), q);
-      way = hn::Mul(way, hn::Mul(hn::Min(hn::Max(begun, zero), one), hn::Min(hn::Max(left, zero), one)));
+      path = hn::Mul(path, hn::Mul(hn::Min(hn::Max(begun, zero), one), hn::Min(hn::Max(left, zero), one)));
     }
-    const VF depth = hn::Mul(extinction, way);
+    const VF depth = hn::Mul(extinction, path);
     const VF after = hn::Mul(before, exp_of_minus(d, depth));
     const VF begun = hn::LoadU(d, line.begun + at + n);
     hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d, line.begun + at + n);
@@ -377,7 +377,8 @@ HWY_INLINE BlockRange blocks_around(const SamplePlane& plane, int first, int las
 }
 
 /// Blocks around the non-opaque pixels of a line's chunks begin ... end - 1.
-HWY_INLINE BlockRange blocks_seen(const AccumulatedLine& line, const SamplePlane& plane, int begin, int end) {
+HWY_INLINE BlockRange visited_blocks(const AccumulatedLine& line, const SamplePlane& plane, int begin,
+                                     int end) {
   const auto is_open = [&](int chunk) { return (line.open[chunk / 64] >> chunk % 64 & 1) != 0; };
   while (begin < end && !is_open(begin)) ++begin;
   while (begin < end && !is_open(end - 1)) --end;
@@ -397,7 +398,7 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   // only visible parts are mixed, since much of the surroundings is occluded
   BlockRange of_line[kMaxLines], of_row[kMaxRows];
   for (int n = 0; n < lines.line_count; ++n) {
-    of_line[n] = blocks_seen(*lines.line[n], plane, begin / kChunk, end / kChunk);
+    of_line[n] = visited_blocks(*lines.line[n], plane, begin / kChunk, end / kChunk);
     if (of_line[n].end == of_line[n].first) continue;
     of_row[lines.before[n]].widen(of_line[n]);
     if (lines.part[n] > 0) of_row[lines.before[n] + 1].widen(of_line[n]);
@@ -700,7 +701,7 @@ HWY_INLINE void bound_planes(float start, float per_plane, int count, float& beg
 }
 
 HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes,
-                          int plane_count, float z_per_plane, bool wants_met, LitBlockCache& lit,
+                          int plane_count, float z_per_plane, bool wants_hits, LitBlockCache& lit,
                           TracedRay& ray) {
   V4 sum{};
   float clear = 1;
@@ -755,7 +756,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
                 after = clear * exp_of_minus(depth);
     const float share = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
     sum += mixed * all_four(share);
-    if (wants_met && clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
+    if (wants_hits && clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
     clear = after;
   }
   for (int c = 0; c < 3; ++c) ray.channel[c] = sum[c];
@@ -763,9 +764,9 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
 }
 
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlockCache& lit) {
+                float z_per_plane, bool wants_hits, int count, TracedRay* rays, LitBlockCache& lit) {
   for (int n = 0; n < count; ++n)
-    trace_ray(rows, cubes, planes, plane_count, z_per_plane, wants_met, lit, rays[n]);
+    trace_ray(rows, cubes, planes, plane_count, z_per_plane, wants_hits, lit, rays[n]);
 }
 
 // ---- the warp ---------------------------------------------------------------------------------------------
@@ -896,9 +897,9 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
   HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
 }
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlockCache& lit) {
+                float z_per_plane, bool wants_hits, int count, TracedRay* rays, LitBlockCache& lit) {
   HWY_DYNAMIC_DISPATCH(trace_rays)
-  (rows, cubes, planes, plane_count, z_per_plane, wants_met, count, rays, lit);
+  (rows, cubes, planes, plane_count, z_per_plane, wants_hits, count, rays, lit);
 }
 
 }  // namespace palpate::internal::volume_picture

@@ -41,13 +41,13 @@ struct LightFall {
 struct alignas(64) LitBlockCache {
   static constexpr std::uint32_t kCount = 4096;
   LitBlock lit[kCount];
-  std::uint32_t place[kCount];
+  std::uint32_t index[kCount];
 
   /// Invalidates the cache, for another light or other blocks. Index 0 is the empty block, which contributes
   /// nothing.
   void forget() {
     lit[0] = {};
-    std::fill_n(place, kCount, 0u);
+    std::fill_n(index, kCount, 0u);
   }
 };
 
@@ -142,9 +142,9 @@ struct TracedRay {
   float channel[3];                      ///< 0 ... 1
   float clear, met;                      ///< As in AccumulatedLine
 };
-/// @param wants_met  whether TracedRay::met is computed
+/// @param wants_hits  whether TracedRay::met is computed
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlockCache& lit);
+                float z_per_plane, bool wants_hits, int count, TracedRay* rays, LitBlockCache& lit);
 
 /// Resampling of final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the
 /// column.

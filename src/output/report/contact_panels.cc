@@ -145,11 +145,11 @@ std::string fact(const std::string& label, const std::string& value) {
 }
 
 /// Contributions such as "fat 10.0 mm, 5 %; bone 5.0 mm, 95 %", escaped.
-std::string felt_text(const Run& run, const DeviceTick& device) {
+std::string path_text(const Run& run, const DeviceTick& device) {
   std::string text;
-  for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n)
-    text += (n == 0 ? "" : "; ") + escape(run.name(device.felt_label[n])) + " " +
-            depth_text(device.felt_depth_mm[n]) + ", " + number(100 * device.felt_share[n], 0) + " %";
+  for (std::size_t n = 0; n < device.path_label.size() && device.path_label[n] != 0; ++n)
+    text += (n == 0 ? "" : "; ") + escape(run.name(device.path_label[n])) + " " +
+            depth_text(device.path_depth_mm[n]) + ", " + number(100 * device.path_share[n], 0) + " %";
   return text;
 }
 
@@ -161,7 +161,7 @@ std::string facts(const Run& run, const ShownContact& shown) {
       fact("Largest force", number(contact.peak_force_N, 2) + " N at " + number(contact.peak_s, 2) + " s");
   html += fact("Depth there",
                is_deeper_than_measured(peak, run.model) ? "deeper than measured" : depth_text(peak.depth_mm));
-  if (peak.felt_label[0] != 0) html += fact("Structures contributing", felt_text(run, peak));
+  if (peak.path_label[0] != 0) html += fact("Structures contributing", path_text(run, peak));
   const auto& touched = contact.first_touch_mm;
   html += fact("First touched at",
                number(touched[0], 1) + ", " + number(touched[1], 1) + ", " + number(touched[2], 1) + " mm");
@@ -171,9 +171,9 @@ std::string facts(const Run& run, const ShownContact& shown) {
 }
 
 /// Legend of the visible structures, the touched one first, the others by name.
-std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& seen) {
+std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& labels) {
   std::vector<std::pair<std::string, LabelId>> names;
-  for (const LabelId label : seen) {
+  for (const LabelId label : labels) {
     if (label != touched) names.emplace_back(run.name(label), label);
   }
   std::sort(names.begin(), names.end());
@@ -199,7 +199,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
   marks.side = run.side();
   marks.oriented = run.model.oriented;
   marks.doubts = markup::doubt_marks(run.model);
-  marks.ways = shown.ways;
+  marks.paths = shown.paths;
 
   std::string html = "<section class=\"panel\" id=\"contact-" + number_text +
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
@@ -260,7 +260,7 @@ std::string key(const Run& run, double mm_per_N) {
          "x2=\"18\" y2=\"5\"/><polygon class=\"force-head\" points=\"25,5 16,1 16,9\"/></svg>force on the "
          "hand at its "
          "largest, " +
-         json_number(mm_per_N, 3) + " mm for 1 N</span><span>Path within " + number(kWayReach_mm, 0) +
+         json_number(mm_per_N, 3) + " mm for 1 N</span><span>Path within " + number(kPathReach_mm, 0) +
          " mm of the plane." +
          (run.model.oriented ? " Radiological view: patient's left on the right." : "") +
          (run.removal.changes.empty()

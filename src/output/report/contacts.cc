@@ -38,7 +38,7 @@ double force_N(const DeviceTick& device) {
   return norm(device.force_N);
 }
 
-void ContactFinder::see(const TimedTick& now) {
+void ContactFinder::observe(const TimedTick& now) {
   for (std::size_t d = 0; d < open_.size(); ++d) {
     const DeviceTick& device = now.tick.device[d];
     std::optional<Contact>& contact = open_[d];
@@ -86,7 +86,7 @@ bool is_deeper_than_measured(const DeviceTick& device, const Model& model) {
   return std::isnan(device.depth_mm) && !(device.field < 0.5 * level);
 }
 
-void StructureMeter::see(const TimedTick& now) {
+void StructureMeter::observe(const TimedTick& now) {
   const double dt_s = now.end_s - now.begin_s;
   for (int d = 0; d < devices_; ++d) {
     const DeviceTick& device = now.tick.device[d];
@@ -115,21 +115,21 @@ std::vector<StructureFigures> StructureMeter::finish(const std::vector<Contact>&
   return std::move(figures_);
 }
 
-void BeneathMeter::see(const TimedTick& now) {
+void BeneathMeter::observe(const TimedTick& now) {
   for (int d = 0; d < devices_; ++d) {
     const DeviceTick& device = now.tick.device[d];
     if (!touches(device)) continue;
-    for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
-      const LabelId label = device.felt_label[n];
+    for (std::size_t n = 0; n < device.path_label.size(); ++n) {
+      const LabelId label = device.path_label[n];
       // values are unchecked: the file may be damaged
-      const double given_N = device.felt_share[n] * force_N(device);
-      if (label == 0 || label == device.label || !std::isfinite(given_N)) continue;
+      const double contributed_N = device.path_share[n] * force_N(device);
+      if (label == 0 || label == device.label || !std::isfinite(contributed_N)) continue;
       const auto [found, added] = place_.emplace(label, figures_.size());
       if (added) figures_.push_back({.label = label});
       DeepFigures& figures = figures_[found->second];
       figures.time_s += now.end_s - now.begin_s;
-      figures.peak_force_N = std::max(figures.peak_force_N, given_N);
-      figures.max_depth_mm = std::fmax(figures.max_depth_mm, device.felt_depth_mm[n]);
+      figures.peak_force_N = std::max(figures.peak_force_N, contributed_N);
+      figures.max_depth_mm = std::fmax(figures.max_depth_mm, device.path_depth_mm[n]);
     }
   }
 }
@@ -158,10 +158,10 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
   return chosen;
 }
 
-void SummaryMeter::see(const TickRecord& tick) {
+void SummaryMeter::observe(const TickRecord& tick) {
   if (counted_.ticks == 0) first_tick_ = tick.tick;
   last_tick_ = tick.tick;
-  counted_.see(tick);
+  counted_.observe(tick);
 }
 
 RecordingSummary SummaryMeter::finish(const RecordingHead& head) const {
@@ -174,7 +174,7 @@ RecordingSummary SummaryMeter::finish(const RecordingHead& head) const {
   return summary;
 }
 
-void TickCount::see(const TickRecord& tick, int devices) {
+void TickCount::observe(const TickRecord& tick, int devices) {
   const auto own = std::span(tick.device).first(static_cast<std::size_t>(devices));
   ticks += std::ranges::any_of(own, [&](const DeviceTick& device) { return (device.flags & flags) != 0; });
 }
@@ -184,7 +184,7 @@ double limit_N(const DeviceTick& device) {
   return withheld ? std::numeric_limits<double>::quiet_NaN() : device.limit_N;
 }
 
-void ForceExtremes::see(const TickRecord& tick, int devices) {
+void ForceExtremes::observe(const TickRecord& tick, int devices) {
   bool within_limits = true;
   for (int d = 0; d < devices; ++d) {
     const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];

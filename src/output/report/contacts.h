@@ -43,7 +43,7 @@ class ContactFinder {
  public:
   explicit ContactFinder(int devices, double shortest_s = kShortestContact_s)
       : shortest_s_(shortest_s), open_(static_cast<std::size_t>(devices)) {}
-  void see(const TimedTick& now);
+  void observe(const TimedTick& now);
   /// Call after the last tick. Contacts in the order of their first tick.
   std::vector<Contact> finish();
 
@@ -82,7 +82,7 @@ class StructureMeter {
  public:
   /// @param model  has to outlive the meter
   StructureMeter(int devices, const Model& model) : devices_(devices), model_(model) {}
-  void see(const TimedTick& now);
+  void observe(const TimedTick& now);
   /// Call after the last tick. Structures in the order of their first contact.
   std::vector<StructureFigures> finish(const std::vector<Contact>& contacts);
 
@@ -105,7 +105,7 @@ struct DeepFigures {
 class BeneathMeter {
  public:
   explicit BeneathMeter(int devices) : devices_(devices) {}
-  void see(const TimedTick& now);
+  void observe(const TimedTick& now);
   /// Call after the last tick. Structures in the order of their first contribution.
   std::vector<DeepFigures> finish() { return std::move(figures_); }
 
@@ -124,7 +124,7 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
 /// then, and `dropped` is the number of missing ticks.
 class SummaryMeter {
  public:
-  void see(const TickRecord& tick);
+  void observe(const TickRecord& tick);
   RecordingSummary finish(const RecordingHead& head) const;
 
  private:
@@ -140,7 +140,7 @@ inline constexpr std::uint32_t kInterventionFlags =
 struct TickCount {
   std::uint32_t flags = 0;
   std::uint64_t ticks = 0;
-  void see(const TickRecord& tick, int devices);
+  void observe(const TickRecord& tick, int devices);
 };
 
 /// Force limit that applied to one device; NaN if a fault or a stale pose suppressed the force.
@@ -156,7 +156,7 @@ struct ForceExtremes {
   double max_heat = 0;   ///< Used fraction of the thermal budget, 0 ... 1, maximum over devices
   bool limited = false;  ///< Whether there was a limit
 
-  void see(const TickRecord& tick, int devices);
+  void observe(const TickRecord& tick, int devices);
 };
 
 /// Number of devices, clamped to 1 ... 4 in case the file is damaged.

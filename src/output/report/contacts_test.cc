@@ -11,16 +11,16 @@
 namespace palpate::report {
 namespace {
 
-/// Calls `see` for every tick of a recording with its times.
-template <class See>
-void relink_unpaired(const Recording& recording, See&& see) {
+/// Calls `observe` for every tick of a recording with its times.
+template <class OnTick>
+void relink_unpaired(const Recording& recording, OnTick&& observe) {
   TickTimes times(RecordingSource(recording).head());
   // in chunks, as when reading
   for (std::size_t first = 0; first < recording.ticks.size(); first += 37)
     times.take(
         std::span(recording.ticks).subspan(first, std::min<std::size_t>(37, recording.ticks.size() - first)),
-        see);
-  times.finish(see);
+        observe);
+  times.finish(observe);
 }
 
 int devices_of(const Recording& recording) {
@@ -30,25 +30,25 @@ int devices_of(const Recording& recording) {
 std::vector<StructureFigures> summarise_structures(const Recording& recording, const Model& model,
                                                    const std::vector<Contact>& contacts) {
   StructureMeter meter(devices_of(recording), model);
-  relink_unpaired(recording, [&](const TimedTick& now) { meter.see(now); });
+  relink_unpaired(recording, [&](const TimedTick& now) { meter.observe(now); });
   return meter.finish(contacts);
 }
 
 RecordingSummary summary_of(const Recording& recording) {
   SummaryMeter meter;
-  for (const TickRecord& tick : recording.ticks) meter.see(tick);
+  for (const TickRecord& tick : recording.ticks) meter.observe(tick);
   return meter.finish(RecordingSource(recording).head());
 }
 
 std::uint64_t count_ticks_with(const Recording& recording, std::uint32_t flags) {
   TickCount count{flags, 0};
-  for (const TickRecord& tick : recording.ticks) count.see(tick, devices_of(recording));
+  for (const TickRecord& tick : recording.ticks) count.observe(tick, devices_of(recording));
   return count.ticks;
 }
 
 ForceExtremes force_extremes(const Recording& recording) {
   ForceExtremes extremes;
-  for (const TickRecord& tick : recording.ticks) extremes.see(tick, devices_of(recording));
+  for (const TickRecord& tick : recording.ticks) extremes.observe(tick, devices_of(recording));
   return extremes;
 }
 
@@ -84,7 +84,7 @@ struct Script {
   std::vector<double> edges() const { return tick_edges_s(recording); }
   std::vector<Contact> contacts() const {
     ContactFinder finder(devices_of(recording));
-    relink_unpaired(recording, [&](const TimedTick& now) { finder.see(now); });
+    relink_unpaired(recording, [&](const TimedTick& now) { finder.observe(now); });
     return finder.finish();
   }
 };
@@ -134,15 +134,15 @@ TEST(Contacts, WhatIsFeltBeneathWhatIsTouchedIsCountedByItself) {
   run.ticks(50, 6, 2);
   for (std::size_t n = 0; n < run.recording.ticks.size(); ++n) {
     DeviceTick& device = run.recording.ticks[n].device[0];
-    device.felt_label = {5, 6};
-    device.felt_depth_mm = {1, 0.01 * static_cast<double>(n)};
-    device.felt_share = {0.25, 0.75};
+    device.path_label = {5, 6};
+    device.path_depth_mm = {1, 0.01 * static_cast<double>(n)};
+    device.path_share = {0.25, 0.75};
   }
   // a damaged file
-  run.recording.ticks[10].device[0].felt_share[1] = kNotKnown;
-  run.recording.ticks[11].device[0].felt_depth_mm[1] = kNotKnown;
+  run.recording.ticks[10].device[0].path_share[1] = kNotKnown;
+  run.recording.ticks[11].device[0].path_depth_mm[1] = kNotKnown;
   BeneathMeter meter(1);
-  relink_unpaired(run.recording, [&](const TimedTick& now) { meter.see(now); });
+  relink_unpaired(run.recording, [&](const TimedTick& now) { meter.observe(now); });
   const std::vector<DeepFigures> figures = meter.finish();
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_EQ(figures[0].label, 6);

@@ -243,7 +243,7 @@ Recording recording(const Model& model, double limit_N) {
     const double power = std::min(tick.device[0].unclamped_force_N, limit_N) / kContinuous_N;
     heat += (power * power - heat) * tick.dt_s / 10;
     tick.device[0].heat = heat;
-    summary.see(tick);
+    summary.observe(tick);
     recording.ticks.push_back(tick);
   }
   summary.run_hash = 0x0123456789abcdefull;
@@ -276,7 +276,7 @@ Recording real_recording(const Model& model) {
       device.force_N = {};
       device.limit_N = 0;
     }
-    summary.see(tick);
+    summary.observe(tick);
   }
   recording.summary = summary;
   return recording;
@@ -307,18 +307,18 @@ Recording leaning_recording(const Model& model) {
   for (TickRecord& tick : recording.ticks) {
     DeviceTick& device = tick.device[0];
     if (device.label == 0) continue;
-    device.contact_label[0] = device.felt_label[0] = device.label;
+    device.contact_label[0] = device.path_label[0] = device.label;
     device.contact_N[0] = std::hypot(device.force_N[0], device.force_N[1], device.force_N[2]);
     for (std::size_t axis = 0; axis < 3; ++axis)
       device.contact_patient_mm[axis] =
           device.tip_patient_mm[axis] + device.normal_patient[axis] * device.depth_mm;
     const bool both = device.label == kTibia && device.depth_mm > 0.3;
-    device.felt_depth_mm[0] = both ? 0.3 : std::max(0.0, device.depth_mm);
-    device.felt_share[0] = both ? 0.75 : 1;
+    device.path_depth_mm[0] = both ? 0.3 : std::max(0.0, device.depth_mm);
+    device.path_share[0] = both ? 0.75 : 1;
     if (!both) continue;
-    device.felt_label[1] = kFemur;
-    device.felt_depth_mm[1] = device.depth_mm - 0.3;
-    device.felt_share[1] = 0.25;
+    device.path_label[1] = kFemur;
+    device.path_depth_mm[1] = device.depth_mm - 0.3;
+    device.path_share[1] = 0.25;
   }
   return recording;
 }

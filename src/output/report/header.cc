@@ -36,10 +36,10 @@ std::string side_badge(const Run& run) {
 /// Force methods used in the run, in the order of their first tick.
 std::string methods_text(const RecordingHead& recording) {
   std::string text;
-  for (const RecordingHead::UsedMethod& felt : recording.methods)
-    text += (text.empty() ? "" : ", ") + (felt.method < kForceMethods.size()
-                                              ? std::string(kForceMethods[felt.method].name)
-                                              : "number " + std::to_string(felt.method));
+  for (const RecordingHead::UsedMethod& used : recording.methods)
+    text += (text.empty() ? "" : ", ") + (used.method < kForceMethods.size()
+                                              ? std::string(kForceMethods[used.method].name)
+                                              : "number " + std::to_string(used.method));
   return text;
 }
 

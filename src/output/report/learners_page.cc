@@ -170,15 +170,15 @@ std::string curve_html(const LearnersPage::Task& task, std::size_t m) {
 std::string dots_html(const LearnersPage::Learner& learner) {
   constexpr std::size_t kMost = 14;
   const std::size_t from = learner.runs.size() - std::min(kMost, learner.runs.size());
-  std::string said, svg;
+  std::string stated, svg;
   for (std::size_t n = from; n < learner.runs.size(); ++n) {
     const bool in = learner.runs[n].in_band;
     svg += "<circle class=\"" + std::string(in ? "in" : "out") + "\" r=\"5\" cy=\"7\" cx=\"" +
            std::to_string(7 + 14 * (n - from)) + "\"/>";
-    said += (said.empty() ? "" : ", ") + std::string(in ? "in band" : "out of band");
+    stated += (stated.empty() ? "" : ", ") + std::string(in ? "in band" : "out of band");
   }
-  return "<svg class=\"dots\" viewBox=\"0 0 200 14\" role=\"img\" aria-label=\"latest runs: " + said + "\">" +
-         svg + "</svg>";
+  return "<svg class=\"dots\" viewBox=\"0 0 200 14\" role=\"img\" aria-label=\"latest runs: " + stated +
+         "\">" + svg + "</svg>";
 }
 
 std::string learner_row_html(const LearnersPage::Task& task, const LearnersPage::Learner& learner) {

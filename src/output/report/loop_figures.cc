@@ -30,17 +30,17 @@ Spread SpreadMeter::spread() const {
   const auto at = [&](double part) {
     // nearest rank: the smallest value that is not exceeded by at least this fraction
     const double rank = std::max(std::ceil(part * static_cast<double>(count_)), 1.0);
-    std::uint64_t seen = 0;
+    std::uint64_t observed = 0;
     for (const Bin& bin : sorted) {
-      seen += bin.count;
-      if (static_cast<double>(seen) >= rank) return bin.largest_s;
+      observed += bin.count;
+      if (static_cast<double>(observed) >= rank) return bin.largest_s;
     }
     return std::numeric_limits<double>::quiet_NaN();
   };
   return {at(0.5), at(0.99), at(0.999), at(1)};
 }
 
-void RateOfTicks::see(const TimedTick& now) {
+void RateOfTicks::observe(const TimedTick& now) {
   if (ticks_++ == 0) {
     first_ = now.tick.tick;
     first_s_ = now.begin_s;

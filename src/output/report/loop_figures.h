@@ -33,7 +33,7 @@ class SpreadMeter {
 /// Mean tick rate between the first and the last tick, including dropped ticks.
 class RateOfTicks {
  public:
-  void see(const TimedTick& now);
+  void observe(const TimedTick& now);
   /// NaN if there are fewer than two ticks.
   double rate_hz() const;
 

@@ -19,9 +19,9 @@ Spread spread_of(const std::vector<double>& values_s) {
 double measured_rate_hz(const Recording& recording) {
   RateOfTicks rate;
   TickTimes times(RecordingSource(recording).head());
-  const auto see = [&](const TimedTick& now) { rate.see(now); };
-  times.take(recording.ticks, see);
-  times.finish(see);
+  const auto observe = [&](const TimedTick& now) { rate.observe(now); };
+  times.take(recording.ticks, observe);
+  times.finish(observe);
   return rate.rate_hz();
 }
 

@@ -17,49 +17,49 @@
 namespace palpate {
 namespace {
 
-constexpr double kWayBefore_s = 2;
+constexpr double kPathBefore_s = 2;
 constexpr double kTipShare = 0.005;
 constexpr Rgb kTipColour{255, 255, 255};
 
-/// Tip positions of the last kWayBefore_s.
+/// Tip positions of the last kPathBefore_s.
 class RecentTips {
  public:
   explicit RecentTips(int devices) : devices_(static_cast<std::size_t>(devices)) {}
-  void see(const report::TimedTick& now) {
-    Seen seen{now.begin_s, {}, {}};
+  void observe(const report::TimedTick& now) {
+    Observed observed{now.begin_s, {}, {}};
     for (std::size_t d = 0; d < devices_; ++d) {
       const auto& at = now.tick.device[d].tip_patient_mm;
-      seen.tip[d] = {at[0], at[1], at[2]};
-      seen.touching[d] = (now.tick.device[d].flags & kFlagContact) != 0;
+      observed.tip[d] = {at[0], at[1], at[2]};
+      observed.touching[d] = (now.tick.device[d].flags & kFlagContact) != 0;
     }
-    seen_.push_back(seen);
-    while (seen_.front().time_s < now.begin_s - kWayBefore_s) seen_.pop_front();
+    observed_.push_back(observed);
+    while (observed_.front().time_s < now.begin_s - kPathBefore_s) observed_.pop_front();
   }
-  std::vector<RecordedMoment::Way> ways() const {
-    std::vector<RecordedMoment::Way> ways;
+  std::vector<RecordedMoment::PathSection> paths() const {
+    std::vector<RecordedMoment::PathSection> paths;
     for (std::size_t d = 0; d < devices_; ++d) {
-      const Seen* before = nullptr;
-      for (const Seen& seen : seen_) {
-        if (before == nullptr || before->touching[d] != seen.touching[d]) {
-          ways.push_back({seen.touching[d], {}});
+      const Observed* before = nullptr;
+      for (const Observed& observed : observed_) {
+        if (before == nullptr || before->touching[d] != observed.touching[d]) {
+          paths.push_back({observed.touching[d], {}});
           // adjacent sections share a point
-          if (before != nullptr) ways.back().points.push_back(before->tip[d]);
+          if (before != nullptr) paths.back().points.push_back(before->tip[d]);
         }
-        ways.back().points.push_back(seen.tip[d]);
-        before = &seen;
+        paths.back().points.push_back(observed.tip[d]);
+        before = &observed;
       }
     }
-    return ways;
+    return paths;
   }
 
  private:
-  struct Seen {
+  struct Observed {
     double time_s;
     std::array<Point<Patient>, kMaxDevices> tip;
     std::array<bool, kMaxDevices> touching;
   };
   std::size_t devices_;
-  std::deque<Seen> seen_;
+  std::deque<Observed> observed_;
 };
 
 /// The model with its labels displaced by the deformation.
@@ -67,11 +67,11 @@ std::shared_ptr<const Model> displaced_model(const Model& model, const Displaced
   const Bricks<LabelId>& labels = *model.labels;
   const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
   const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
-  auto seen = std::make_shared<Model>(model);
-  seen->surfaces.clear();
-  seen->label_of_surface.clear();
-  if (patch.box.voxel_count() > 0) seen->labels = std::make_shared<Bricks<LabelId>>(labels.with(patch));
-  return seen;
+  auto observed = std::make_shared<Model>(model);
+  observed->surfaces.clear();
+  observed->label_of_surface.clear();
+  if (patch.box.voxel_count() > 0) observed->labels = std::make_shared<Bricks<LabelId>>(labels.with(patch));
+  return observed;
 }
 
 void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
@@ -106,14 +106,14 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
   LawHistory laws(model.tissue_law);
   bool any = false, is_over = false;
   double done = 0;
-  const auto see = [&](const report::TimedTick& now) {
+  const auto observe = [&](const report::TimedTick& now) {
     is_over = is_over || (any && now.begin_s > time_s);
     if (is_over) return;
     any = true;
     moment.time_s = now.begin_s;
     moment.tick = now.tick;
-    tips.see(now);
-    removal.see(now);
+    tips.observe(now);
+    removal.observe(now);
     for (int d = 0; d < moment.devices; ++d) {
       const double limit = now.tick.device[static_cast<std::size_t>(d)].limit_N;
       if (std::isfinite(limit)) moment.highest_limit_N = std::max(moment.highest_limit_N, limit);
@@ -124,19 +124,19 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
         progress.report("reading the recording",
                         done / static_cast<double>(std::max<std::uint64_t>(1, head.ticks)));
         done += static_cast<double>(part.ticks.size());
-        removal.hear(part.events);
+        removal.on_event(part.events);
         for (const RecordingEvent& event : part.events)
-          if (event.kind == RecordingEvent::Kind::kModel) laws.hear(event.change);
-        times.take(part.ticks, see);
+          if (event.kind == RecordingEvent::Kind::kModel) laws.on_event(event.change);
+        times.take(part.ticks, observe);
         return is_over ? Result<void>(enough()) : Result<void>();
       },
       progress);
   if (!read && !is_over) return read.error();
-  if (!is_over) times.finish(see);
+  if (!is_over) times.finish(observe);
   if (!any)
     return Error{ErrorKind::kBadInput, "the recording has no ticks", "",
                  "choose a recording of a longer run"};
-  moment.ways = tips.ways();
+  moment.paths = tips.paths();
   const report::RemovalFigures figures = removal.finish();
   moment.left = report::model_after_removal(model, figures.changes, moment.time_s);
   show_yielding(model, laws.at(moment.tick.model_version), moment);
@@ -146,9 +146,10 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
 std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& model,
                                      const VolumeCamera& camera) {
   std::vector<VolumeMark> marks;
-  for (const RecordedMoment::Way& way : moment.ways)
-    add_path(marks, way.points, way.touching ? 2.2 : 1.5,
-             way.touching ? report::kTouchingWayColour : report::kFreeWayColour, report::kWayBehind, camera);
+  for (const RecordedMoment::PathSection& section : moment.paths)
+    add_path(marks, section.points, section.touching ? 2.2 : 1.5,
+             section.touching ? report::kTouchingPathColour : report::kFreePathColour, report::kPathBehind,
+             camera);
   const double mm_per_N = report::arrow_mm_per_N(moment.highest_limit_N);
   for (int device = 0; device < moment.devices; ++device) {
     const Vector<Patient>& dent = moment.dent_mm[static_cast<std::size_t>(device)];

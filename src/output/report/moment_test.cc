@@ -28,10 +28,10 @@ TEST(RecordedMoment, IsTheLastTickUntilThen) {
     EXPECT_EQ(moment->time_s, ticks[n].time_s) << n;
     // paths end at the tip and extend at most two seconds back
     std::size_t points = 0;
-    for (const auto& way : moment->ways) points += way.points.size();
+    for (const auto& path : moment->paths) points += path.points.size();
     EXPECT_GE(points, std::min<std::size_t>(n + 1, 100)) << n;
     const auto& tip = ticks[n].device[0].tip_patient_mm;
-    EXPECT_EQ(moment->ways.back().points.back(), Point<Patient>(tip[0], tip[1], tip[2])) << n;
+    EXPECT_EQ(moment->paths.back().points.back(), Point<Patient>(tip[0], tip[1], tip[2])) << n;
   }
   // before the beginning and after the end
   EXPECT_EQ(recorded_moment(recording, model, ticks.front().time_s - 5)->tick.tick, ticks.front().tick);
@@ -53,7 +53,7 @@ TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   EXPECT_EQ(count_of(marks, kPlaceColour), 1);
   EXPECT_EQ(count_of(marks, kForceColour), 2);  // shaft and head
   EXPECT_GT(count_of(marks, kToolColour), 0);
-  EXPECT_GT(count_of(marks, kTouchingWayColour), 0);
+  EXPECT_GT(count_of(marks, kTouchingPathColour), 0);
   const auto place =
       std::find_if(marks.begin(), marks.end(), [](const VolumeMark& m) { return m.colour == kPlaceColour; });
   EXPECT_EQ(place->from, proxy_place(*hardest, 0));
@@ -76,14 +76,14 @@ TEST(RecordedMoment, ShowsTissueWhereItWent) {
   // the tissue is displaced away from the hand
   EXPECT_LT(moment->dent_mm[0].dot(patient_force_N(model, *hardest, 0)), 0);
   const GridGeometry& grid = model.labels->geometry();
-  const Point<Patient> place = proxy_place(*hardest, 0);
+  const Point<Patient> position = proxy_place(*hardest, 0);
   int others = 0;
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         if (moment->left->labels->at(i, j, k) == model.labels->at(i, j, k)) continue;
         ++others;
-        ASSERT_LT((grid.X_PatientVoxel() * Point<Voxel>(i, j, k) - place).norm(), 100);
+        ASSERT_LT((grid.X_PatientVoxel() * Point<Voxel>(i, j, k) - position).norm(), 100);
       }
   EXPECT_GT(others, 0);
   // before the first contact the tissue is at rest

@@ -10,7 +10,7 @@
 namespace palpate::report {
 namespace {
 
-constexpr double kWayMargin_s = 1.0;
+constexpr double kPathMargin_s = 1.0;
 constexpr double kScaleBar_mm = 10;
 constexpr double kSmallestStep_px = 0.7;  // between drawn points of a path
 constexpr double kShortestArrow_px = 5;   // a shorter arrow is drawn end-on
@@ -53,22 +53,22 @@ std::string polyline(bool touching, const std::vector<Pixel>& points) {
 }
 
 /// Sections of a path near the plane and within the picture, without points too close to distinguish.
-std::string draw_way(const SectionPlane& plane, const Way& way) {
+std::string draw_path(const SectionPlane& plane, const PathSection& section) {
   const Vector<Patient> normal = plane.right.cross(plane.down);
   std::string svg;
   std::vector<Pixel> run;
-  for (const Point<Patient>& point : way.points) {
+  for (const Point<Patient>& point : section.points) {
     const Pixel p = to_drawing(plane, point);
-    const bool near = std::abs((point - plane.centre).dot(normal)) <= kWayReach_mm;
+    const bool near = std::abs((point - plane.centre).dot(normal)) <= kPathReach_mm;
     const bool in_picture = p.x >= 0 && p.y >= 0 && p.x <= plane.width_px && p.y <= plane.height_px;
     if (!near || !in_picture) {
-      svg += polyline(way.touching, run);
+      svg += polyline(section.touching, run);
       run.clear();
     } else if (run.empty() || std::hypot(p.x - run.back().x, p.y - run.back().y) >= kSmallestStep_px) {
       run.push_back(p);
     }
   }
-  return svg + polyline(way.touching, run);
+  return svg + polyline(section.touching, run);
 }
 
 /// Symbol of a vector perpendicular to the plane: a circle with a dot (towards the viewer) or a cross (away).
@@ -181,34 +181,34 @@ std::string draw_letters(const SectionPlane& plane) {
 
 }  // namespace
 
-void PathRecorder::see(const TimedTick& now) {
-  if (now.begin_s < contact_.begin_s - kWayMargin_s || now.begin_s > contact_.end_s + kWayMargin_s) return;
+void PathRecorder::observe(const TimedTick& now) {
+  if (now.begin_s < contact_.begin_s - kPathMargin_s || now.begin_s > contact_.end_s + kPathMargin_s) return;
   const DeviceTick& device = now.tick.device[contact_.device];
   const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
   if (!tip.all_finite() || (device.flags & kFlagNotFinite) != 0) return;
   const bool touching = now.index >= contact_.first && now.index <= contact_.last;
-  const bool turn = ways_.empty() || ways_.back().touching != touching;
+  const bool turn = sections_.empty() || sections_.back().touching != touching;
   // the ends of a section are kept, and every step_-th tick between them
   if (!turn && now.index % step_ != 0 && now.index != contact_.last) return;
   if (turn) {
     // adjacent sections share a point
-    Way next{touching, {}};
-    if (!ways_.empty()) next.points.push_back(ways_.back().points.back());
-    ways_.push_back(std::move(next));
+    PathSection next{touching, {}};
+    if (!sections_.empty()) next.points.push_back(sections_.back().points.back());
+    sections_.push_back(std::move(next));
   }
-  ways_.back().points.push_back(tip);
-  if (++points_ >= kMaxWayPoints) thin_out();
+  sections_.back().points.push_back(tip);
+  if (++points_ >= kMaxOverlayPoints) thin_out();
 }
 
 void PathRecorder::thin_out() {
   step_ *= 2;
   points_ = 0;
-  for (Way& way : ways_) {
-    std::vector<Point<Patient>> kept;
-    for (std::size_t i = 0; i < way.points.size(); ++i)
-      if (i % 2 == 0 || i + 1 == way.points.size()) kept.push_back(way.points[i]);
-    points_ += kept.size();
-    way.points = std::move(kept);
+  for (PathSection& section : sections_) {
+    std::vector<Point<Patient>> stored;
+    for (std::size_t i = 0; i < section.points.size(); ++i)
+      if (i % 2 == 0 || i + 1 == section.points.size()) stored.push_back(section.points[i]);
+    points_ += stored.size();
+    section.points = std::move(stored);
   }
 }
 
@@ -218,15 +218,16 @@ Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int 
 }
 
 std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device) {
-  const DeviceTick& told = tick.device[device];
+  const DeviceTick& device_tick = tick.device[device];
   const Tool& tool = model.tool_of(static_cast<std::size_t>(device));
-  const Point<Patient> proxy(told.proxy_patient_mm[0], told.proxy_patient_mm[1], told.proxy_patient_mm[2]);
-  const auto& w = told.orientation_wxyz;
-  const Eigen::Quaterniond held(w[0], w[1], w[2], w[3]);
+  const Point<Patient> proxy(device_tick.proxy_patient_mm[0], device_tick.proxy_patient_mm[1],
+                             device_tick.proxy_patient_mm[2]);
+  const auto& w = device_tick.orientation_wxyz;
+  const Eigen::Quaterniond rotation(w[0], w[1], w[2], w[3]);
   std::vector<ToolPart> parts;
-  if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return parts;
+  if (!proxy.all_finite() || !rotation.coeffs().allFinite() || !(rotation.squaredNorm() > 0)) return parts;
   const auto turned = [&](const Eigen::Vector3d& of_tool) {
-    return tool_in_patient(model.X_WorldPatient, tick, told, of_tool);
+    return tool_in_patient(model.X_WorldPatient, tick, device_tick, of_tool);
   };
   for (const Eigen::Vector3d& point : tool.points_mm)
     parts.push_back({proxy + turned(point), tool.radius_mm});
@@ -248,8 +249,8 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
   if (marks.planned) svg += draw_planned(plane, *marks.planned);
   // contact sections are drawn on top
   for (const bool touching : {false, true}) {
-    for (const Way& way : marks.ways) {
-      if (way.touching == touching) svg += draw_way(plane, way);
+    for (const PathSection& section : marks.paths) {
+      if (section.touching == touching) svg += draw_path(plane, section);
     }
   }
   for (const ToolPart& part : marks.tool) svg += draw_tool(plane, part);

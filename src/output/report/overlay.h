@@ -15,26 +15,26 @@
 namespace palpate::report {
 
 /// A section of the tip's path, patient frame.
-struct Way {
+struct PathSection {
   bool touching = false;
   std::vector<Point<Patient>> points;
 };
 
 /// Path of the tip from a second before a contact to a second after it, split where the contact begins and
 /// ends. Long paths are decimated to every second, fourth, eighth ... point, so that there are at most
-/// kMaxWayPoints.
-inline constexpr std::size_t kMaxWayPoints = 20'000;
+/// kMaxOverlayPoints.
+inline constexpr std::size_t kMaxOverlayPoints = 20'000;
 class PathRecorder {
  public:
   explicit PathRecorder(const Contact& contact) : contact_(contact) {}
-  void see(const TimedTick& now);
-  std::vector<Way> finish() { return std::move(ways_); }
+  void observe(const TimedTick& now);
+  std::vector<PathSection> finish() { return std::move(sections_); }
 
  private:
   void thin_out();
 
   Contact contact_;
-  std::vector<Way> ways_;
+  std::vector<PathSection> sections_;
   std::size_t points_ = 0, step_ = 1;  // every step_-th tick is kept
 };
 
@@ -59,14 +59,14 @@ struct SectionMarks {
   Side side = Side::kUnknown;
   std::vector<std::string> doubts;  ///< From markup::doubt_marks
   bool oriented = true;             ///< Whether the patient orientation of the volume is known
-  std::vector<Way> ways;
+  std::vector<PathSection> paths;
   std::vector<ToolPart> tool;  ///< Drawn as intersections with the plane
   /// Entry and target of a planned trajectory; both in the plane.
   std::optional<std::array<Point<Patient>, 2>> planned = {};
 };
 
 /// Maximum distance from the plane at which paths are drawn.
-inline constexpr double kWayReach_mm = 5;
+inline constexpr double kPathReach_mm = 5;
 
 /// Path, tool, contact, force, scale bar, orientation letters, and the side in the lower right corner, where
 /// it cannot be mistaken for an orientation letter. Without a known orientation a mark replaces the letters.

@@ -68,38 +68,38 @@ TEST(Overlay, OnlyTheWayNearThePlaneIsDrawn) {
   SectionMarks marks;
   marks.contact = axial().centre;
   // down through the plane along z, then along x within it
-  Way way{false, {}};
-  for (int i = -20; i <= 0; ++i) way.points.emplace_back(1, 2, 3.0 + i);
-  for (int i = 1; i <= 10; ++i) way.points.emplace_back(1.0 + i, 2, 3);
-  marks.ways = {way};
+  PathSection section{false, {}};
+  for (int i = -20; i <= 0; ++i) section.points.emplace_back(1, 2, 3.0 + i);
+  for (int i = 1; i <= 10; ++i) section.points.emplace_back(1.0 + i, 2, 3);
+  marks.paths = {section};
   const std::string svg = section_svg(axial(), marks, "");
   EXPECT_THAT(svg, HasSubstr("<polyline class=\"way\" points=\"200.0,200.0 204.0,200.0 208.0,200.0"));
   EXPECT_THAT(svg, HasSubstr("240.0,200.0\""));
 
-  for (Point<Patient>& p : way.points) p[2] -= 5.5;
-  marks.ways = {way};
+  for (Point<Patient>& p : section.points) p[2] -= 5.5;
+  marks.paths = {section};
   EXPECT_THAT(section_svg(axial(), marks, ""), Not(HasSubstr("polyline")));
 }
 
-template <class See>
-void see_ways(const Recording& recording, See&& see) {
+template <class OnTick>
+void add_paths(const Recording& recording, OnTick&& observe) {
   TickTimes times(RecordingSource(recording).head());
-  times.take(recording.ticks, see);
-  times.finish(see);
+  times.take(recording.ticks, observe);
+  times.finish(observe);
 }
 
 // first contact of a recording
 Contact first_contact(const Recording& recording) {
   ContactFinder finder(1);
-  see_ways(recording, [&](const TimedTick& now) { finder.see(now); });
+  add_paths(recording, [&](const TimedTick& now) { finder.observe(now); });
   const auto contacts = finder.finish();
   EXPECT_FALSE(contacts.empty());
   return contacts.empty() ? Contact{} : contacts.front();
 }
 
-std::vector<Way> way_around(const Recording& recording, const Contact& contact) {
+std::vector<PathSection> path_around(const Recording& recording, const Contact& contact) {
   PathRecorder follower(contact);
-  see_ways(recording, [&](const TimedTick& now) { follower.see(now); });
+  add_paths(recording, [&](const TimedTick& now) { follower.observe(now); });
   return follower.finish();
 }
 
@@ -107,15 +107,15 @@ TEST(Overlay, WayIsCutWhereTheContactBeginsAndEnds) {
   const Model model = example::model();
   const Recording recording = example::recording(model);
   const Contact contact = first_contact(recording);
-  const auto ways = way_around(recording, contact);
-  ASSERT_EQ(ways.size(), 3u);
-  EXPECT_FALSE(ways[0].touching);
-  EXPECT_TRUE(ways[1].touching);
-  EXPECT_FALSE(ways[2].touching);
+  const auto paths = path_around(recording, contact);
+  ASSERT_EQ(paths.size(), 3u);
+  EXPECT_FALSE(paths[0].touching);
+  EXPECT_TRUE(paths[1].touching);
+  EXPECT_FALSE(paths[2].touching);
   // the contact section shares a point with the one before it
-  EXPECT_EQ(ways[1].points.size(), contact.last - contact.first + 2);
-  EXPECT_EQ(ways[1].points.front(), ways[0].points.back());
-  EXPECT_NEAR(static_cast<double>(ways[2].points.size()), 1001, 2);  // a second after it
+  EXPECT_EQ(paths[1].points.size(), contact.last - contact.first + 2);
+  EXPECT_EQ(paths[1].points.front(), paths[0].points.back());
+  EXPECT_NEAR(static_cast<double>(paths[2].points.size()), 1001, 2);  // a second after it
 }
 
 TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
@@ -131,13 +131,13 @@ TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
     tick.device[0].label = 3;
     tick.device[0].flags = kFlagContact;
   }
-  const auto ways = way_around(recording, first_contact(recording));
-  ASSERT_EQ(ways.size(), 3u);
-  const auto& points = ways[1].points;
+  const auto paths = path_around(recording, first_contact(recording));
+  ASSERT_EQ(paths.size(), 3u);
+  const auto& points = paths[1].points;
   std::size_t all = 0;
-  for (const Way& way : ways) all += way.points.size();
-  EXPECT_LE(all, kMaxWayPoints);
-  EXPECT_GT(points.size(), kMaxWayPoints / 4);
+  for (const PathSection& section : paths) all += section.points.size();
+  EXPECT_LE(all, kMaxOverlayPoints);
+  EXPECT_GT(points.size(), kMaxOverlayPoints / 4);
   EXPECT_NEAR(points.front().x(), 4.999, 1e-9);
   EXPECT_NEAR(points.back().x(), 289.999, 1e-9);
   for (std::size_t i = 1; i < points.size(); ++i) {
@@ -151,7 +151,7 @@ TEST(Overlay, ForceIsTurnedBackWithTheObject) {
   TickRecord tick;
   // the object is rotated by 90 degrees about its superior-up axis; anterior, which is up, is unchanged
   const double h = std::sqrt(0.5);
-  tick.rotation_felt_wxyz = {h, 0, 0, h};
+  tick.rotation_applied_wxyz = {h, 0, 0, h};
   tick.device[0].force_N = {0, 0, 2};
   EXPECT_NEAR((patient_force_N(model, tick, 0) - Vector<Patient>(0, -2, 0)).norm(), 0, 1e-12);
   // the former right (the patient's left) now points forward

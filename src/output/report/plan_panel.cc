@@ -20,19 +20,19 @@ std::string table_begin(const std::string& cells) {
 }
 constexpr const char* kTableEnd = "</tbody></table></div>\n";
 
-std::string kept_text(bool is_asked, bool is_kept) {
-  return !is_asked ? "" : is_kept ? "kept" : "<strong>not kept</strong>";
+std::string stored_text(bool is_requested, bool is_stored) {
+  return !is_requested ? "" : is_stored ? "kept" : "<strong>not kept</strong>";
 }
 /// Tolerance and verdict: "at most 2.00, kept"
-std::string asked_text(const ToleratedValue& figure) {
+std::string requested_text(const ToleratedValue& figure) {
   return !figure.allowed ? ""
-                         : "at most " + number(*figure.allowed, 2) + ", " + kept_text(true, figure.kept());
+                         : "at most " + number(*figure.allowed, 2) + ", " + stored_text(true, figure.kept());
 }
 
 std::string figure_row(const std::string& name, const std::string& unit, const ToleratedValue& figure,
                        const std::string& more) {
   return "<tr><th scope=\"row\">" + name + " <span class=\"unit\">" + unit + "</span></th>" +
-         cell(number(figure.value, 2)) + cell(asked_text(figure)) + "<td>" + more + "</td></tr>\n";
+         cell(number(figure.value, 2)) + cell(requested_text(figure)) + "<td>" + more + "</td></tr>\n";
 }
 
 std::string at_time(const RunPoint& place) {
@@ -79,7 +79,7 @@ std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryResu
 
 /// Two perpendicular sections through the trajectory, with the trajectory and the tip's path.
 std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryResult& done,
-                                const std::vector<Point<Patient>>& way, const SectionStyle& style) {
+                                const std::vector<Point<Patient>>& path, const SectionStyle& style) {
   constexpr double kMinWidth_mm = 40, kMargin = 1.5;
   const Point<Patient> middle = planned.entry + (planned.target - planned.entry) * 0.5;
   SectionPlane plane =
@@ -90,7 +90,7 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
   marks.side = run.side();
   marks.oriented = run.model.oriented;
   marks.doubts = markup::doubt_marks(run.model);
-  marks.ways = {{false, way}};
+  marks.paths = {{false, path}};
   marks.planned = {planned.entry, planned.target};
   std::string html = "<div class=\"sections\">\n";
   for (const std::string name : {"Along the trajectory", "Along the trajectory, turned by 90 degrees"}) {
@@ -103,7 +103,7 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
 }
 
 std::string volume_cells(const VolumeResult& volume) {
-  return cell(number(volume.planned_mm3, 1)) + cell(number(volume.taken_mm3, 1)) +
+  return cell(number(volume.planned_mm3, 1)) + cell(number(volume.removed_mm3, 1)) +
          cell(number(volume.left_mm3(), 1));
 }
 
@@ -136,9 +136,9 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
   for (const StructureClearance& approach : made.approaches)
     html += "<tr><th scope=\"row\">" + swatch(run.colour(approach.label)) + escape(run.name(approach.label)) +
             "</th>" + cell(number(approach.nearest_mm, 2)) +
-            cell(approach.asked_mm ? number(*approach.asked_mm, 2) : "") +
-            cell(approach.asked_mm ? number(approach.below_s, 3) : "") +
-            cell(kept_text(approach.asked_mm.has_value(), approach.kept())) + "<td>" +
+            cell(approach.requested_mm ? number(*approach.requested_mm, 2) : "") +
+            cell(approach.requested_mm ? number(approach.below_s, 3) : "") +
+            cell(stored_text(approach.requested_mm.has_value(), approach.kept())) + "<td>" +
             (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
   html += kTableEnd;
   if (made.breaches.empty()) return html;
@@ -165,7 +165,7 @@ std::vector<std::size_t> plotted_approaches(const PlanComparison& made) {
   std::iota(order.begin(), order.end(), 0);
   std::ranges::stable_sort(order, {}, [&](std::size_t n) {
     const StructureClearance& approach = made.approaches[n];
-    return std::pair(!approach.asked_mm, approach.nearest_mm);
+    return std::pair(!approach.requested_mm, approach.nearest_mm);
   });
   order.resize(std::min(order.size(), kMaxPlottedApproaches));
   return order;
@@ -198,13 +198,13 @@ Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, co
     html += "<h3>" + escape(plan.trajectories[n].name) + "</h3>\n" +
             trajectory_table(plan.trajectories[n], made.trajectories[n]);
     if (run.model.labels != nullptr)
-      html += trajectory_sections(run, plan.trajectories[n], made.trajectories[n], made.way, style);
+      html += trajectory_sections(run, plan.trajectories[n], made.trajectories[n], made.path, style);
   }
   if (!made.trajectories.empty())
     html +=
         "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. "
         "White: the path of the tip within " +
-        number(kWayReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
+        number(kPathReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
         std::string(run.model.cuts() ? "Structures are shown before cutting." : "") + "</p>\n";
   html += volume_tables(run, rehearsed) + distance_tables(run, made);
   return html +

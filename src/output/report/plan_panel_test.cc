@@ -61,7 +61,7 @@ TEST(PlanPanel, PlotsDistancesOnItsOwnTimes) {
   made.approaches.resize(3);
   made.approaches[0].nearest_mm = 5;
   made.approaches[1].nearest_mm = 9;
-  made.approaches[1].asked_mm = 1;
+  made.approaches[1].requested_mm = 1;
   made.approaches[2].nearest_mm = 2;
   made.approaches[2].over_time_mm = {7, 3, 2};
   // structures with a required clearance first, then by distance

@@ -130,7 +130,8 @@ std::string plots_html(const Run& run, const RehearsedPlan* rehearsed) {
   }
   html +=
       "<p class=\"hint\">Shaded: contacts, in the structure's colour. Drag to zoom, double-click to see all.";
-  if (run.felt_in_front()) html += " A negative depth is felt in the smoothed rim, in front of the surface.";
+  if (run.touchable_in_front())
+    html += " A negative depth is felt in the smoothed rim, in front of the surface.";
   if (run.depth_has_gaps())
     html += " A gap in its curve during a contact means that no surface was within reach.";
   html += "</p>\n";

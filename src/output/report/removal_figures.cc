@@ -10,17 +10,17 @@ namespace palpate::report {
 namespace {
 
 constexpr double kAlongAxis_mm = 0.1;
-constexpr int kWaysOut = 256;
+constexpr int kExitDirections = 256;
 
 // directions distributed evenly on the sphere: a golden-angle spiral from pole to pole
 std::vector<Vector<Patient>> ray_directions() {
-  std::vector<Vector<Patient>> ways;
+  std::vector<Vector<Patient>> paths;
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
-  for (int n = 0; n < kWaysOut; ++n) {
-    const double z = 1 - (2 * n + 1.0) / kWaysOut, around = std::sqrt(1 - z * z);
-    ways.emplace_back(around * std::cos(n * golden), around * std::sin(n * golden), z);
+  for (int n = 0; n < kExitDirections; ++n) {
+    const double z = 1 - (2 * n + 1.0) / kExitDirections, around = std::sqrt(1 - z * z);
+    paths.emplace_back(around * std::cos(n * golden), around * std::sin(n * golden), z);
   }
-  return ways;
+  return paths;
 }
 
 /// Surface from which a structure's depth is measured.
@@ -34,19 +34,19 @@ const Surface* surface_of(const Model& model, LabelId label, const Point<Patient
   if (own.surface != nullptr) return own.surface.get();
   const Surface* outermost = nullptr;
   double min_mm = std::numeric_limits<double>::infinity();
-  for (const ContactSurface& felt : std::span(model.surfaces).subspan(labels.size())) {
-    if (felt.surface == nullptr || felt.layer != own.layer) continue;
-    const double distance_mm = felt.surface->distance_mm(inside);
+  for (const ContactSurface& surface : std::span(model.surfaces).subspan(labels.size())) {
+    if (surface.surface == nullptr || surface.layer != own.layer) continue;
+    const double distance_mm = surface.surface->distance_mm(inside);
     if (distance_mm >= min_mm) continue;
     min_mm = distance_mm;
-    outermost = felt.surface.get();
+    outermost = surface.surface.get();
   }
   return outermost;
 }
 
 double deepest_mm(const Surface& surface, const Sweep& sweep) {
-  const Vector<Patient> way = sweep.to - sweep.from;
-  const int steps = static_cast<int>(std::ceil(way.norm() / kAlongAxis_mm));
+  const Vector<Patient> displacement = sweep.to - sweep.from;
+  const int steps = static_cast<int>(std::ceil(displacement.norm() / kAlongAxis_mm));
   const int row = static_cast<int>(std::ceil(sweep.axis_mm.norm() / kAlongAxis_mm));
   double depth_mm = -std::numeric_limits<double>::infinity();
   for (int ball = 0; ball <= row; ++ball) {
@@ -54,7 +54,8 @@ double deepest_mm(const Surface& surface, const Sweep& sweep) {
     const double radius_mm =
         row > 0 ? sweep.radius_mm + (sweep.end_radius_mm - sweep.radius_mm) * part : sweep.radius_mm;
     for (int n = 0; n <= steps; ++n) {
-      const Point<Patient> at = sweep.from + way * (steps > 0 ? static_cast<double>(n) / steps : 0.0);
+      const Point<Patient> at =
+          sweep.from + displacement * (steps > 0 ? static_cast<double>(n) / steps : 0.0);
       depth_mm = std::max(depth_mm, radius_mm + depth_below_mm(surface, at + sweep.axis_mm * part));
     }
   }
@@ -71,12 +72,12 @@ double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
   if (depth_mm < reach_mm || reach_mm < kMinReach_mm) return depth_mm;
   // Where the distance is saturated, the surface is at least reach_mm away in every direction: each ray
   // advances by that (sphere tracing) until the remaining distance is within reach.
-  static const std::vector<Vector<Patient>> ways = ray_directions();
+  static const std::vector<Vector<Patient>> paths = ray_directions();
   double shortest_mm = std::numeric_limits<double>::infinity();
-  for (const Vector<Patient>& way : ways)
-    for (double gone_mm = reach_mm; gone_mm < shortest_mm; gone_mm += reach_mm) {
-      const double left_mm = -surface.distance_mm(x + way * gone_mm);
-      if (left_mm < reach_mm) shortest_mm = std::min(shortest_mm, gone_mm + std::max(0.0, left_mm));
+  for (const Vector<Patient>& displacement : paths)
+    for (double advanced_mm = reach_mm; advanced_mm < shortest_mm; advanced_mm += reach_mm) {
+      const double left_mm = -surface.distance_mm(x + displacement * advanced_mm);
+      if (left_mm < reach_mm) shortest_mm = std::min(shortest_mm, advanced_mm + std::max(0.0, left_mm));
     }
   return shortest_mm;
 }
@@ -88,20 +89,20 @@ double RemovalFigures::volume_mm3() const {
 }
 
 std::vector<double> RemovalFigures::gone_mm3(std::size_t structure, std::span<const double> times_s) const {
-  std::vector<double> gone;
+  std::vector<double> removed;
   double mm3 = 0;
   auto step = steps.begin();
   for (const double time_s : times_s) {
     for (; step != steps.end() && step->time_s <= time_s; ++step)
       if (structure < step->volumes_mm3.size()) mm3 = step->volumes_mm3[structure];
-    gone.push_back(mm3);
+    removed.push_back(mm3);
   }
-  return gone;
+  return removed;
 }
 
 RemovalMeter::RemovalMeter(const Model& model) : model_(model), removed_(model), nearest_(model) {}
 
-void RemovalMeter::hear(std::span<const RecordingEvent> events) {
+void RemovalMeter::on_event(std::span<const RecordingEvent> events) {
   if (model_.labels == nullptr) return;
   for (const RecordingEvent& event : events)
     if (event.kind == RecordingEvent::Kind::kSweep ||
@@ -110,7 +111,7 @@ void RemovalMeter::hear(std::span<const RecordingEvent> events) {
       pending_events_.push_back(event);
 }
 
-void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
+void RemovalMeter::on_event(const RecordingEvent& event, double time_s) {
   if (event.kind == RecordingEvent::Kind::kSweep) {
     waiting_.push_back(cut_of(event.sweep));
     return;
@@ -126,11 +127,11 @@ void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
   if (volumes_mm3_ != before_mm3) add_step(time_s);
 }
 
-void RemovalMeter::see(const TimedTick& now) {
+void RemovalMeter::observe(const TimedTick& now) {
   for (; !pending_events_.empty() && pending_events_.front().tick <= now.tick.tick;
        pending_events_.pop_front())
-    hear(pending_events_.front(), now.begin_s);
-  nearest_.see(now.tick);
+    on_event(pending_events_.front(), now.begin_s);
+  nearest_.observe(now.tick);
   if (motor_was_on(model_, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
 }
 
@@ -167,8 +168,8 @@ RemovalFigures RemovalMeter::finish() {
   figures_.undone = figures_.strokes - strokes_.done().size();
   for (const ProtectedStructure& structure : model_.protected_structures) {
     const auto nearest = nearest_.nearest_mm().find(structure.label);
-    figures_.spared.push_back(
-        {structure.label, structure.kept, nearest != nearest_.nearest_mm().end() ? nearest->second : kGap});
+    figures_.spared.push_back({structure.label, structure.is_protected,
+                               nearest != nearest_.nearest_mm().end() ? nearest->second : kGap});
   }
   return std::move(figures_);
 }
@@ -181,7 +182,7 @@ void RemovalMeter::take_away(const Cut& cut, double time_s) {
   if (!strokes_.continues(cut.sweep.stroke))
     strokes_.begin(cut.sweep.stroke, ++figures_.strokes, std::numeric_limits<std::size_t>::max());
   removed_.add({&cut, 1});
-  nearest_.see(cut.sweep);
+  nearest_.observe(cut.sweep);
   for (const auto& [label, mm3] : removed_.by_label_mm3()) {
     if (mm3 == volumes_mm3_[label]) continue;
     volumes_mm3_[label] = mm3;
@@ -215,10 +216,10 @@ void RemovalMeter::count_voxels() {
 std::shared_ptr<const Model> model_after_removal(const Model& model, std::span<const RemovalChange> changes,
                                                  double time_s) {
   // surfaces take longer to update and are not displayed
-  auto seen = std::make_shared<Model>(model);
-  seen->surfaces.clear();
-  seen->label_of_surface.clear();
-  const auto nothing = std::make_shared<const Carving>(*seen);
+  auto observed = std::make_shared<Model>(model);
+  observed->surfaces.clear();
+  observed->label_of_surface.clear();
+  const auto nothing = std::make_shared<const Carving>(*observed);
   std::shared_ptr<const Carving> carving = nothing;
   for (const RemovalChange& change : changes) {
     if (change.time_s > time_s) break;
@@ -229,7 +230,7 @@ std::shared_ptr<const Model> model_after_removal(const Model& model, std::span<c
       carving = other;
     }
   }
-  return carving != nothing ? carving->taken_from(*seen) : nullptr;
+  return carving != nothing ? carving->taken_from(*observed) : nullptr;
 }
 
 }  // namespace palpate::report

@@ -81,8 +81,8 @@ class RemovalMeter {
   ///               proxy (ready_for)
   explicit RemovalMeter(const Model& model);
   /// Events in their order, before the first tick that follows them. Ignored for a model without labels.
-  void hear(std::span<const RecordingEvent> events);
-  void see(const TimedTick& now);
+  void on_event(std::span<const RecordingEvent> events);
+  void observe(const TimedTick& now);
   /// Call after the last tick. Sweeps without a cut model version are ignored.
   RemovalFigures finish();
 
@@ -91,7 +91,7 @@ class RemovalMeter {
     std::size_t voxels = 0;
     std::array<int, 3> first{};  // indices of its first voxel
   };
-  void hear(const RecordingEvent& event, double time_s);
+  void on_event(const RecordingEvent& event, double time_s);
   void change_stroke(const ModelChange& change);
   void take_away(double time_s);
   void take_away(const Cut& cut, double time_s);

@@ -45,7 +45,7 @@ RecordingEvent swept(std::uint64_t tick, const Sweep& sweep) {
   event.sweep = plain({0, sweep});
   return event;
 }
-RecordingEvent felt_cut(std::uint64_t tick) {
+RecordingEvent cut_contact(std::uint64_t tick) {
   RecordingEvent event;
   event.tick = tick;
   event.change.tissue = ModelChange::kCut;
@@ -67,25 +67,25 @@ Recording ticks_with(std::vector<RecordingEvent> events) {
 RemovalFigures figures_of(const Recording& recording, const Model& model) {
   RemovalMeter meter(model);
   TickTimes times(RecordingSource(recording).head());
-  const auto see = [&](const TimedTick& now) { meter.see(now); };
-  meter.hear(recording.events);
-  times.take(recording.ticks, see);
-  times.finish(see);
+  const auto observe = [&](const TimedTick& now) { meter.observe(now); };
+  meter.on_event(recording.events);
+  times.take(recording.ticks, observe);
+  times.finish(observe);
   return meter.finish();
 }
 
 // volume below a plane of the sweep of a ball at a given depth
-double below_plane_mm3(double radius_mm, double depth_mm, double way_mm) {
+double below_plane_mm3(double radius_mm, double depth_mm, double distance_mm) {
   const double r = radius_mm, h = depth_mm, height = r + h;
   const double area = r * r * (pi - std::acos(h / r)) + h * std::sqrt(r * r - h * h);
-  return area * way_mm + pi * height * height * (3 * r - height) / 3;
+  return area * distance_mm + pi * height * height * (3 * r - height) / 3;
 }
 
 TEST(Removal, OfABallThroughASlabIsKnown) {
   const Model model = bone_below();
   for (const double depth_mm : {-1.0, 0.5, 1.2}) {
     const Sweep sweep{{-1.13, 0.27, kTop_mm - depth_mm}, {1.37, 0.27, kTop_mm - depth_mm}, 2};
-    const RemovalFigures figures = figures_of(ticks_with({swept(7, sweep), felt_cut(7)}), model);
+    const RemovalFigures figures = figures_of(ticks_with({swept(7, sweep), cut_contact(7)}), model);
     ASSERT_EQ(figures.structures.size(), 1u);
     const StructureRemoval& bone = figures.structures[0];
     EXPECT_EQ(bone.label, kBone);
@@ -120,7 +120,7 @@ TEST(Removal, TellsHowNearTheBurrCameToWhatItWasToSpare) {
 }
 
 RecordingEvent changed(std::uint64_t tick, std::uint32_t action) {
-  RecordingEvent event = felt_cut(tick);
+  RecordingEvent event = cut_contact(tick);
   event.change.tissue = action;
   return event;
 }
@@ -129,10 +129,10 @@ TEST(Removal, WhatIsUndoneIsNotGone) {
   const Model model = bone_below();
   const Sweep first{{-5, 0, kTop_mm}, {-4, 0, kTop_mm}, 2, 1};
   const Sweep second{{5, 0, kTop_mm}, {5, 0, kTop_mm - 1.5}, 1, 2};
-  std::vector<RecordingEvent> events{swept(10, first), felt_cut(10), swept(20, second), felt_cut(20),
+  std::vector<RecordingEvent> events{swept(10, first), cut_contact(10), swept(20, second), cut_contact(20),
                                      changed(30, ModelChange::kUndo)};
   const RemovalFigures undone = figures_of(ticks_with(events), model);
-  const RemovalFigures alone = figures_of(ticks_with({swept(10, first), felt_cut(10)}), model);
+  const RemovalFigures alone = figures_of(ticks_with({swept(10, first), cut_contact(10)}), model);
   ASSERT_EQ(undone.structures.size(), 1u);
   EXPECT_EQ(undone.volume_mm3(), alone.volume_mm3());
   EXPECT_EQ(undone.structures[0].part, alone.structures[0].part);
@@ -142,9 +142,9 @@ TEST(Removal, WhatIsUndoneIsNotGone) {
   EXPECT_NEAR(undone.structures[0].depth_mm, 2.5, 1e-3);
   EXPECT_NEAR(undone.structures[0].last_s, 1.020, 1e-12);
   ASSERT_EQ(undone.steps.size(), 3u);
-  const std::vector gone = undone.gone_mm3(0, std::vector{1.015, 1.025, 1.035});
-  EXPECT_GT(gone[1], gone[0]);
-  EXPECT_EQ(gone[2], gone[0]);
+  const std::vector removed = undone.gone_mm3(0, std::vector{1.015, 1.025, 1.035});
+  EXPECT_GT(removed[1], removed[0]);
+  EXPECT_EQ(removed[2], removed[0]);
 
   events.push_back(changed(35, ModelChange::kUndo));
   const RemovalFigures none = figures_of(ticks_with(events), model);
@@ -162,24 +162,26 @@ TEST(Removal, LabelsAreWhatWasLeftAtATime) {
   const Model model = bone_below();
   const Point<Patient> first(0, 0, -2), second(5, 0, -2);
   const auto ball = [](const Point<Patient>& at, std::uint32_t stroke) { return Sweep{at, at, 1.5, stroke}; };
-  const Recording recording = ticks_with({swept(9, ball(first, 1)), felt_cut(10), swept(24, ball(second, 2)),
-                                          felt_cut(25), changed(40, ModelChange::kUndo)});
+  const Recording recording =
+      ticks_with({swept(9, ball(first, 1)), cut_contact(10), swept(24, ball(second, 2)), cut_contact(25),
+                  changed(40, ModelChange::kUndo)});
   const RemovalFigures figures = figures_of(recording, model);
-  const auto label_at = [](const Model& seen, const Point<Patient>& at) {
-    const Point<Voxel> p = seen.labels->geometry().X_PatientVoxel().inverse() * at;
-    return seen.labels->at(static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y())),
-                           static_cast<int>(std::lround(p.z())));
+  const auto label_at = [](const Model& observed, const Point<Patient>& at) {
+    const Point<Voxel> p = observed.labels->geometry().X_PatientVoxel().inverse() * at;
+    return observed.labels->at(static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y())),
+                               static_cast<int>(std::lround(p.z())));
   };
   EXPECT_EQ(model_after_removal(model, figures.changes, 1.009), nullptr);
-  struct Seen {
+  struct Observed {
     double time_s;
     LabelId first, second;
   };
-  for (const Seen& seen : {Seen{1.012, 0, kBone}, Seen{1.030, 0, 0}, Seen{1.045, 0, kBone}}) {
-    const auto left = model_after_removal(model, figures.changes, seen.time_s);
+  for (const Observed& visited :
+       {Observed{1.012, 0, kBone}, Observed{1.030, 0, 0}, Observed{1.045, 0, kBone}}) {
+    const auto left = model_after_removal(model, figures.changes, visited.time_s);
     ASSERT_NE(left, nullptr);
-    EXPECT_EQ(label_at(*left, first), seen.first) << seen.time_s;
-    EXPECT_EQ(label_at(*left, second), seen.second) << seen.time_s;
+    EXPECT_EQ(label_at(*left, first), visited.first) << visited.time_s;
+    EXPECT_EQ(label_at(*left, second), visited.second) << visited.time_s;
     EXPECT_EQ(label_at(*left, Point<Patient>(0, 5, -2)), kBone);
   }
   EXPECT_EQ(label_at(model, first), kBone);
@@ -190,8 +192,8 @@ TEST(Removal, HasItsTimesAndCountsWhatIsSweptTwiceOnce) {
   const Sweep first{{-5, 0, kTop_mm}, {-4.8, 0, kTop_mm}, 2};
   const Sweep second{{5, 0, kTop_mm}, {5, 0, kTop_mm - 1.5}, 1};
   const RemovalFigures figures = figures_of(
-      ticks_with({swept(10, first), felt_cut(10), swept(20, first), felt_cut(20), swept(30, second),
-                  swept(30, first), felt_cut(30), swept(49, Sweep{{0, 5, 0}, {0, 5, 0}, 2})}),
+      ticks_with({swept(10, first), cut_contact(10), swept(20, first), cut_contact(20), swept(30, second),
+                  swept(30, first), cut_contact(30), swept(49, Sweep{{0, 5, 0}, {0, 5, 0}, 2})}),
       model);
   ASSERT_EQ(figures.structures.size(), 1u);
   EXPECT_NEAR(figures.structures[0].first_s, 1.010, 1e-12);
@@ -224,7 +226,7 @@ TEST(Removal, WhatHasNoSurfaceOfItsOwnIsBelowTheCommonOne) {
   const Model model =
       palpate::testing::as_one_body(palpate::testing::ball_model({0.6, 0.6, 0.6}, 1, kShell_mm), kShell_mm);
   const Sweep sweep{{-15.5, 0, 0}, {-15.5, 0, 0}, 2};
-  const RemovalFigures figures = figures_of(ticks_with({swept(3, sweep), felt_cut(3)}), model);
+  const RemovalFigures figures = figures_of(ticks_with({swept(3, sweep), cut_contact(3)}), model);
   ASSERT_EQ(figures.structures.size(), 2u);
   for (const StructureRemoval& structure : figures.structures)
     EXPECT_NEAR(structure.depth_mm, structure.label == kBone ? 1.5 : 3.5, 0.02) << structure.label;
@@ -234,7 +236,7 @@ TEST(Removal, IsToldWithoutDepthWhereThereAreNoSurfaces) {
   Model model = bone_below();
   model.surfaces.clear();
   model.label_of_surface.clear();
-  const Recording recording = ticks_with({swept(7, {{0, 0, -1}, {0, 0, -1}, 2}), felt_cut(7)});
+  const Recording recording = ticks_with({swept(7, {{0, 0, -1}, {0, 0, -1}, 2}), cut_contact(7)});
   const RemovalFigures figures = figures_of(recording, model);
   ASSERT_EQ(figures.structures.size(), 1u);
   EXPECT_GT(figures.volume_mm3(), 20);

@@ -227,7 +227,7 @@ TEST_F(Report, ForceAboveTheLimitOfItsTickIsFlagged) {
 TEST_F(Report, OutsideIsNotAnIntervention) {
   for (TickRecord& tick : recording.ticks) tick.device[0].flags = kFlagOutside | kFlagPaused | kFlagClutched;
   *recording.summary = {};
-  for (const TickRecord& tick : recording.ticks) recording.summary->see(tick);
+  for (const TickRecord& tick : recording.ticks) recording.summary->observe(tick);
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("<dt>Safety interventions</dt><dd>0 "));
   const auto interventions = html.find(">Interventions</th>"),
@@ -261,7 +261,7 @@ TEST_F(Report, EveryFlagThatWasMetHasARow) {
     for (std::size_t i = 0; i < ticks; ++i) recording.ticks[i].device[0].flags |= flag;
   }
   recording.summary = RecordingSummary{};
-  for (const TickRecord& tick : recording.ticks) recording.summary->see(tick);
+  for (const TickRecord& tick : recording.ticks) recording.summary->observe(tick);
   const std::string html = page();
   for (std::size_t i = 0; i < rare.size(); ++i)
     EXPECT_THAT(html, HasSubstr(row(rare[i].second) + "<td>" + std::to_string(96 * (i + 1)) + "</td><td>" +
@@ -274,7 +274,7 @@ TEST_F(Report, APointerThatNobodyPressesIsNoIntervention) {
   recording = example::real_recording(model);
   for (TickRecord& tick : recording.ticks) tick.device[0].flags = kFlagStale;
   recording.summary = RecordingSummary{};
-  for (const TickRecord& tick : recording.ticks) recording.summary->see(tick);
+  for (const TickRecord& tick : recording.ticks) recording.summary->observe(tick);
   const std::string ticks = std::to_string(recording.ticks.size());
   EXPECT_THAT(page(), HasSubstr(" invalid, " + ticks.substr(0, 1)));
   recording.header.device = "pointer";
@@ -378,7 +378,7 @@ TEST_F(Report, DamagedNumbersDoNotReachThePage) {
     tick.tick = 0;
     tick.device[0].limit_N = kNan;
     tick.device[0].heat = kNan;
-    tick.rotation_felt_wxyz = {0, 0, 0, 0};
+    tick.rotation_applied_wxyz = {0, 0, 0, 0};
     tick.device[0].force_N = {kNan, 1e308, -1e308};
     tick.device[0].tip_patient_mm = {1e300, kNan, -1e300};
     tick.device[0].velocity_patient_mm_s = {kNan, 0, 0};
@@ -493,7 +493,7 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
   double max_N = 0, deepest_mm = 0;
   for (const TickRecord& tick : recording.ticks) {
     const DeviceTick& device = tick.device[0];
-    if (device.felt_label[1] == 0) continue;
+    if (device.path_label[1] == 0) continue;
     max_N = std::max(max_N, device.contact_N[0]);
     deepest_mm = std::max(deepest_mm, device.depth_mm);
   }

@@ -35,23 +35,23 @@ void plotted_values(const Run& run, const TickRecord& tick, std::vector<double>&
   if (run.real_clock()) values.push_back(1e6 * tick.lateness_s);
 }
 
-/// Calls `see` for every tick with its times.
-/// @param hear  called with events, before the first tick that follows them
-template <class Hear, class See>
+/// Calls `observe` for every tick with its times.
+/// @param on_event  called with events, before the first tick that follows them
+template <class OnEvent, class OnTick>
 Result<void> read_timed(const RecordingSource& recording, const char* stage, const Progress& progress,
-                        Hear&& hear, See&& see) {
+                        OnEvent&& on_event, OnTick&& observe) {
   TickTimes times(recording.head());
   double done = 0;
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         progress.report(stage, done / static_cast<double>(recording.head().ticks));
         done += static_cast<double>(part.ticks.size());
-        hear(part.events);
-        times.take(part.ticks, see);
+        on_event(part.events);
+        times.take(part.ticks, observe);
         return {};
       },
       progress);
-  if (read) times.finish(see);
+  if (read) times.finish(observe);
   return read;
 }
 
@@ -66,30 +66,32 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
                   kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMaxPoints);
   std::vector<double> values;
   double begin_s = 0;
-  const auto hear = [&](std::span<const RecordingEvent> events) {
-    removal.hear(events);
+  const auto on_event = [&](std::span<const RecordingEvent> events) {
+    removal.on_event(events);
     for (const RecordingEvent& event : events)
-      if (event.kind == RecordingEvent::Kind::kModel) run.laws.hear(event.change);
+      if (event.kind == RecordingEvent::Kind::kModel) run.laws.on_event(event.change);
   };
-  const auto read = read_timed(recording, "reading the recording", progress, hear, [&](const TimedTick& now) {
-    if (now.index == 0) {
-      run.first = now.tick;
-      begin_s = now.begin_s;
-    }
-    run.duration_s = now.end_s - begin_s;
-    contacts.see(now);
-    structures.see(now);
-    beneath.see(now);
-    summary.see(now.tick);
-    for (TickCount* count : {&run.interventions, &run.invalid, &run.other}) count->see(now.tick, run.devices);
-    run.forces.see(now.tick, run.devices);
-    run.lateness.add(now.tick.lateness_s);
-    run.compute.add(now.tick.compute_s);
-    run.rate.see(now);
-    removal.see(now);
-    plotted_values(run, now.tick, values);
-    plots.add(now.begin_s, values);
-  });
+  const auto read =
+      read_timed(recording, "reading the recording", progress, on_event, [&](const TimedTick& now) {
+        if (now.index == 0) {
+          run.first = now.tick;
+          begin_s = now.begin_s;
+        }
+        run.duration_s = now.end_s - begin_s;
+        contacts.observe(now);
+        structures.observe(now);
+        beneath.observe(now);
+        summary.observe(now.tick);
+        for (TickCount* count : {&run.interventions, &run.invalid, &run.other})
+          count->observe(now.tick, run.devices);
+        run.forces.observe(now.tick, run.devices);
+        run.lateness.add(now.tick.lateness_s);
+        run.compute.add(now.tick.compute_s);
+        run.rate.observe(now);
+        removal.observe(now);
+        plotted_values(run, now.tick, values);
+        plots.add(now.begin_s, values);
+      });
   if (!read) return read;
   run.contacts = contacts.finish();
   run.structures = structures.finish(run.contacts);
@@ -101,7 +103,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
 }
 
 /// Structures with a plotted force contribution, touched ones first.
-std::vector<LabelId> felt_labels(const Run& run) {
+std::vector<LabelId> touchable_labels(const Run& run) {
   std::vector<LabelId> labels;
   const auto add = [&](LabelId label) {
     if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMaxPlotted)
@@ -119,14 +121,14 @@ void layer_values(const Run& run, const TickRecord& tick, std::vector<double>& v
   values.assign(2 * count, kGap);
   for (std::size_t d = 0; d < static_cast<std::size_t>(run.devices); ++d) {
     const DeviceTick& device = tick.device[d];
-    for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n) {
-      const auto found = std::ranges::find(run.layer_labels, device.felt_label[n]);
+    for (std::size_t n = 0; n < device.path_label.size() && device.path_label[n] != 0; ++n) {
+      const auto found = std::ranges::find(run.layer_labels, device.path_label[n]);
       if (found == run.layer_labels.end()) continue;
       const auto at = static_cast<std::size_t>(found - run.layer_labels.begin());
       double &force = values[at], &depth = values[count + at];
-      const double its_N = force_N(device) * device.felt_share[n];
+      const double its_N = force_N(device) * device.path_share[n];
       force = std::isfinite(force) ? force + its_N : its_N;
-      depth = std::fmax(depth, device.felt_depth_mm[n]);
+      depth = std::fmax(depth, device.path_depth_mm[n]);
     }
   }
 }
@@ -135,14 +137,14 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
   if (run.shown.empty()) return {};
   std::vector<PathRecorder> followers;
   for (const ShownContact& shown : run.shown) followers.emplace_back(shown.contact);
-  run.layer_labels = felt_labels(run);
+  run.layer_labels = touchable_labels(run);
   Decimator layers(static_cast<std::size_t>(run.recording.ticks), 2 * run.layer_labels.size(), kMaxPoints);
   std::vector<double> values;
-  const auto hear = [](std::span<const RecordingEvent>) {};
+  const auto on_event = [](std::span<const RecordingEvent>) {};
   const auto read =
-      read_timed(recording, "extracting the contacts", progress, hear, [&](const TimedTick& now) {
+      read_timed(recording, "extracting the contacts", progress, on_event, [&](const TimedTick& now) {
         for (std::size_t i = 0; i < followers.size(); ++i) {
-          followers[i].see(now);
+          followers[i].observe(now);
           if (run.shown[i].contact.peak == now.index) run.shown[i].peak = now.tick;
         }
         if (run.layer_labels.empty()) return;
@@ -150,7 +152,7 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
         layers.add(now.begin_s, values);
       });
   if (read && !run.layer_labels.empty()) run.layers = layers.finish();
-  for (std::size_t i = 0; i < followers.size(); ++i) run.shown[i].ways = followers[i].finish();
+  for (std::size_t i = 0; i < followers.size(); ++i) run.shown[i].paths = followers[i].finish();
   return read;
 }
 
@@ -165,7 +167,7 @@ Result<Run> read_run(const RecordingSource& recording, const Model& model, const
   return run;
 }
 
-bool Run::felt_in_front() const {
+bool Run::touchable_in_front() const {
   return std::any_of(structures.begin(), structures.end(),
                      [](const StructureFigures& figure) { return figure.in_front; });
 }

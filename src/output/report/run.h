@@ -25,7 +25,7 @@ inline constexpr std::size_t kQuantities = 4;
 struct ShownContact {
   Contact contact;
   TickRecord peak;  ///< Tick with the largest force
-  std::vector<Way> ways;
+  std::vector<PathSection> paths;
 
   const DeviceTick& at_peak() const { return peak.device[static_cast<std::size_t>(contact.device)]; }
 };
@@ -68,7 +68,7 @@ struct Run {
   /// Unknown if the patient orientation of the volume is unknown, whatever the scene states.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
   /// True if any structure has this property.
-  bool felt_in_front() const;
+  bool touchable_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
   bool yields() const { return laws.any(is_elastic); }

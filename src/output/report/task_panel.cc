@@ -8,11 +8,13 @@ namespace {
 
 constexpr std::size_t kMaxShownEvents = 60;
 
-std::string metric_row(const TaskMetric& asked, const MetricValue& value) {
+std::string metric_row(const TaskMetric& metric, const MetricValue& value) {
   const std::string verdict = !value.counts ? "" : value.in_band ? "in band" : "<strong>out of band</strong>";
-  const std::string basis = !value.counts ? "" : asked.basis.empty() ? "not validated" : escape(asked.basis);
-  return "<tr><th scope=\"row\">" + escape(readable_metric_name(metric_name(asked))) + "</th>" +
-         cell(metric_text(value.metric, value.value)) + cell(bounds_text(asked)) + cell(verdict) + "<td>" +
+  const std::string basis = !value.counts          ? ""
+                            : metric.basis.empty() ? "not validated"
+                                                   : escape(metric.basis);
+  return "<tr><th scope=\"row\">" + escape(readable_metric_name(metric_name(metric))) + "</th>" +
+         cell(metric_text(value.metric, value.value)) + cell(bounds_text(metric)) + cell(verdict) + "<td>" +
          basis + "</td></tr>\n";
 }
 

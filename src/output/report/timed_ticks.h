@@ -20,13 +20,13 @@ class TickTimes {
  public:
   explicit TickTimes(const RecordingHead& head);
 
-  /// Calls `see` with each tick except the last, which follows with the next call or with finish().
-  template <class See>
-  void take(std::span<const TickRecord> ticks, See&& see) {
+  /// Calls `observe` with each tick except the last, which follows with the next call or with finish().
+  template <class OnTick>
+  void take(std::span<const TickRecord> ticks, OnTick&& observe) {
     const TickRecord* last = count_ > 0 ? &last_ : nullptr;
     for (const TickRecord& tick : ticks) {
       const double begin_s = begins(tick);
-      if (last != nullptr) see(TimedTick{*last, count_ - 1, last_begin_s_, begin_s});
+      if (last != nullptr) observe(TimedTick{*last, count_ - 1, last_begin_s_, begin_s});
       last_step_s_ = last != nullptr ? begin_s - last_begin_s_ : period_s_;
       last_begin_s_ = begin_s;
       last = &tick;
@@ -34,9 +34,9 @@ class TickTimes {
     }
     if (!ticks.empty()) last_ = ticks.back();
   }
-  template <class See>
-  void finish(See&& see) const {
-    if (count_ > 0) see(TimedTick{last_, count_ - 1, last_begin_s_, last_begin_s_ + last_step_s_});
+  template <class OnTick>
+  void finish(OnTick&& observe) const {
+    if (count_ > 0) observe(TimedTick{last_, count_ - 1, last_begin_s_, last_begin_s_ + last_step_s_});
   }
 
  private:

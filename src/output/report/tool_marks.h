@@ -9,10 +9,10 @@
 namespace palpate::report {
 
 /// Colours as in the sections; contact points contrast with bone.
-inline constexpr Rgb kFreeWayColour{255, 255, 255}, kTouchingWayColour{255, 225, 77},
+inline constexpr Rgb kFreePathColour{255, 255, 255}, kTouchingPathColour{255, 225, 77},
     kForceColour{79, 227, 255}, kToolColour{155, 227, 122}, kPlaceColour{255, 80, 70};
 /// Opacity of marks behind structures.
-inline constexpr double kWayBehind = 0.3, kPlaceBehind = 0.45;
+inline constexpr double kPathBehind = 0.3, kPlaceBehind = 0.45;
 /// Radii of contact points and force arrows as a fraction of the picture's width.
 inline constexpr double kPlaceShare = 0.007, kArrowShare = 0.004;
 

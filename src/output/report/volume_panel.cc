@@ -24,13 +24,13 @@ Point<Patient> proxy_of(const ShownContact& shown) {
 }
 
 /// Number of contact points that are not occluded.
-int places_seen(VolumeRenderer& renderer, const Run& run, const VolumeCamera& camera) {
+int visible_points(VolumeRenderer& renderer, const Run& run, const VolumeCamera& camera) {
   std::vector<std::uint8_t> rgb(std::size_t{3} * kSearch_px * kSearch_px);
   std::vector<float> depth_mm(std::size_t{kSearch_px} * kSearch_px);
   renderer.render(camera, {}, rgb, depth_mm);
   // tolerance: a voxel, and the change of depth within a pixel
   const double slack_mm = 2 * camera.mm_per_px();
-  int seen = 0;
+  int observed = 0;
   for (const ShownContact& shown : run.shown) {
     const Vector<Patient> off = proxy_of(shown) - camera.focus;
     const auto pixel = [&](const Vector<Patient>& axis) {
@@ -40,9 +40,9 @@ int places_seen(VolumeRenderer& renderer, const Run& run, const VolumeCamera& ca
     const long column = pixel(camera.right), row = pixel(camera.down);
     if (column < 0 || row < 0) continue;
     const float depth = depth_mm[static_cast<std::size_t>(row * kSearch_px + column)];
-    if (off.dot(camera.into()) <= depth + slack_mm) ++seen;
+    if (off.dot(camera.into()) <= depth + slack_mm) ++observed;
   }
-  return seen;
+  return observed;
 }
 
 /// View direction from which most contact points are visible.
@@ -56,8 +56,8 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
     VolumePictureRequest request;
     request.from = from;
     request.pixels = kSearch_px;
-    const int seen = places_seen(renderer, run, camera_of(grid, request));
-    if (seen > most) best = from, most = seen;
+    const int observed = visible_points(renderer, run, camera_of(grid, request));
+    if (observed > most) best = from, most = observed;
   }
   return best;
 }
@@ -68,12 +68,12 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
                place_mm = kPlaceShare * camera.width_mm;
   const ShownContact* hardest = nullptr;
   for (const ShownContact& shown : run.shown) {
-    for (const Way& way : shown.ways)
-      add_path(marks, way.points, way.touching ? 2.2 : 1.5,
-               way.touching ? kTouchingWayColour : kFreeWayColour, kWayBehind, camera);
-    const Point<Patient> place = proxy_of(shown);
-    marks.push_back({place, place, place_mm, place_mm, kPlaceColour, kPlaceBehind});
-    add_arrow(marks, place, patient_force_N(run.model, shown.peak, shown.contact.device) * mm_per_N,
+    for (const PathSection& section : shown.paths)
+      add_path(marks, section.points, section.touching ? 2.2 : 1.5,
+               section.touching ? kTouchingPathColour : kFreePathColour, kPathBehind, camera);
+    const Point<Patient> position = proxy_of(shown);
+    marks.push_back({position, position, place_mm, place_mm, kPlaceColour, kPlaceBehind});
+    add_arrow(marks, position, patient_force_N(run.model, shown.peak, shown.contact.device) * mm_per_N,
               kArrowShare * camera.width_mm, kForceColour);
     if (hardest == nullptr || shown.contact.peak_force_N > hardest->contact.peak_force_N) hardest = &shown;
   }
@@ -108,13 +108,13 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   std::vector<VolumeMark> marks;
   const double place_mm = kPlaceShare * camera.width_mm;
-  for (const Way& way : shown.ways)
-    add_path(marks, way.points, way.touching ? 2.2 : 1.5, way.touching ? kTouchingWayColour : kFreeWayColour,
-             kWayBehind, camera);
-  const Point<Patient> place = proxy_of(shown);
-  marks.push_back({place, place, place_mm, place_mm, kPlaceColour, kPlaceBehind});
+  for (const PathSection& section : shown.paths)
+    add_path(marks, section.points, section.touching ? 2.2 : 1.5,
+             section.touching ? kTouchingPathColour : kFreePathColour, kPathBehind, camera);
+  const Point<Patient> position = proxy_of(shown);
+  marks.push_back({position, position, place_mm, place_mm, kPlaceColour, kPlaceBehind});
   add_tool(marks, run.model, shown.peak, shown.contact.device);
-  add_arrow(marks, place,
+  add_arrow(marks, position,
             patient_force_N(run.model, shown.peak, shown.contact.device) *
                 arrow_mm_per_N(run.forces.highest_limit_N),
             2 * kArrowShare * camera.width_mm, kForceColour);

@@ -17,7 +17,7 @@ namespace palpate {
 namespace {
 
 constexpr double kTimerRate_hz = 1000;
-constexpr int kHighestAsked = 95;
+constexpr int kHighestRequested = 95;
 
 std::string user_name() {
   const passwd* entry = ::getpwuid(::getuid());
@@ -28,7 +28,9 @@ std::string user_name() {
 Result<RealtimeGrant> try_rights() try {
   return std::async(
              std::launch::async,
-             [] { return make_this_thread_realtime({.priority = kHighestAsked, .name = "palpate-doctor"}); })
+             [] {
+               return make_this_thread_realtime({.priority = kHighestRequested, .name = "palpate-doctor"});
+             })
       .get();
 } catch (const std::system_error& error) {
   return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "",
@@ -52,15 +54,15 @@ Result<TimerFigures> measure_timer(double seconds, const Progress& progress) {
 void look_at_devices(const DeviceRegistry& known, const DoctorSettings& settings, DoctorReport& report) {
   const std::size_t before = report.lines.size();
   bool any_ready = false;
-  for (const DeviceVendor& maker : known.all()) {
-    const bool asked = std::ranges::find(settings.devices, maker.name) != settings.devices.end();
-    if (!settings.devices.empty() && !asked) continue;
-    const DeviceReport device = maker.look();
+  for (const DeviceVendor& vendor : known.all()) {
+    const bool requested = std::ranges::find(settings.devices, vendor.name) != settings.devices.end();
+    if (!settings.devices.empty() && !requested) continue;
+    const DeviceReport device = vendor.look();
     bool fine = !device.connected.empty();
     for (const DeviceCheck& check : device.checks) {
       fine = fine && check.fine;
-      report.lines.push_back({maker.name, check.what, check.fine ? Finding::kFine : Finding::kMissing,
-                              check.found, check.fine ? "" : check.cure});
+      report.lines.push_back({vendor.name, check.what, check.fine ? Finding::kFine : Finding::kMissing,
+                              check.found, check.fine ? "" : check.remedy});
     }
     any_ready = any_ready || fine;
   }
@@ -94,7 +96,7 @@ Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& 
   for (const std::string& name : settings.devices)
     if (!known.find(name)) {
       std::string all;
-      for (const DeviceVendor& maker : known.all()) all += (all.empty() ? "" : ", ") + maker.name;
+      for (const DeviceVendor& vendor : known.all()) all += (all.empty() ? "" : ", ") + vendor.name;
       return Error{ErrorKind::kUsage, "no device '" + name + "' is known", "--device", "there are: " + all};
     }
   DoctorReport report;
@@ -104,8 +106,9 @@ Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& 
   report.lines = {priority_line(*grant, user), memory_line(*grant, user), governor_line(settings.root),
                   kernel_line(settings.root)};
   // the same lines of limits.conf give both rights
-  if (report.lines[0].finding == Finding::kMissing && !report.lines[1].cure.empty())
-    report.lines[1].cure = "the three lines above, for the priority, also grant this: nothing more to enter";
+  if (report.lines[0].finding == Finding::kMissing && !report.lines[1].remedy.empty())
+    report.lines[1].remedy =
+        "the three lines above, for the priority, also grant this: nothing more to enter";
   const auto timer = measure_timer(settings.timer_s, progress);
   if (!timer) return timer.error();
   report.timer = *timer;

@@ -26,11 +26,11 @@ TEST(Doctor, SaysWhoMayHaveWhichRightsAndHow) {
   for (const DoctorLine& line : {priority_line(none, "anna"), memory_line(none, "anna")}) {
     EXPECT_EQ(line.finding, Finding::kMissing);
     // can be entered as shown
-    EXPECT_THAT(line.cure, HasSubstr("sudo usermod -aG haptics anna\n"));
-    EXPECT_THAT(line.cure, HasSubstr("/etc/security/limits.d/palpate.conf"));
-    EXPECT_THAT(line.cure, HasSubstr("log out and in again"));
+    EXPECT_THAT(line.remedy, HasSubstr("sudo usermod -aG haptics anna\n"));
+    EXPECT_THAT(line.remedy, HasSubstr("/etc/security/limits.d/palpate.conf"));
+    EXPECT_THAT(line.remedy, HasSubstr("log out and in again"));
   }
-  EXPECT_THAT(priority_line(none, "").cure, HasSubstr("NAME (the account"));
+  EXPECT_THAT(priority_line(none, "").remedy, HasSubstr("NAME (the account"));
   RealtimeGrant part{.fifo = true, .priority = 49, .memory_locked = true};
   part.memory = "locked as it was (what is allocated later is not)";
   EXPECT_EQ(priority_line(part, "anna").finding, Finding::kMissing);
@@ -39,7 +39,7 @@ TEST(Doctor, SaysWhoMayHaveWhichRightsAndHow) {
   all.memory = "locked";
   for (const DoctorLine& line : {priority_line(all, "anna"), memory_line(all, "anna")}) {
     EXPECT_EQ(line.finding, Finding::kFine);
-    EXPECT_EQ(line.cure, "");
+    EXPECT_EQ(line.remedy, "");
   }
 }
 
@@ -54,7 +54,7 @@ TEST(Doctor, ReadsGovernorsAndTheKernel) {
   const DoctorLine slow = governor_line(root.path());
   EXPECT_EQ(slow.finding, Finding::kAdvice);
   EXPECT_THAT(slow.found, HasSubstr("'powersave' on 2 cores"));
-  EXPECT_THAT(slow.cure, HasSubstr("cpupower"));
+  EXPECT_THAT(slow.remedy, HasSubstr("cpupower"));
 
   EXPECT_EQ(kernel_line(root.path()).finding, Finding::kAdvice);
   put(root.path() / "proc/sys/kernel/osrelease", "6.1.0-18-rt-amd64");
@@ -69,8 +69,8 @@ TEST(Doctor, ATimerThatIsLateIsSaid) {
   timer.on_time = 0.93;
   const DoctorLine with_rights = timer_line(timer, true), without = timer_line(timer, false);
   EXPECT_EQ(with_rights.finding, Finding::kMissing);
-  EXPECT_THAT(without.cure, HasSubstr("permissions"));
-  EXPECT_THAT(with_rights.cure, Not(HasSubstr("permissions")));
+  EXPECT_THAT(without.remedy, HasSubstr("permissions"));
+  EXPECT_THAT(with_rights.remedy, Not(HasSubstr("permissions")));
 }
 
 DeviceRegistry two_devices(bool first_ready) {
@@ -107,7 +107,7 @@ TEST(Doctor, LooksAtEveryDeviceAndEveryFaultHasItsCure) {
   EXPECT_EQ(of(*report, "this computer").size(), 5u);
   for (const DoctorLine& line : report->lines) {
     EXPECT_FALSE(line.found.empty()) << line.what;
-    EXPECT_EQ(line.cure.empty(), line.finding == Finding::kFine) << line.what;
+    EXPECT_EQ(line.remedy.empty(), line.finding == Finding::kFine) << line.what;
   }
   EXPECT_EQ(report->timer.rate_hz, 1000);
   EXPECT_GT(report->timer.p50_us, 0);

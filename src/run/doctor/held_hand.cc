@@ -31,7 +31,7 @@ constexpr double kSlow_s = 0.008;
 constexpr double kSteps = 4, kMin_mm = 0.03;
 // ratio of successive amplitudes above which an oscillation counts as persistent
 constexpr double kStays = 0.7;
-constexpr double kMaxWay_mm = 15, kMaxSpeed_mm_s = 500, kMaxAge_s = 0.01, kMaxRest_mm = 3;
+constexpr double kMaxDisplacement_mm = 15, kMaxSpeed_mm_s = 500, kMaxAge_s = 0.01, kMaxRest_mm = 3;
 constexpr double kFuture_s = 0.001;
 // speed is averaged over this time, so that an encoder step within one tick does not count
 constexpr std::int64_t kSpeedOver_ns = 8'000'000, kPlaceEach_ns = 250'000;
@@ -71,19 +71,19 @@ class DoubleIntegral {
     const double begun_s = ticks[from].time_s;
     double once = 0, twice = 0, last_s = begun_s;
     // forces commanded before the window act within it
-    std::size_t said = 0;
+    std::size_t stated = 0;
     const auto force_at = [&](double time_s) {
-      while (said + 1 < ticks.size() && ticks[said + 1].time_s + delay_s <= time_s) ++said;
-      return ticks[said].time_s + delay_s <= time_s ? ticks[said].force_N : 0.0;
+      while (stated + 1 < ticks.size() && ticks[stated + 1].time_s + delay_s <= time_s) ++stated;
+      return ticks[stated].time_s + delay_s <= time_s ? ticks[stated].force_N : 0.0;
     };
     for (std::size_t n = from; n < to; ++n) {
       // split the tick at every change of the delayed force
       while (last_s < ticks[n].time_s) {
         const double force_N = force_at(last_s);
         double next_s = ticks[n].time_s;
-        if (said + 1 < ticks.size())
+        if (stated + 1 < ticks.size())
           next_s =
-              std::clamp(ticks[said + 1].time_s + delay_s, last_s + 1e-9, std::max(next_s, last_s + 1e-9));
+              std::clamp(ticks[stated + 1].time_s + delay_s, last_s + 1e-9, std::max(next_s, last_s + 1e-9));
         next_s = std::min(next_s, ticks[n].time_s);
         const double dt = next_s - last_s;
         if (!(dt > 0)) break;
@@ -140,17 +140,17 @@ class Window {
          std::size_t to)
       : ticks_(ticks), from_(from), to_(to) {
     const auto size = static_cast<Eigen::Index>(to - from);
-    std::vector<double> way(ticks.size());
-    for (std::size_t n = from; n < to; ++n) way[n] = ticks[n].tip_m - ticks[from].tip_m;
-    const Integrals of_way(ticks, from, to, way), of_direction(ticks, from, to, directions);
+    std::vector<double> path(ticks.size());
+    for (std::size_t n = from; n < to; ++n) path[n] = ticks[n].tip_m - ticks[from].tip_m;
+    const Integrals of_path(ticks, from, to, path), of_direction(ticks, from, to, directions);
     terms_.resize(size, 7);
-    way_.resize(size);
+    path_.resize(size);
     for (Eigen::Index i = 0; i < size; ++i) {
       const auto k = static_cast<std::size_t>(i);
       const double t = ticks[from + k].time_s - ticks[from].time_s;
       // constant, linear and quadratic terms account for the initial state and the spring's rest position
-      terms_.row(i) << 0, of_way.once[k], of_way.twice[k], of_direction.twice[k], 1, t, t * t;
-      way_[i] = way[from + k];
+      terms_.row(i) << 0, of_path.once[k], of_path.twice[k], of_direction.twice[k], 1, t, t * t;
+      path_[i] = path[from + k];
     }
     normalise(terms_.rightCols(6));
   }
@@ -159,8 +159,8 @@ class Window {
     const auto force = DoubleIntegral(ticks_, from_, to_, delay_s).values();
     terms_.col(0) = Eigen::Map<const Eigen::VectorXd>(force.data(), static_cast<Eigen::Index>(force.size()));
     normalise(terms_.leftCols(1));
-    const Eigen::VectorXd fitted = terms_.colPivHouseholderQr().solve(way_);
-    return (terms_ * fitted - way_).squaredNorm();
+    const Eigen::VectorXd fitted = terms_.colPivHouseholderQr().solve(path_);
+    return (terms_ * fitted - path_).squaredNorm();
   }
 
  private:
@@ -173,7 +173,7 @@ class Window {
   const std::vector<PushedTick>& ticks_;
   std::size_t from_, to_;
   Eigen::MatrixXd terms_;
-  Eigen::VectorXd way_;
+  Eigen::VectorXd path_;
 };
 
 }  // namespace
@@ -232,25 +232,25 @@ void GripTrial::update(std::span<const DeviceSample> samples, std::span<DeviceCo
   if (const Ended odd = odd_time(sample, now_ns, before_ns); odd != Ended::kNot) return end(odd);
   const Eigen::Vector3d& tip_mm = sample.tip.eigen();
   if (!begun_.load()) {
-    begun_ns_ = last_taken_ns_ = sample.taken_ns;
+    begun_ns_ = last_sampled_ns_ = sample.taken_ns;
     slow_mm_ = tip_mm;
     begun_.store(true);
   }
   const double time_s = 1e-9 * static_cast<double>(sample.taken_ns - begun_ns_);
-  const double passed_s = 1e-9 * static_cast<double>(sample.taken_ns - last_taken_ns_);
-  Eigen::Vector3d wanted = force(sample, time_s);
+  const double passed_s = 1e-9 * static_cast<double>(sample.taken_ns - last_sampled_ns_);
+  Eigen::Vector3d requested = force(sample, time_s);
   if (too_fast(sample.taken_ns, tip_mm)) end(Ended::kFast);
   slow_mm_ += (tip_mm - slow_mm_) * std::min(1.0, passed_s / kSlow_s);
-  last_taken_ns_ = sample.taken_ns;
+  last_sampled_ns_ = sample.taken_ns;
   ++ticks_;
   ended_at_s_ = time_s;
-  if (!wanted.allFinite()) end(Ended::kNoNumber);
+  if (!requested.allFinite()) end(Ended::kNoNumber);
   if (ended_.load() != Ended::kNot) return;
-  if (const double size = wanted.norm(); size > settings_.most_force_N)
-    wanted *= settings_.most_force_N / size;
+  if (const double size = requested.norm(); size > settings_.most_force_N)
+    requested *= settings_.most_force_N / size;
   if (time_s >= kRest_s && time_s < kRest_s + kPushed_s && pushed_.size() < pushed_.capacity())
-    pushed_.push_back({time_s, 1e-3 * sample.tip.x(), wanted.x()});
-  commands[0].force_N = Vector<Device>(wanted);
+    pushed_.push_back({time_s, 1e-3 * sample.tip.x(), requested.x()});
+  commands[0].force_N = Vector<Device>(requested);
 }
 
 // checks the time stamps of the sample and of the tick
@@ -263,22 +263,22 @@ GripTrial::Ended GripTrial::odd_time(const DeviceSample& sample, std::int64_t no
     return 1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s ? Ended::kNotReady : Ended::kNot;
   // also checked here, because the watchdog itself may be late
   if (now_ns - before_ns > kLate_ns) return Ended::kLate;
-  return sample.taken_ns < last_taken_ns_ ? Ended::kTimes : Ended::kNot;
+  return sample.taken_ns < last_sampled_ns_ ? Ended::kTimes : Ended::kNot;
 }
 
 bool GripTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm) {
   // keep as the oldest entry the newest one that is old enough
-  while (kept_ > 1 && taken_ns - places_[(oldest_ + 1) % places_.size()].taken_ns >= kSpeedOver_ns) {
+  while (stored_ > 1 && taken_ns - places_[(oldest_ + 1) % places_.size()].taken_ns >= kSpeedOver_ns) {
     oldest_ = (oldest_ + 1) % places_.size();
-    --kept_;
+    --stored_;
   }
-  const bool fast = kept_ > 0 && taken_ns - places_[oldest_].taken_ns >= kSpeedOver_ns &&
+  const bool fast = stored_ > 0 && taken_ns - places_[oldest_].taken_ns >= kSpeedOver_ns &&
                     (tip_mm - places_[oldest_].tip_mm).norm() >
                         kMaxSpeed_mm_s * 1e-9 * static_cast<double>(taken_ns - places_[oldest_].taken_ns);
-  const std::size_t newest = (oldest_ + kept_ + places_.size() - 1) % places_.size();
-  if (kept_ == 0 || taken_ns - places_[newest].taken_ns >= kPlaceEach_ns) {
-    places_[(oldest_ + kept_) % places_.size()] = {taken_ns, tip_mm};
-    ++kept_;
+  const std::size_t newest = (oldest_ + stored_ + places_.size() - 1) % places_.size();
+  if (stored_ == 0 || taken_ns - places_[newest].taken_ns >= kPlaceEach_ns) {
+    places_[(oldest_ + stored_) % places_.size()] = {taken_ns, tip_mm};
+    ++stored_;
   }
   return fast;
 }
@@ -296,7 +296,8 @@ Eigen::Vector3d GripTrial::force(const DeviceSample& sample, double time_s) {
     return Eigen::Vector3d::Zero();
   }
   // also relative to the initial rest position, because a spring's rest position follows the hand
-  if ((tip_mm - rest_mm_).norm() > kMaxWay_mm || (tip_mm - first_rest_mm_).norm() > kMaxWay_mm) {
+  if ((tip_mm - rest_mm_).norm() > kMaxDisplacement_mm ||
+      (tip_mm - first_rest_mm_).norm() > kMaxDisplacement_mm) {
     end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
@@ -340,9 +341,9 @@ Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) 
     ++late_;
     late_most_mm_ = std::max(late_most_mm_, swing_mm);
   }
-  Eigen::Vector3d wanted = -stiffness_N_per_mm_ * (tip_mm - rest_mm_);
-  if (within_s < kKnock_s) wanted.x() += kKnock_N;
-  return wanted;
+  Eigen::Vector3d requested = -stiffness_N_per_mm_ * (tip_mm - rest_mm_);
+  if (within_s < kKnock_s) requested.x() += kKnock_N;
+  return requested;
 }
 
 void GripTrial::judge() {
@@ -376,8 +377,8 @@ std::optional<HeldHandFigures> GripTrial::figures() const {
 namespace {
 
 Error ended_by(GripTrial::Ended why, const DeviceDriver& driver, const std::string& device) {
-  const auto error = [&](const char* what, const char* cure) {
-    return Error{ErrorKind::kUnavailable, what, device, cure};
+  const auto error = [&](const char* what, const char* remedy) {
+    return Error{ErrorKind::kUnavailable, what, device, remedy};
   };
   using Ended = GripTrial::Ended;
   switch (why) {
@@ -408,10 +409,10 @@ Error ended_by(GripTrial::Ended why, const DeviceDriver& driver, const std::stri
 }
 
 /// The watchdog. Returns false if interrupted.
-bool watch(DeviceDriver& driver, GripTrial& trial, const std::atomic<bool>& gone, Heartbeat* heartbeat,
+bool watch(DeviceDriver& driver, GripTrial& trial, const std::atomic<bool>& removed, Heartbeat* heartbeat,
            const Progress& progress, const std::string& name) {
   const std::int64_t begun_ns = monotonic_ns();
-  while (trial.ended() == GripTrial::Ended::kNot && !gone.load()) {
+  while (trial.ended() == GripTrial::Ended::kNot && !removed.load()) {
     std::this_thread::sleep_for(kLook);
     const std::int64_t last_ns = trial.last_update_ns(), now_ns = monotonic_ns();
     if (heartbeat && last_ns != 0) {
@@ -434,10 +435,11 @@ bool watch(DeviceDriver& driver, GripTrial& trial, const std::atomic<bool>& gone
 
 // Waits until the driver has ended. The heartbeat shows the supervisor that this process lives, but for a
 // limited time: a driver that does not end still holds the device.
-void await_end(const std::atomic<bool>& gone, Heartbeat* heartbeat) {
+void await_end(const std::atomic<bool>& removed, Heartbeat* heartbeat) {
   if (!heartbeat) return;
   heartbeat->beat_ns.store(Heartbeat::kResting);
-  for (const std::int64_t begun_ns = monotonic_ns(); !gone.load() && monotonic_ns() - begun_ns < kEnds_ns;) {
+  for (const std::int64_t begun_ns = monotonic_ns();
+       !removed.load() && monotonic_ns() - begun_ns < kEnds_ns;) {
     heartbeat->looked_ns.store(monotonic_ns());
     std::this_thread::sleep_for(kLook);
   }
@@ -457,7 +459,7 @@ Result<HeldHandFigures> run_grip_trial(DeviceDriver& driver, const HeldHandSetti
       info.drive == DeviceInfo::Drive::kPulled ? settings.rate_hz : info.rate_hz.value_or(settings.rate_hz);
   GripTrial trial(settings, rate_hz, info.position_step_mm.value_or(0.06), monotonic_ns);
   EvenClock clock(settings.rate_hz);
-  std::atomic<bool> gone{false};
+  std::atomic<bool> removed{false};
   std::thread running;
   try {
     running = std::thread([&] {
@@ -467,18 +469,18 @@ Result<HeldHandFigures> run_grip_trial(DeviceDriver& driver, const HeldHandSetti
       request.name = "palpate-hold";
       make_this_thread_realtime(request);
       driver.run(trial, clock);
-      gone.store(true);
+      removed.store(true);
     });
   } catch (const std::system_error& error) {
     return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), info.name,
                  "close other programs, or raise the process limit (ulimit -u)"};
   }
-  const bool interrupted = !watch(driver, trial, gone, settings.heartbeat, progress, info.name);
+  const bool interrupted = !watch(driver, trial, removed, settings.heartbeat, progress, info.name);
   // the forces are already zero; the driver is halted as well
   if (trial.ended() != GripTrial::Ended::kDone) driver.halt();
   if (interrupted) trial.end(GripTrial::Ended::kFault);
   clock.stop();
-  await_end(gone, settings.heartbeat);
+  await_end(removed, settings.heartbeat);
   running.join();
   if (settings.heartbeat) settings.heartbeat->looked_ns.store(Heartbeat::kResting);
   if (interrupted) return Error{ErrorKind::kInterrupted, "stopped", "", ""};

@@ -123,8 +123,8 @@ TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
 }
 
 /// Result and end time, s, of a trial whose tip follows mm_at(time) along y.
-template <class Way>
-std::pair<GripTrial::Ended, double> led(Way mm_at, double step_mm = 0.05, double rate_hz = 1000) {
+template <class Trajectory>
+std::pair<GripTrial::Ended, double> led(Trajectory mm_at, double step_mm = 0.05, double rate_hz = 1000) {
   trial_ns = 1'000'000'000;
   GripTrial trial({}, rate_hz, step_mm, []() noexcept { return trial_ns; });
   DeviceSample sample;
@@ -245,9 +245,9 @@ TEST(HeldHand, IsTriedOnTheRealClock) {
 }
 
 // driver with a scripted behaviour
-class SaidDriver final : public DeviceDriver {
+class StatedDriver final : public DeviceDriver {
  public:
-  explicit SaidDriver(const DeviceInfo& info) : info_(info) {}
+  explicit StatedDriver(const DeviceInfo& info) : info_(info) {}
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
   Result<void> open(bool /*may_move*/) override { return {}; }
   void run(ServoFunction& /*servo*/, ServoClock& clock) noexcept override {
@@ -279,7 +279,7 @@ TEST(HeldHand, ADriverThatDoesNotBeginIsNotWaitedFor) {
     SCOPED_TRACE(says);
     DeviceInfo info;
     info.name = "arm";
-    SaidDriver driver(info);
+    StatedDriver driver(info);
     if (says) driver.wrong = Error{ErrorKind::kUnavailable, "the brake is on", "arm", "press the pedal"};
     Heartbeat heartbeat;
     driver.heartbeat = &heartbeat;
@@ -330,30 +330,30 @@ TEST(HeldHand, IsKeptAsText) {
 // the measurement, the vendor's limit and a slower loop all bound the device
 TEST(HeldHand, BoundsTheDeviceThatItWasMeasuredWith) {
   const HeldHands hands{{"arm", {"arm", 1000, 0.0015, 1, 1.15, 0.69}}};
-  const auto said = [&](const DeviceInfo& info, double rate_hz) {
-    const auto driver = with_held_hands(std::make_unique<SaidDriver>(info), hands, rate_hz);
+  const auto stated = [&](const DeviceInfo& info, double rate_hz) {
+    const auto driver = with_held_hands(std::make_unique<StatedDriver>(info), hands, rate_hz);
     EXPECT_TRUE(driver->open(false).ok());
     return driver->devices()[0];
   };
   DeviceInfo info;
   info.name = "arm";
-  EXPECT_EQ(said(info, 1000).stiffness_N_per_mm, 0.69);
-  EXPECT_EQ(said(info, 1000).delay_s, 0.0015);
+  EXPECT_EQ(stated(info, 1000).stiffness_N_per_mm, 0.69);
+  EXPECT_EQ(stated(info, 1000).delay_s, 0.0015);
   info.delay_s = 0.001;
-  EXPECT_EQ(said(info, 1000).delay_s, 0.0015);
+  EXPECT_EQ(stated(info, 1000).delay_s, 0.0015);
   info.delay_s = 0.004;
-  EXPECT_EQ(said(info, 1000).delay_s, 0.004) << "the maker's word";
-  EXPECT_FALSE(said(info, 500).stiffness_N_per_mm) << "a slower loop holds less";
+  EXPECT_EQ(stated(info, 1000).delay_s, 0.004) << "the maker's word";
+  EXPECT_FALSE(stated(info, 500).stiffness_N_per_mm) << "a slower loop holds less";
   info.stiffness_N_per_mm = 0.5;
-  EXPECT_EQ(said(info, 1000).stiffness_N_per_mm, 0.5) << "the maker's word";
+  EXPECT_EQ(stated(info, 1000).stiffness_N_per_mm, 0.5) << "the maker's word";
   info.stiffness_N_per_mm = 2;
-  EXPECT_EQ(said(info, 1000).stiffness_N_per_mm, 0.69);
+  EXPECT_EQ(stated(info, 1000).stiffness_N_per_mm, 0.69);
   info.stiffness_N_per_mm = {};
   info.name = "another";
-  EXPECT_FALSE(said(info, 1000).stiffness_N_per_mm);
+  EXPECT_FALSE(stated(info, 1000).stiffness_N_per_mm);
   info.name = "arm";
   info.simulated = true;
-  EXPECT_FALSE(said(info, 1000).stiffness_N_per_mm);
+  EXPECT_FALSE(stated(info, 1000).stiffness_N_per_mm);
 }
 
 }  // namespace

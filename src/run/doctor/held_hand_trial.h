@@ -80,14 +80,14 @@ class GripTrial final : public ServoFunction {
   const TimeSource now_;
   const std::int64_t made_ns_;
   const double step_mm_, threshold_mm_;
-  std::int64_t begun_ns_ = 0, last_taken_ns_ = 0;
+  std::int64_t begun_ns_ = 0, last_sampled_ns_ = 0;
   std::uint64_t ticks_ = 0;
   double ended_at_s_ = 0;
   Eigen::Vector3d rest_mm_ = Eigen::Vector3d::Zero(), slow_mm_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d first_rest_mm_ = Eigen::Vector3d::Zero();
   // ring buffer of tip positions
   std::array<Place, 128> places_;
-  std::size_t oldest_ = 0, kept_ = 0;
+  std::size_t oldest_ = 0, stored_ = 0;
   std::uint64_t rested_ = 0;
   std::vector<PushedTick> pushed_;
   double stiffness_N_per_mm_, held_N_per_mm_ = 0, spring_begun_s_ = kRest_s + kPushed_s + kSettle_s;

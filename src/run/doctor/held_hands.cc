@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 // plausible range of trial results: stiffness, latency, and loop rates of 250 Hz and more
-constexpr double kMinHeld_N_per_mm = 1e-3, kMaxHeld_N_per_mm = 5, kMaxDelaySaid_s = 0.02;
+constexpr double kMinHeld_N_per_mm = 1e-3, kMaxHeld_N_per_mm = 5, kMaxStatedDelay_s = 0.02;
 constexpr double kMinRate_hz = 250, kMaxRate_hz = 20'000;
 // tolerance for a session's rate that is not fully reached
 constexpr double kRatePlay = 0.9;
@@ -35,7 +35,7 @@ std::optional<double> number_of(std::string_view word, double least, double most
 std::optional<HeldHandFigures> figures_of(std::string_view line) {
   HeldHandFigures figures;
   const auto rate_hz = number_of(word_of(line), kRatePlay * kMinRate_hz, kMaxRate_hz),
-             delay_s = number_of(word_of(line), 0, kMaxDelaySaid_s),
+             delay_s = number_of(word_of(line), 0, kMaxStatedDelay_s),
              held = number_of(word_of(line), kMinHeld_N_per_mm, kMaxHeld_N_per_mm);
   const std::string_view swings_word = word_of(line);
   const auto swings = number_of(swings_word, kMinHeld_N_per_mm, kMaxHeld_N_per_mm);

@@ -50,7 +50,7 @@ DoctorLine priority_line(const RealtimeGrant& grant, const std::string& user) {
   line.found = grant.fifo ? "granted in part only (" + grant.scheduler + ")"
                           : "this account may not use it, so other programs can delay the force (" +
                                 grant.scheduler + ")";
-  line.cure = rights_cure(user);
+  line.remedy = rights_cure(user);
   return line;
 }
 
@@ -63,7 +63,7 @@ DoctorLine memory_line(const RealtimeGrant& grant, const std::string& user) {
   line.finding = grant.memory_locked ? Finding::kAdvice : Finding::kMissing;
   line.found = (grant.memory_locked ? "granted in part only (" : "this account may not lock its memory (") +
                grant.memory + ")";
-  line.cure = rights_cure(user);
+  line.remedy = rights_cure(user);
   return line;
 }
 
@@ -84,7 +84,7 @@ DoctorLine governor_line(const std::filesystem::path& root) {
   if (governors.size() == 1 && governors.contains("performance")) return line;
   line.finding = Finding::kAdvice;
   line.found += ": cores that slow down to save power wake up late";
-  line.cure =
+  line.remedy =
       "before a session an administrator enters: sudo cpupower frequency-set -g performance (to install the "
       "program: sudo apt install linux-cpupower)";
   return line;
@@ -99,7 +99,7 @@ DoctorLine kernel_line(const std::filesystem::path& root) {
   line.found += realtime ? ", real-time" : ", not real-time";
   if (realtime) return line;
   line.finding = Finding::kAdvice;
-  line.cure =
+  line.remedy =
       "it works; if forces feel rough at times, a real-time kernel helps: sudo apt install "
       "linux-image-rt-amd64, then restart the computer";
   return line;
@@ -114,10 +114,10 @@ DoctorLine timer_line(const TimerFigures& timer, bool realtime) {
   DoctorLine line{kComputer, "punctuality", Finding::kFine, text, ""};
   if (timer.on_time >= kMinOnTime) return line;
   line.finding = Finding::kMissing;
-  line.cure = realtime
-                  ? "close other programs, and check whether this is a virtual machine: use a physical "
-                    "computer for a device"
-                  : "first grant the account its permissions (above), close other programs, and try again";
+  line.remedy = realtime
+                    ? "close other programs, and check whether this is a virtual machine: use a physical "
+                      "computer for a device"
+                    : "first grant the account its permissions (above), close other programs, and try again";
   return line;
 }
 

@@ -25,16 +25,16 @@ bool has_every_structure(const Model& model, const Script& script) {
     const auto* approach = std::get_if<ApproachStep>(&step);
     if (!approach) return true;
     const Segment* segment = model.find(approach->structure);
-    return segment != nullptr && model.is_felt(segment->id);
+    return segment != nullptr && model.is_touchable(segment->id);
   });
 }
 
 // the felt structures by their number of voxels, largest first
-std::vector<LabelId> largest_felt(const Model& model) {
+std::vector<LabelId> largest_touchable(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> labels;
   for (const Segment& segment : model.segments)
-    if (model.is_felt(segment.id) && voxels[segment.id] > 0) labels.push_back(segment.id);
+    if (model.is_touchable(segment.id) && voxels[segment.id] > 0) labels.push_back(segment.id);
   std::stable_sort(labels.begin(), labels.end(), [&](LabelId a, LabelId b) { return voxels[a] > voxels[b]; });
   return labels;
 }
@@ -44,15 +44,15 @@ double thickness_mm(const Model& model, LabelId structure, const Point<Patient>&
                     const Vector<Patient>& inward) {
   constexpr double kMax_mm = 100;
   const double step_mm = 0.5 * model.labels->geometry().min_spacing_mm();
-  const auto is_within = [&](double way_mm) {
-    const Point<Voxel> p = model.labels->X_VoxelPatient() * (surface + inward * way_mm);
+  const auto is_within = [&](double distance_mm) {
+    const Point<Voxel> p = model.labels->X_VoxelPatient() * (surface + inward * distance_mm);
     const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
     return model.labels->anywhere(index(0), index(1), index(2)) == structure;
   };
   // the surface lies up to a voxel in front of the first voxel's centre
-  double way_mm = 2 * step_mm;
-  while (way_mm < kMax_mm && is_within(way_mm)) way_mm += step_mm;
-  return way_mm;
+  double distance_mm = 2 * step_mm;
+  while (distance_mm < kMax_mm && is_within(distance_mm)) distance_mm += step_mm;
+  return distance_mm;
 }
 
 // greatest force of a descent at a place, and the depth at which it ends
@@ -100,7 +100,7 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
   const FreeSpace free_space(model, tool_reach_mm(model.tool_of(0)));
   const auto add = [&](ScriptStep step) { script.steps.push_back(std::move(step)); };
   std::size_t palpated = 0, examined = 0;
-  for (const LabelId label : largest_felt(model)) {
+  for (const LabelId label : largest_touchable(model)) {
     if (palpated == kMaxPalpated || examined++ == kMaxExamined) break;
     ApproachStep approach;
     approach.structure = "#" + std::to_string(label);
@@ -145,7 +145,7 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
   for (std::size_t n = 0; n < std::min<std::size_t>(3, script.limitations.size()); ++n)
     why += (n == 0 ? ": " : "; ") + script.limitations[n];
   return Error{ErrorKind::kBadInput, "the tool cannot reach any felt structure" + why, model.title,
-               "set felt = false on the structures that cover them, or write a script (--script)"};
+               "set touchable = false on the structures that cover them, or write a script (--script)"};
 }
 
 }  // namespace palpate

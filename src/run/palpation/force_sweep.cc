@@ -10,10 +10,10 @@ namespace {
 constexpr double kDescent_mm_s = 20;
 
 // innermost structure along the path of the tip that contributes to the force
-LabelId deepest_felt(const DeviceTick& device) {
+LabelId deepest_structure(const DeviceTick& device) {
   LabelId deepest = 0;
-  for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n)
-    if (device.felt_share[n] > 0) deepest = device.felt_label[n];
+  for (std::size_t n = 0; n < device.path_label.size() && device.path_label[n] != 0; ++n)
+    if (device.path_share[n] > 0) deepest = device.path_label[n];
   return deepest;
 }
 
@@ -24,7 +24,7 @@ std::vector<SweptForce> sweep_force(const Model& model, const Parameters& parame
                                     double rate_hz) {
   Parameters still = parameters;
   still.friction = still.viscosity = still.passivity = false;
-  const bool yields = is_elastic(model.tissue_law) && model.has(ForceMethod::kProxy);
+  const bool is_deformable = is_elastic(model.tissue_law) && model.has(ForceMethod::kProxy);
   VirtualClockYieldSolver solver(rate_hz);
   SessionState state;
   TickRecord record;
@@ -33,16 +33,18 @@ std::vector<SweptForce> sweep_force(const Model& model, const Parameters& parame
   std::vector<SweptForce> swept;
   const double step_mm = kDescent_mm_s / rate_hz;
   double touched_mm = 0;
-  for (double way_mm = 0; way_mm <= (swept.empty() ? max_mm : touched_mm + max_mm); way_mm += step_mm) {
-    tip.tip = model.X_WorldPatient * (start + inward * way_mm);
-    if (yields && solver.advance(model, state.tick > 0 ? &record : nullptr)) still.yields = solver.frame();
+  for (double distance_mm = 0; distance_mm <= (swept.empty() ? max_mm : touched_mm + max_mm);
+       distance_mm += step_mm) {
+    tip.tip = model.X_WorldPatient * (start + inward * distance_mm);
+    if (is_deformable && solver.advance(model, state.tick > 0 ? &record : nullptr))
+      still.yields = solver.frame();
     tick(model, still, {&tip, 1}, 1 / rate_hz, state, {&sent, 1}, record);
     const DeviceTick& device = record.device[0];
     const LabelId label = device.label;
     if (label == 0 && !swept.empty()) break;
     if (label == 0) continue;
-    if (swept.empty()) touched_mm = way_mm;
-    swept.push_back({way_mm - touched_mm, device.unclamped_force_N, label, deepest_felt(device)});
+    if (swept.empty()) touched_mm = distance_mm;
+    swept.push_back({distance_mm - touched_mm, device.unclamped_force_N, label, deepest_structure(device)});
   }
   return swept;
 }

@@ -47,9 +47,9 @@ FreeSpace::FreeSpace(const Model& model, double reach_mm)
   clearance_.assign(static_cast<std::size_t>(cells_[0]) * cells_[1] * cells_[2], kFar);
   std::vector<Cell> front;
   model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
-    if (piece.uniform && !model.is_felt(*piece.voxels)) return;
+    if (piece.uniform && !model.is_touchable(*piece.voxels)) return;
     for (int n = 0; n < piece.count; ++n) {
-      if (piece.voxels[n] == 0 || !model.is_felt(piece.voxels[n])) continue;
+      if (piece.voxels[n] == 0 || !model.is_touchable(piece.voxels[n])) continue;
       const Cell c{(piece.i + n) / voxels_per_cell_[0] + margin_, piece.j / voxels_per_cell_[1] + margin_,
                    piece.k / voxels_per_cell_[2] + margin_};
       if (clearance_[index(c)] == 0) continue;
@@ -163,11 +163,12 @@ std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Po
   }
   if (!std::isfinite(cost[index(*goal)])) return {};
 
-  std::vector<Point<Patient>> way{to};
-  for (std::size_t i = index(*goal); i != index(*start); i = previous[i]) way.push_back(centre(cell_of(i)));
-  way.push_back(from);
-  std::reverse(way.begin(), way.end());
-  return way;
+  std::vector<Point<Patient>> corners{to};
+  for (std::size_t i = index(*goal); i != index(*start); i = previous[i])
+    corners.push_back(centre(cell_of(i)));
+  corners.push_back(from);
+  std::reverse(corners.begin(), corners.end());
+  return corners;
 }
 
 }  // namespace palpate

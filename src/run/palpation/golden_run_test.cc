@@ -85,8 +85,8 @@ constexpr std::array<Leg, 6> kThroughTheSkin{{{{1, 2, 11}, 600},
 struct GoldenRun {
   RecordingSummary summary;
   std::uint64_t force_hash = kHashSeed;  ///< Hash of the forces alone
-  bool felt_skin = false, felt_bone = false;
-  double taken_mm3 = 0;
+  bool skin_contact = false, bone_contact = false;
+  double removed_mm3 = 0;
 };
 
 // the tip is driven at 1 kHz; swept volume is removed every 20 ms
@@ -111,16 +111,16 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
         if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
           model = carved_by(*model, cuts)->taken_from(*model);
       tick(*model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
-      run.summary.see(record);
-      const DeviceTick& felt = record.device[0];
-      for (const double newtons : felt.force_N) hash_double(run.force_hash, newtons);
-      if ((felt.flags & kFlagContact) == 0) continue;
-      run.felt_skin |= felt.label == kGoldenSkin;
-      run.felt_bone |= felt.label == kGoldenBone;
+      run.summary.observe(record);
+      const DeviceTick& device_tick = record.device[0];
+      for (const double newtons : device_tick.force_N) hash_double(run.force_hash, newtons);
+      if ((device_tick.flags & kFlagContact) == 0) continue;
+      run.skin_contact |= device_tick.label == kGoldenSkin;
+      run.bone_contact |= device_tick.label == kGoldenBone;
     }
     from = to;
   }
-  run.taken_mm3 = state.hands[0].burr.taken_mm3;
+  run.removed_mm3 = state.hands[0].burr.removed_mm3;
   return run;
 }
 
@@ -138,7 +138,7 @@ std::string golden_help(std::uint64_t hash) {
 TEST(GoldenRun, ByTheProxyOverAndThroughALayer) {
   const GoldenRun run =
       run_golden(golden_model(golden_parts(), ForceMethod::kProxy), ForceMethod::kProxy, kThroughTheSkin);
-  EXPECT_TRUE(run.felt_skin && run.felt_bone);
+  EXPECT_TRUE(run.skin_contact && run.bone_contact);
   EXPECT_GT(run.summary.ruptured, 0u);
   EXPECT_EQ(run.summary.run_hash, 0x1692542baf48072du) << golden_help(run.summary.run_hash);
   EXPECT_EQ(run.force_hash, 0xf5137b817e7b93cdu) << golden_help(run.force_hash);
@@ -152,7 +152,7 @@ TEST(GoldenRun, IsTheSameOnAnotherSimdTarget) {
     const test::OnlyTargets only(target);
     const GoldenRun run =
         run_golden(golden_model(golden_parts(), ForceMethod::kProxy), ForceMethod::kProxy, kOntoTheSkin);
-    EXPECT_TRUE(run.felt_skin);
+    EXPECT_TRUE(run.skin_contact);
     if (first == 0) first = run.summary.run_hash;
     EXPECT_EQ(run.summary.run_hash, first) << test::target_name(target);
   }
@@ -161,7 +161,7 @@ TEST(GoldenRun, IsTheSameOnAnotherSimdTarget) {
 TEST(GoldenRun, ByTheTrilinearMethod) {
   const GoldenRun run = run_golden(golden_model(golden_parts(), ForceMethod::kTrilinear),
                                    ForceMethod::kTrilinear, kThroughTheSkin);
-  EXPECT_TRUE(run.felt_skin && run.felt_bone);
+  EXPECT_TRUE(run.skin_contact && run.bone_contact);
   EXPECT_EQ(run.summary.run_hash, 0x02bc39fc6389910cu) << golden_help(run.summary.run_hash);
   EXPECT_EQ(run.force_hash, 0x2e2c0793a101470cu) << golden_help(run.force_hash);
 }
@@ -174,8 +174,8 @@ TEST(GoldenRun, OfABurrThatCuts) {
       {{{1, 2, 10.5}, 600}, {{1, 2, 7.5}, 100}, {{4, 2, 6.5}, 200}, {{4, 2, 12}, 50}}};
   const GoldenRun run =
       run_golden(golden_model(std::move(parts), ForceMethod::kProxy), ForceMethod::kProxy, kGroove);
-  EXPECT_TRUE(run.felt_skin);
-  EXPECT_GT(run.taken_mm3, 1);
+  EXPECT_TRUE(run.skin_contact);
+  EXPECT_GT(run.removed_mm3, 1);
   EXPECT_EQ(run.summary.run_hash, 0x1ec2669de3923a1au) << golden_help(run.summary.run_hash);
   EXPECT_EQ(run.force_hash, 0x8b35013ad6897bd5u) << golden_help(run.force_hash);
 }

@@ -102,12 +102,12 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
 
   // each approach with its following steps
   std::size_t held = 0;
-  double max_asked_N = 0;
+  double max_requested_N = 0;
   std::string failed;
   const std::vector<Block> blocks = blocks_of(script);
   ASSERT_FALSE(blocks.empty());
   for (const Block& block : blocks) {
-    max_asked_N = std::max(max_asked_N, block.force_N);
+    max_requested_N = std::max(max_requested_N, block.force_N);
     const auto touched = std::find_if(result->touches.begin(), result->touches.end(),
                                       [&](const TouchFigure& t) { return t.line == block.line; });
     const bool named = std::any_of(result->trouble.begin(), result->trouble.end(), [&](const auto& sentence) {
@@ -130,7 +130,7 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   EXPECT_EQ(result->failed_steps == 0, failed.empty());
   EXPECT_GT(held, 0u);
 
-  const double beyond_mm = max_beyond_mm(*recording, model, max_asked_N);
+  const double beyond_mm = max_beyond_mm(*recording, model, max_requested_N);
   EXPECT_LE(beyond_mm, 0);
   std::printf("| `%s` | %zu | %zu | %s | %.2f |\n", GetParam().c_str(), blocks.size(), held,
               failed.empty() ? "—" : failed.c_str(), kMaxBeyond_mm + beyond_mm);

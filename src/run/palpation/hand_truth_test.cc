@@ -102,9 +102,9 @@ class HandTruth : public ::testing::Test {
   void expect_never_deeper(double force_N, double stiffness_N_per_mm) const {
     for (const TickRecord& t : recording_.ticks) {
       const DeviceTick& d = t.device[0];
-      const double felt = std::min(stiffness_N_per_mm, d.max_stiffness_N_per_mm);
+      const double rendered = std::min(stiffness_N_per_mm, d.max_stiffness_N_per_mm);
       if (std::isnan(d.depth_mm)) continue;
-      ASSERT_LE(d.depth_mm, force_N / felt + 1) << t.time_s << " s";
+      ASSERT_LE(d.depth_mm, force_N / rendered + 1) << t.time_s << " s";
     }
   }
 
@@ -308,32 +308,33 @@ TEST_F(HandTruth, TouchingAndTinyStructuresAreHeldOrFailByName) {
   expect_never_deeper(1, 1.2);
 }
 
-struct Way {
+struct Trajectory {
   const char* hand;
   double tool_radius_mm, stiffness_N_per_mm, press_N;
 };
-class HandTruthWith : public HandTruth, public ::testing::WithParamInterface<Way> {};
+class HandTruthWith : public HandTruth, public ::testing::WithParamInterface<Trajectory> {};
 
 TEST_P(HandTruthWith, ABallIsHeldNoDeeperThanTheForceExplains) {
-  const Way& way = GetParam();
+  const Trajectory& section = GetParam();
   MadeScene world{ball(14)};
-  world.stiffness_N_per_mm = way.stiffness_N_per_mm;
-  world.tool_radius_mm = way.tool_radius_mm;
-  run(scene_of(world), std::string("hand = \"") + way.hand + "\"\n" + touch_named("a", way.press_N));
+  world.stiffness_N_per_mm = section.stiffness_N_per_mm;
+  world.tool_radius_mm = section.tool_radius_mm;
+  run(scene_of(world), std::string("hand = \"") + section.hand + "\"\n" + touch_named("a", section.press_N));
   // at the largest stiffness that a hand holds stably, force may vary by more than a fifth
-  if (way.stiffness_N_per_mm < 5) expect_all_held();
+  if (section.stiffness_N_per_mm < 5) expect_all_held();
   EXPECT_EQ(result_.failed_steps == 0, result_.holds[0].held_s >= 0.5 - 1e-9);
-  expect_never_deeper(way.press_N, way.stiffness_N_per_mm);
+  expect_never_deeper(section.press_N, section.stiffness_N_per_mm);
   // before the press there is only contact
   EXPECT_NEAR(result_.touches[0].point.eigen().norm(), 14, 0.7);
 }
 
-INSTANTIATE_TEST_SUITE_P(Grips, HandTruthWith,
-                         ::testing::Values(Way{"light-grip", 0, 1.2, 1}, Way{"whole-arm", 0, 1.2, 1},
-                                           Way{"firm-grip", 3, 1.2, 1}, Way{"light-grip", 3, 1.2, 0.5},
-                                           Way{"firm-grip", 0, 0.05, 0.3}, Way{"whole-arm", 0, 0.1, 0.5},
-                                           Way{"firm-grip", 0, 5, 1.2}),
-                         [](const auto& way) { return "Way" + std::to_string(way.index); });
+INSTANTIATE_TEST_SUITE_P(
+    Grips, HandTruthWith,
+    ::testing::Values(Trajectory{"light-grip", 0, 1.2, 1}, Trajectory{"whole-arm", 0, 1.2, 1},
+                      Trajectory{"firm-grip", 3, 1.2, 1}, Trajectory{"light-grip", 3, 1.2, 0.5},
+                      Trajectory{"firm-grip", 0, 0.05, 0.3}, Trajectory{"whole-arm", 0, 0.1, 0.5},
+                      Trajectory{"firm-grip", 0, 5, 1.2}),
+    [](const auto& path) { return "Way" + std::to_string(path.index); });
 
 class HandTruthBy : public HandTruth, public ::testing::WithParamInterface<ForceMethod> {};
 

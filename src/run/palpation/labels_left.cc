@@ -27,12 +27,13 @@ LabelMap with_layers(const LabelMap& layers, const Model& model, LabelMap left) 
   const std::vector<LabelId> before = model.labels->dense().voxels();
   const std::vector<LabelId>& after = left.layers.front().voxels();
   for (std::size_t layer = 0; layer < whole.layers.size(); ++layer) {
-    std::vector<bool> is_felt(65536, false);
+    std::vector<bool> is_touchable(65536, false);
     for (const Segment& segment : whole.segments)
-      if (segment.layer == static_cast<int>(layer)) is_felt[segment.value] = model.is_felt(segment.id);
+      if (segment.layer == static_cast<int>(layer))
+        is_touchable[segment.value] = model.is_touchable(segment.id);
     std::vector<LabelId>& voxels = whole.layers[layer].voxels();
     for (std::size_t v = 0; v < voxels.size(); ++v)
-      if (before[v] != after[v] && is_felt[voxels[v]]) voxels[v] = 0;
+      if (before[v] != after[v] && is_touchable[voxels[v]]) voxels[v] = 0;
   }
   const auto is_elsewhere = [&](LabelId label) { return layers.find(label) != nullptr; };
   std::erase_if(left.segments, [&](const Segment& segment) { return is_elsewhere(segment.id); });

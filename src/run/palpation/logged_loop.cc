@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-RecordingEvent arming(RecordingEvent::Kind kind, AskedBy by, std::uint32_t number) {
+RecordingEvent arming(RecordingEvent::Kind kind, RequestedBy by, std::uint32_t number) {
   RecordingEvent event;
   event.kind = kind;
   event.by = by;
@@ -26,9 +26,9 @@ RecordingEvent settings_event(const Parameters& before, const Parameters& after)
   return event;
 }
 
-void change_logged(ServoLoop& loop, EventLog& told, AskedBy by,
+void change_logged(ServoLoop& loop, EventLog& log, RequestedBy by,
                    const std::function<void(Parameters&)>& edit) {
-  told.tell([&] {
+  log.append([&] {
     RecordingEvent event;
     const std::uint32_t number = loop.change([&](Parameters& parameters) {
       const Parameters before = parameters;
@@ -41,9 +41,9 @@ void change_logged(ServoLoop& loop, EventLog& told, AskedBy by,
   });
 }
 
-void log_pointer_change(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
+void log_pointer_change(ServoLoop& loop, EventLog& log, RequestedBy by) noexcept {
   try {
-    told.tell([&] {
+    log.append([&] {
       RecordingEvent event;
       const std::uint32_t number =
           loop.change([&](Parameters& parameters) { event = settings_event(parameters, parameters); });
@@ -56,9 +56,9 @@ void log_pointer_change(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
   }
 }
 
-void set_model_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
+void set_model_logged(ServoLoop& loop, EventLog& log, RequestedBy by, std::shared_ptr<const Model> model,
                       const ModelChange& change) {
-  told.tell([&] {
+  log.append([&] {
     RecordingEvent event;
     event.by = by;
     event.number = change.version;
@@ -76,11 +76,11 @@ RecordingEvent sweep_event(const Cut& cut, std::uint32_t version) {
   return event;
 }
 
-void set_cut_model_logged(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
+void set_cut_model_logged(ServoLoop& loop, EventLog& log, std::span<const Cut> cuts,
                           std::shared_ptr<const Model> model) {
   const std::uint32_t version = model->version;
-  for (const Cut& cut : cuts) told.tell([&] { return sweep_event(cut, version); });
-  set_model_logged(loop, told, {}, std::move(model), {version, ModelChange::kCut});
+  for (const Cut& cut : cuts) log.append([&] { return sweep_event(cut, version); });
+  set_model_logged(loop, log, {}, std::move(model), {version, ModelChange::kCut});
 }
 
 RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tick) {
@@ -92,17 +92,17 @@ RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tic
   return event;
 }
 
-void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
+void set_yield_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                       std::uint64_t input_tick) {
-  told.tell([&] {
+  log.append([&] {
     loop.change([&](Parameters& parameters) { parameters.yields = frame; });
     return yield_event(frame, input_tick);
   });
 }
 
-void set_unsolved_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
+void set_unsolved_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                          std::uint64_t input_tick) {
-  told.tell([&] {
+  log.append([&] {
     RecordingEvent event = yield_event(frame, input_tick);
     event.frame_hash = RecordingEvent::kUnsolved;
     loop.change([&](Parameters& parameters) { parameters.yields = frame; });
@@ -110,10 +110,10 @@ void set_unsolved_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame&
   });
 }
 
-void stop_logged(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
+void stop_logged(ServoLoop& loop, EventLog& log, RequestedBy by) noexcept {
   bool stopped = false;
   try {
-    told.tell([&] {
+    log.append([&] {
       const std::uint32_t number = loop.emergency_stop();
       stopped = true;
       return arming(RecordingEvent::Kind::kStop, by, number);
@@ -123,9 +123,9 @@ void stop_logged(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
   }
 }
 
-RearmResult rearm_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::uint32_t stop) {
+RearmResult rearm_logged(ServoLoop& loop, EventLog& log, RequestedBy by, std::uint32_t stop) {
   RearmResult rearmed = RearmResult::kNotStopped;
-  told.tell([&]() -> std::optional<RecordingEvent> {
+  log.append([&]() -> std::optional<RecordingEvent> {
     std::uint32_t number = 0;
     rearmed = loop.rearm(stop, number);
     if (rearmed != RearmResult::kDone) return std::nullopt;

@@ -16,11 +16,11 @@ std::vector<ProtectedFigure> protected_figures(const Model& model, const Removed
   const std::map<LabelId, double> removed_mm3 = removed.by_label_mm3();
   std::vector<ProtectedFigure> figures;
   for (const ProtectedStructure& structure : model.protected_structures) {
-    ProtectedFigure figure{model.name_of(structure.label), structure.label, structure.kept, {}, 0};
+    ProtectedFigure figure{model.name_of(structure.label), structure.label, structure.is_protected, {}, 0};
     const auto nearest = meter.nearest_mm().find(structure.label);
     if (nearest != meter.nearest_mm().end()) figure.nearest_mm = nearest->second;
-    const auto gone = removed_mm3.find(structure.label);
-    if (gone != removed_mm3.end()) figure.removed_mm3 = gone->second;
+    const auto lost = removed_mm3.find(structure.label);
+    if (lost != removed_mm3.end()) figure.removed_mm3 = lost->second;
     figures.push_back(std::move(figure));
   }
   return figures;

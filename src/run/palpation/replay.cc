@@ -45,9 +45,9 @@ std::string first_difference(const TickRecord& recorded, const TickRecord& again
     const std::string difference = first_different_output(recorded.device[d], again.device[d]);
     if (!difference.empty()) return "device " + std::to_string(d) + " " + difference;
   }
-  if (!same_bits(recorded.rotation_felt_wxyz, again.rotation_felt_wxyz))
-    return "rotation_felt_wxyz: recorded " + text_of(recorded.rotation_felt_wxyz) + ", now " +
-           text_of(again.rotation_felt_wxyz);
+  if (!same_bits(recorded.rotation_applied_wxyz, again.rotation_applied_wxyz))
+    return "rotation_applied_wxyz: recorded " + text_of(recorded.rotation_applied_wxyz) + ", now " +
+           text_of(again.rotation_applied_wxyz);
   if (recorded.state_hash == again.state_hash) return "";
   char text[80];
   std::snprintf(text, sizeof text, "state hash: recorded %016llx, now %016llx",
@@ -95,13 +95,13 @@ Parameters parameters_of(const TickRecord& recorded) {
 // methods used in the recording
 Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
   std::vector<ForceMethod> methods;
-  for (const RecordingHead::UsedMethod& felt : head.methods) {
-    if (felt.method >= kForceMethods.size())
+  for (const RecordingHead::UsedMethod& used : head.methods) {
+    if (used.method >= kForceMethods.size())
       return Error{
           ErrorKind::kBadInput,
-          "tick " + std::to_string(felt.tick) + " used a force method that this version does not have", "",
+          "tick " + std::to_string(used.tick) + " used a force method that this version does not have", "",
           "replay it with the version that made it"};
-    methods.push_back(static_cast<ForceMethod>(felt.method));
+    methods.push_back(static_cast<ForceMethod>(used.method));
   }
   return methods;
 }
@@ -171,22 +171,22 @@ class Replayer {
 
 // advances the model to the version of a tick, by the recorded changes
 Result<void> Replayer::advance_to(const TickRecord& recorded) {
-  while (model_.felt->version < recorded.model_version && !changes_.empty()) {
+  while (model_.current->version < recorded.model_version && !changes_.empty()) {
     const ModelChange& change = changes_.front().change;
     // a session has surfaces from its start, whether the proxy is used or not
-    if (change.is_of_law() && has_other_surfaces(*model_.felt, law_of(change)) &&
-        !model_.felt->has(ForceMethod::kProxy)) {
+    if (change.is_of_law() && has_other_surfaces(*model_.current, law_of(change)) &&
+        !model_.current->has(ForceMethod::kProxy)) {
       constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-      auto ready = ready_for(model_.felt, kProxyAlone, progress_);
+      auto ready = ready_for(model_.current, kProxyAlone, progress_);
       if (!ready) return ready.error();
-      model_.felt = *std::move(ready);
+      model_.current = *std::move(ready);
     }
     auto changed = next_version(model_, change, changes_.front().cuts, progress_, *cached_preparation());
     if (!changed) return changed.error();
     model_ = *std::move(changed);
     changes_.pop_front();
   }
-  if (recorded.model_version == model_.felt->version) return {};
+  if (recorded.model_version == model_.current->version) return {};
   return Error{ErrorKind::kBadInput,
                "tick " + std::to_string(recorded.tick) + " used version " +
                    std::to_string(recorded.model_version) + " of the model, which is missing from the file",
@@ -245,13 +245,13 @@ void Replayer::run_again(const TickRecord& recorded) {
   std::array<Wrench, kMaxDevices> wrenches;
   TickRecord again;
   const std::size_t count = static_cast<std::size_t>(recorded.devices);
-  tick(*model_.felt, parameters, {devices.data(), count}, recorded.dt_s, state_, {wrenches.data(), count},
+  tick(*model_.current, parameters, {devices.data(), count}, recorded.dt_s, state_, {wrenches.data(), count},
        again);
   result_.ticks += 1;
   result_.run_hash = mix_run_hash(result_.run_hash, again.state_hash);
   result_.difference = first_difference(recorded, again);
-  if (is_elastic(model_.felt->tissue_law)) {
-    inputs_.push_back({again, model_.felt});
+  if (is_elastic(model_.current->tissue_law)) {
+    inputs_.push_back({again, model_.current});
     if (inputs_.size() > kMaxInputs) inputs_.pop_front();
   }
   if (!result_.difference.empty()) result_.first_difference = recorded.tick;
@@ -300,12 +300,12 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         progress.report("replaying", static_cast<double>(result.ticks) / static_cast<double>(head.ticks));
-        if (auto taken = replayer.take(part); !taken) return taken;
+        if (auto used = replayer.take(part); !used) return used;
         return replayer.differs() ? Result<void>(enough) : Result<void>();
       },
       progress);
   if (replayer.differs()) {
-    const std::string other = head.header.feel.empty() ? "" : first_feel_difference(head.header.feel);
+    const std::string other = head.header.feel.empty() ? "" : first_haptic_difference(head.header.feel);
     if (!other.empty())
       result.difference += "; it was recorded with different settings: " + printable_name(other);
     return result;

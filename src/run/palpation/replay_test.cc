@@ -59,12 +59,13 @@ TEST_F(ReplayTest, WhatWasFeltBySeveralMethodsAgreesToo) {
 
   const auto recording = read_recording(folder_ / "methods.h5");
   ASSERT_TRUE(recording.ok());
-  std::vector<ForceMethod> felt;
+  std::vector<ForceMethod> methods;
   for (const TickRecord& record : recording->ticks)
-    if (const auto method = static_cast<ForceMethod>(record.method); felt.empty() || felt.back() != method)
-      felt.push_back(method);
-  EXPECT_THAT(felt, ::testing::ElementsAre(ForceMethod::kSpline, ForceMethod::kSmoothSphere,
-                                           ForceMethod::kStoredNormals));
+    if (const auto method = static_cast<ForceMethod>(record.method);
+        methods.empty() || methods.back() != method)
+      methods.push_back(method);
+  EXPECT_THAT(methods, ::testing::ElementsAre(ForceMethod::kSpline, ForceMethod::kSmoothSphere,
+                                              ForceMethod::kStoredNormals));
   // the loaded model is not prepared for any of them
   const auto result = replay(*recording, loaded_.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
@@ -84,7 +85,7 @@ TEST_F(ReplayTest, NamesTheFirstTickThatDiffers) {
 }
 
 TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
-  const std::string here = feel_text();
+  const std::string here = haptic_settings_text();
   EXPECT_EQ(recording_.header.feel, here);
   recording_.header.feel.replace(here.find("output.ramp_in_s 0.5"), 20, "output.ramp_in_s 0.4");
   // equal outputs, so the different figures had no effect

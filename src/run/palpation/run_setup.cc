@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/direct/force_field.h"
 #include "palpate/base/utc.h"
+#include "palpate/direct/force_field.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/servo/feel.h"
@@ -66,10 +66,10 @@ Result<void> check_burr(const Model& model, const RunSetup& setup) {
 
 }  // namespace
 
-Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& given,
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& supplied,
                             const SimulationOptions& options, const Progress& progress) {
-  const auto for_knee = given ? std::nullopt : knee_script(*loaded.model);
-  const Script script = given ? *given : for_knee.value_or(Script{});
+  const auto for_knee = supplied ? std::nullopt : knee_script(*loaded.model);
+  const Script script = supplied ? *supplied : for_knee.value_or(Script{});
   const auto device = find_plant_device(script.device);
   if (!device) return at_line(device.error(), script, script.device_line);
   const auto hand = find_plant_hand(script.hand);
@@ -101,13 +101,13 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
       held_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
   setup.parameters.device[0].max_damping_N_s_per_mm = borne.max_N_s_per_mm;
   setup.parameters.device[0].delay_s = setup.script.delay_s;
-  if (!given && !for_knee) {
+  if (!supplied && !for_knee) {
     progress.report("planning the default script", 0);
     if (auto planned = plan_default_script(*setup.model, setup.parameters, setup.script); !planned)
       return planned.error();
   }
   setup.trouble =
-      out_of_reach(setup, held->max_N_per_mm / std::max(held->asked_N_per_mm, held->max_N_per_mm));
+      out_of_reach(setup, held->max_N_per_mm / std::max(held->requested_N_per_mm, held->max_N_per_mm));
   setup.trouble.insert(setup.trouble.end(), setup.script.limitations.begin(), setup.script.limitations.end());
   if (!borne.clamped.empty()) setup.trouble.insert(setup.trouble.begin(), borne.clamped);
   if (!held->clamped.empty()) setup.trouble.insert(setup.trouble.begin(), held->clamped);
@@ -139,7 +139,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   header.compiler = PALPATE_COMPILER;
   const auto targets = simd_targets();
   header.simd_target = targets.empty() ? "" : targets.front();
-  header.feel = feel_text();
+  header.feel = haptic_settings_text();
   header.tissue_coarsened = setup.model->tissue_coarsened;
   header.started_utc = utc_now();
   header.data_set = loaded.data_set;
@@ -161,13 +161,13 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   return header;
 }
 
-HoldMeter::HoldMeter(const Model& model, const HoldAsked& asked)
-    : forces_N_(asked.forces_N), unbroken_s_(std::max<std::size_t>(1, asked.forces_N.size()), 0.0) {
-  figure_.label = asked.structure;
-  figure_.structure = model.name_of(asked.structure);
+HoldMeter::HoldMeter(const Model& model, const HoldRequest& hold)
+    : forces_N_(hold.forces_N), unbroken_s_(std::max<std::size_t>(1, hold.forces_N.size()), 0.0) {
+  figure_.label = hold.structure;
+  figure_.structure = model.name_of(hold.structure);
 }
 
-void HoldMeter::see(const TickRecord& record) {
+void HoldMeter::observe(const TickRecord& record) {
   const DeviceTick& device = record.device[0];
   const double force_N = norm(device.force_N);
   const bool own = device.label == figure_.label;

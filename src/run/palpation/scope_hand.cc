@@ -20,15 +20,15 @@ ScopeHand::ScopeHand(const Model& model, const Point<World>& start) : model_(&mo
   eye_ = state_.tip;
 }
 
-void ScopeHand::advance(const TickRecord& felt, double dt_s) {
+void ScopeHand::advance(const TickRecord& tick, double dt_s) {
   if (!step_) return;
-  const auto X = turned_object(model_->X_WorldPatient, quaternion(felt.rotation_felt_wxyz));
-  const auto& probe = felt.device[0].tip_world_mm;
+  const auto X = turned_object(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
+  const auto& probe = tick.device[0].tip_world_mm;
   const Point<World> at = step_->at ? X * *step_->at : Point<World>(probe[0], probe[1], probe[2]);
-  const Point<World> wanted = at + X * step_->from * step_->distance_mm;
-  const Vector<World> way = wanted - eye_;
+  const Point<World> requested = at + X * step_->from * step_->distance_mm;
+  const Vector<World> displacement = requested - eye_;
   const double step_mm = step_->speed_mm_s * dt_s;
-  eye_ = way.norm() <= step_mm ? wanted : eye_ + way.normalized() * step_mm;
+  eye_ = displacement.norm() <= step_mm ? requested : eye_ + displacement.normalized() * step_mm;
 
   // at the target itself the viewing direction is undefined
   const Vector<World> look = at - eye_;
@@ -40,7 +40,7 @@ void ScopeHand::advance(const TickRecord& felt, double dt_s) {
   const double part = angle > 0 ? std::min(1.0, kTurning_rad_s * dt_s / angle) : 1;
   state_.R_WorldTool = held.slerp(part, looking).quaternion();
   state_.tip = eye_ - Vector<World>(state_.R_WorldTool * camera_of(step_->optics));
-  is_there_ = (wanted - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
+  is_there_ = (requested - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
 }
 
 }  // namespace palpate

@@ -9,7 +9,7 @@
 #include <random>
 #include <utility>
 
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpation/surface_point.h"
@@ -44,9 +44,9 @@ constexpr double kCarefulDip_mm = 0.3, kMinCareful_mm_s = 3, kRoom_mm = 2.4;
 constexpr double kBehind_mm = 3;
 constexpr std::size_t kMaxTries = 4;
 // retreat: distance beyond the ramp, force that counts as free, and maximum lag of the tip
-constexpr double kWayOutInSigmas = 4, kWayOut_mm = 1, kFree_N = 0.02, kFollow_s = 1;
-constexpr double kLettingGo_s = 5;
-constexpr double kWithdrawing_mm_s = 60, kLetGo_mm = 0.3;
+constexpr double kExitPathInSigmas = 4, kExitPath_mm = 1, kFree_N = 0.02, kFollow_s = 1;
+constexpr double kRelease_s = 5;
+constexpr double kWithdrawing_mm_s = 60, kRelease_mm = 0.3;
 constexpr double kSteppingBack_mm_s = 100, kStepBack_mm = 5;
 // spacing of the corners recorded during a slide
 constexpr double kTrail_mm = 1;
@@ -70,7 +70,7 @@ std::string place_text(const Point<Patient>& p) {
 // structure by name, or by label as "#95"
 Result<LabelId> find_structure(const Model& model, const std::string& name, const std::string& where) {
   const auto is_named = [&](const Segment& segment) {
-    return segment.name == name && model.is_felt(segment.id);
+    return segment.name == name && model.is_touchable(segment.id);
   };
   const auto count = std::count_if(model.segments.begin(), model.segments.end(), is_named);
   if (count > 1) {
@@ -89,7 +89,7 @@ Result<LabelId> find_structure(const Model& model, const std::string& name, cons
   if (segment) return segment->id;
   std::string known;
   for (const Segment& s : model.segments)
-    if (model.is_felt(s.id))
+    if (model.is_touchable(s.id))
       known += (known.empty() ? "" : ", ") + (s.name.empty() ? "#" + std::to_string(s.id) : s.name);
   return Error{ErrorKind::kBadInput, "no structure '" + name + "' in this scene", where,
                "felt structures are: " + known};
@@ -121,8 +121,8 @@ Point<Frame> point(const std::array<double, 3>& p) {
   return {p[0], p[1], p[2]};
 }
 
-Point<World> tip_of(const TickRecord& felt) {
-  return point<World>(felt.device[0].tip_world_mm);
+Point<World> tip_of(const TickRecord& tick) {
+  return point<World>(tick.device[0].tip_world_mm);
 }
 
 // After a cut the surfaces of tissue can no longer be changed, and a script cannot know when the first cut
@@ -147,18 +147,18 @@ double low_pass(double old, double now, double dt_s, double time_s) {
 }
 
 // clamped to the force limit of that tick; a tick with a fault has none
-double limited(double force_N, const TickRecord& felt) {
-  const double limit_N = felt.device[0].limit_N;
+double limited(double force_N, const TickRecord& tick) {
+  const double limit_N = tick.device[0].limit_N;
   return limit_N > 0 ? std::min(force_N, limit_N) : force_N;
 }
 
-bool felt_by_proxy(const TickRecord& felt) {
-  return felt.method == static_cast<std::uint8_t>(ForceMethod::kProxy) &&
-         (felt.device[0].flags & kFlagMethodMissing) == 0;
+bool is_rendered_by_proxy(const TickRecord& tick) {
+  return tick.method == static_cast<std::uint8_t>(ForceMethod::kProxy) &&
+         (tick.device[0].flags & kFlagMethodMissing) == 0;
 }
 
-bool is_within(double force_N, double asked_N, double part) {
-  return std::abs(force_N - asked_N) <= part * asked_N;
+bool is_within(double force_N, double requested_N, double part) {
+  return std::abs(force_N - requested_N) <= part * requested_N;
 }
 
 }  // namespace
@@ -210,9 +210,9 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
     if (!label) return label.error();
     step.structure = *label;
   }
-  if (!model_->is_felt(step.structure))
+  if (!model_->is_touchable(step.structure))
     return Error{ErrorKind::kBadInput, "'" + model_->name_of(step.structure) + "' is not felt in this scene",
-                 where, "set felt = true on its [[tissue]], or choose another structure"};
+                 where, "set touchable = true on its [[tissue]], or choose another structure"};
   if (const auto* other = std::get_if<std::string>(&approach->nearest)) {
     const auto label = find_structure(*model_, *other, where);
     if (!label) return label.error();
@@ -257,19 +257,19 @@ ScriptedHand::ScriptedHand(const Model& model, const Script& script, const Plant
               2 * std::numbers::pi * uniform()};
 }
 
-std::vector<HoldAsked> ScriptedHand::asked() const {
-  std::vector<HoldAsked> asked;
-  const auto of = [&](LabelId structure) -> HoldAsked& {
-    const auto found = std::find_if(asked.begin(), asked.end(),
-                                    [&](const HoldAsked& a) { return a.structure == structure; });
-    return found != asked.end() ? *found : asked.emplace_back(HoldAsked{structure, {}});
+std::vector<HoldRequest> ScriptedHand::requested() const {
+  std::vector<HoldRequest> holds;
+  const auto of = [&](LabelId structure) -> HoldRequest& {
+    const auto found = std::find_if(holds.begin(), holds.end(),
+                                    [&](const HoldRequest& a) { return a.structure == structure; });
+    return found != holds.end() ? *found : holds.emplace_back(HoldRequest{structure, {}});
   };
   for (const PlannedStep& step : steps_) {
     if (std::holds_alternative<ApproachStep>(step.action)) of(step.structure);
     if (const auto* press = std::get_if<PressStep>(&step.action))
       of(step.structure).forces_N.push_back(press->force_N);
   }
-  return asked;
+  return holds;
 }
 
 Vector<World> ScriptedHand::tremor() const {
@@ -282,9 +282,9 @@ Vector<World> ScriptedHand::tremor() const {
 
 // ---- tick by tick
 
-std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt_s, HandCommands& commands) {
+std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt_s, HandCommands& commands) {
   if (step_ == steps_.size()) return std::nullopt;
-  feel(felt, dt_s);
+  feel(tick, dt_s);
   time_s_ += dt_s;
   // at most one step per tick: the next one begins in the next tick
   const PlannedStep& step = steps_[step_];
@@ -292,70 +292,70 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt
   if (withdrawing_) {
     // the motor is switched off after a failure
     if (!elsewhere_ && std::exchange(cutting_, false)) commands.motor = false;
-    withdrawing_ = !withdraw(kWithdrawing_mm_s, felt, dt_s);
+    withdrawing_ = !withdraw(kWithdrawing_mm_s, tick, dt_s);
     done = !withdrawing_ && !elsewhere_;
   } else if (needs_contact(step.action) && !touching_) {
     done = true;  // the contact that it needs has failed, which was reported together with the skipped steps
   } else {
-    done = run_step(step, felt, dt_s, commands);
+    done = run_step(step, tick, dt_s, commands);
   }
   step_time_s_ += dt_s;
   if (done) {
     ++step_;
     step_time_s_ = settled_s_ = longest_s_ = slid_mm_ = left_s_ = sum_Ns_ = turned_s_ = 0;
-    off_s_ = over_s_ = stuck_s_ = met_s_ = 0;
+    off_s_ = over_s_ = stuck_s_ = contact_s_ = 0;
     turning_ = elsewhere_ = false;
     phase_ = Approach::kPlan;
     place_ = 0;
     refusal_.clear();
   }
-  lay_ = X_WorldPatient(felt);
+  lay_ = X_WorldPatient(tick);
   return intention_ + tremor();
 }
 
 // pose of the patient in the last tick
-Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& felt) const {
-  return turned_object(model_->X_WorldPatient, quaternion(felt.rotation_felt_wxyz));
+Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& tick) const {
+  return turned_object(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
 }
 
-void ScriptedHand::feel(const TickRecord& felt, double dt_s) {
-  felt_N_ = low_pass(felt_N_, norm(felt.device[0].force_N), dt_s, kFeeling_s);
-  const auto& n = felt.device[0].normal_patient;
-  const Vector<World> now = X_WorldPatient(felt) * Vector<Patient>(n[0], n[1], n[2]);
-  felt_normal_ = felt_normal_ + (now - felt_normal_) * std::min(1.0, dt_s / kNormalFeeling_s);
+void ScriptedHand::feel(const TickRecord& tick, double dt_s) {
+  filtered_N_ = low_pass(filtered_N_, norm(tick.device[0].force_N), dt_s, kFeeling_s);
+  const auto& n = tick.device[0].normal_patient;
+  const Vector<World> now = X_WorldPatient(tick) * Vector<Patient>(n[0], n[1], n[2]);
+  filtered_normal_ = filtered_normal_ + (now - filtered_normal_) * std::min(1.0, dt_s / kNormalFeeling_s);
 }
 
 // runs one tick of a step; true when the step is done
-bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, double dt_s,
+bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& tick, double dt_s,
                             HandCommands& commands) {
   struct Visitor {
     ScriptedHand& hand;
     const PlannedStep& step;
-    const TickRecord& felt;
+    const TickRecord& tick;
     double dt_s;
     HandCommands& commands;
-    bool operator()(const ApproachStep&) { return hand.approach(step, felt, dt_s); }
-    bool operator()(const PressStep&) { return hand.press(step, felt, dt_s); }
-    bool operator()(const HoldStep&) { return hand.hold(step, felt, dt_s); }
-    bool operator()(const SlideStep&) { return hand.slide(step, felt, dt_s); }
-    bool operator()(const RotateStep&) { return hand.rotate(step, felt, dt_s, commands.rotation_target); }
-    bool operator()(const MethodStep& change) { return hand.change_method(change, felt, dt_s, commands); }
-    bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
-    bool operator()(const LawStep&) { return hand.change_law(step, felt, dt_s, commands); }
-    bool operator()(const StrokeStep&) { return hand.change_stroke(step, felt, dt_s, commands); }
-    bool operator()(const ScopeStep&) { return hand.lead_scope(step, felt, dt_s, commands); }
-    bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
+    bool operator()(const ApproachStep&) { return hand.approach(step, tick, dt_s); }
+    bool operator()(const PressStep&) { return hand.press(step, tick, dt_s); }
+    bool operator()(const HoldStep&) { return hand.hold(step, tick, dt_s); }
+    bool operator()(const SlideStep&) { return hand.slide(step, tick, dt_s); }
+    bool operator()(const RotateStep&) { return hand.rotate(step, tick, dt_s, commands.rotation_target); }
+    bool operator()(const MethodStep& change) { return hand.change_method(change, tick, dt_s, commands); }
+    bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, tick, dt_s, commands); }
+    bool operator()(const LawStep&) { return hand.change_law(step, tick, dt_s, commands); }
+    bool operator()(const StrokeStep&) { return hand.change_stroke(step, tick, dt_s, commands); }
+    bool operator()(const ScopeStep&) { return hand.lead_scope(step, tick, dt_s, commands); }
+    bool operator()(const LeaveStep&) { return hand.withdraw_from_contact(step, tick, dt_s); }
   };
-  return std::visit(Visitor{*this, step, felt, dt_s, commands}, step.action);
+  return std::visit(Visitor{*this, step, tick, dt_s, commands}, step.action);
 }
 
 // ---- approach
 
-bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   phase_time_s_ += dt_s;
-  if (phase_ == Approach::kPlan) return plan(step, felt);
-  if (phase_ == Approach::kTouch) return touch(step, felt, dt_s);
-  go(step, felt, dt_s);
+  if (phase_ == Approach::kPlan) return plan(step, tick);
+  if (phase_ == Approach::kTouch) return touch(step, tick, dt_s);
+  advance_step(step, tick, dt_s);
   return false;
 }
 
@@ -370,30 +370,30 @@ double ScriptedHand::touch_of_approach() const {
 }
 
 // plans the path to the next place; true if there is none and the step has failed
-bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
+bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
   touch_N_ = touch_of_approach();
   if (touching_) {
     // the script restarts without having left the contact
     touching_ = false;
     elsewhere_ = withdrawing_ = true;
-    begin_withdrawal(felt);
+    begin_withdrawal(tick);
     return false;
   }
   // planned in the patient frame at its current pose, followed at its pose at that time
-  const Transform<World, Patient> X = X_WorldPatient(felt);
+  const Transform<World, Patient> X = X_WorldPatient(tick);
   const auto& places = step.places.places;
   if (places.empty()) refusal_ = step.places.why_none;
   for (; place_ < places.size(); ++place_) {
     const TouchPlace& place = places[place_];
-    way_in_ = free_space_.path(X.inverse() * intention_, place.before);
-    if (way_in_.empty()) {
+    approach_path_ = free_space_.path(X.inverse() * intention_, place.before);
+    if (approach_path_.empty()) {
       refusal_ = "there is no free path from the position of the hand";
       continue;
     }
-    way_in_.push_back(place.in_front);
-    way_.assign(way_in_.rbegin(), way_in_.rend());
+    approach_path_.push_back(place.in_front);
+    path_.assign(approach_path_.rbegin(), approach_path_.rend());
     inward_ = X * -place.from;
-    wanted_N_ = met_s_ = over_s_ = stuck_s_ = phase_time_s_ = 0;
+    target_N_ = contact_s_ = over_s_ = stuck_s_ = phase_time_s_ = 0;
     phase_ = Approach::kWalk;
     return false;
   }
@@ -402,259 +402,261 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
   return true;
 }
 
-void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt_s) {
-  const LabelId met = felt.device[0].label;
+void ScriptedHand::advance_step(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+  const LabelId encountered = tick.device[0].label;
   // the surface may protrude beyond the expected place
-  if (met == step.structure && way_.size() == 1) {
-    way_in_.resize(way_in_.size() - way_.size());
-    way_in_.push_back(X_WorldPatient(felt).inverse() * intention_);
-    way_.clear();
+  if (encountered == step.structure && path_.size() == 1) {
+    approach_path_.resize(approach_path_.size() - path_.size());
+    approach_path_.push_back(X_WorldPatient(tick).inverse() * intention_);
+    path_.clear();
   }
-  if (way_.empty()) {
+  if (path_.empty()) {
     phase_ = Approach::kTouch;
-    met_s_ = over_s_ = phase_time_s_ = 0;
+    contact_s_ = over_s_ = phase_time_s_ = 0;
     return;
   }
-  const bool inside = (felt.device[0].flags & kFlagInside) != 0;
-  met_s_ = met != 0 || inside ? met_s_ + dt_s : 0;
-  if (const auto over = excess_depth(felt, dt_s); over || met_s_ > kEncounter_s)
-    return try_next_place(felt, "on the path the hand touched " +
-                                    (met != 0 ? model_->name_of(met) : "something") + " at " +
-                                    place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
-  if (stuck_s_ > kStuck_s) return try_next_place(felt, "the hand got stuck on the path");
-  walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
+  const bool inside = (tick.device[0].flags & kFlagInside) != 0;
+  contact_s_ = encountered != 0 || inside ? contact_s_ + dt_s : 0;
+  if (const auto over = excess_depth(tick, dt_s); over || contact_s_ > kEncounter_s)
+    return try_next_place(tick, "on the path the hand touched " +
+                                    (encountered != 0 ? model_->name_of(encountered) : "something") + " at " +
+                                    place_text(point<Patient>(tick.device[0].proxy_patient_mm)));
+  if (stuck_s_ > kStuck_s) return try_next_place(tick, "the hand got stuck on the path");
+  follow_path(std::get<ApproachStep>(step.action).speed_mm_s, tick, dt_s);
 }
 
 // advances slowly until contact
-bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double dt_s) {
-  const DeviceTick& device = felt.device[0];
-  const Transform<World, Patient> X = X_WorldPatient(felt);
-  wanted_N_ = touch_N_;
-  met_s_ = device.label != 0 ? met_s_ + dt_s : 0;
+bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+  const DeviceTick& device = tick.device[0];
+  const Transform<World, Patient> X = X_WorldPatient(tick);
+  target_N_ = touch_N_;
+  contact_s_ = device.label != 0 ? contact_s_ + dt_s : 0;
   const auto& n = device.normal_patient;
   const Vector<Patient> normal(n[0], n[1], n[2]);
-  if (device.label == step.structure && met_s_ >= kTouched_s) {
+  if (device.label == step.structure && contact_s_ >= kTouched_s) {
     touching_ = true;
-    asked_N_ = 0;
+    requested_N_ = 0;
     if (normal != Vector<Patient>()) {
       inward_ = X * -normal;
-      felt_normal_ = X * normal;
+      filtered_normal_ = X * normal;
     }
     const Point<Patient> at = point<Patient>(device.proxy_patient_mm);
-    const double above_mm = felt_by_proxy(felt)              ? -model_->tool_of(0).radius_mm
+    const double above_mm = is_rendered_by_proxy(tick)       ? -model_->tool_of(0).radius_mm
                             : std::isfinite(device.depth_mm) ? device.depth_mm
                                                              : 0;
     touches_.push_back({step.line, model_->name_of(device.label) + model_->enclosing_in_words(device.label),
                         device.label, at + normal * above_mm});
     return true;
   }
-  if (device.label != 0 && met_s_ >= kOther_s) {
-    try_next_place(felt, wrong_contact(felt));
+  if (device.label != 0 && contact_s_ >= kOther_s) {
+    try_next_place(tick, wrong_contact(tick));
     return false;
   }
-  if (excess_depth(felt, dt_s)) {
-    try_next_place(felt,
+  if (excess_depth(tick, dt_s)) {
+    try_next_place(tick,
                    "the tip entered without contact at " + place_text(point<Patient>(device.tip_patient_mm)));
     return false;
   }
   const double max_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
-  const Point<World> front = X * way_in_.back();
-  const double behind_mm = (tip_of(felt) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
-  if (behind_mm > max_mm || lead_mm > max_mm + tracking_tolerance_mm(felt)) {
-    try_next_place(felt, "nothing was felt where its surface was expected, at " +
+  const Point<World> front = X * approach_path_.back();
+  const double behind_mm = (tip_of(tick) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
+  if (behind_mm > max_mm || lead_mm > max_mm + tracking_tolerance_mm(tick)) {
+    try_next_place(tick, "nothing was felt where its surface was expected, at " +
                              place_text(step.places.places[place_].surface.point));
     return false;
   }
-  intention_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, felt)) * dt_s);
+  intention_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, tick)) * dt_s);
   return false;
 }
 
 // retreats, then tries the next place
-void ScriptedHand::try_next_place(const TickRecord& felt, const std::string& why) {
+void ScriptedHand::try_next_place(const TickRecord& tick, const std::string& why) {
   refusal_ = why;
   ++place_;
-  way_in_.resize(way_in_.size() - way_.size());
+  approach_path_.resize(approach_path_.size() - path_.size());
   phase_ = Approach::kPlan;
   elsewhere_ = withdrawing_ = true;
-  begin_withdrawal(felt);
+  begin_withdrawal(tick);
 }
 
 // ---- contact
 
-bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+bool ScriptedHand::press(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<PressStep>(step.action);
-  wanted_N_ = asked_N_ = action.force_N;
-  if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, *over);
-  if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
-  regulate_contact(felt, dt_s);
-  const bool at_force =
-      felt.device[0].label == step.structure && (cutting_ || is_within(felt_N_, asked_N_, kSettledWithin));
+  target_N_ = requested_N_ = action.force_N;
+  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, *over);
+  if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+  regulate_contact(tick, dt_s);
+  const bool at_force = tick.device[0].label == step.structure &&
+                        (cutting_ || is_within(filtered_N_, requested_N_, kSettledWithin));
   settled_s_ = at_force ? settled_s_ + dt_s : 0;
   if (at_force && settled_s_ >= action.settle_s) return true;
 
-  const double soft_N_per_mm = stiffness_N_per_mm(step.structure, felt) * felt.device[0].force_gain;
-  const double travel_s = asked_N_ * (1e3 / hand_.stiffness_N_per_m + 1 / soft_N_per_mm) / kMaxPressing_mm_s;
+  const double soft_N_per_mm = stiffness_N_per_mm(step.structure, tick) * tick.device[0].force_gain;
+  const double travel_s =
+      requested_N_ * (1e3 / hand_.stiffness_N_per_m + 1 / soft_N_per_mm) / kMaxPressing_mm_s;
   if (step_time_s_ < kPatience_s + action.settle_s + travel_s) return false;
-  return fail(step, felt, text_of("it did not settle, %.2f N were felt", felt_N_));
+  return fail(step, tick, text_of("it did not settle, %.2f N were felt", filtered_N_));
 }
 
-bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<HoldStep>(step.action);
-  if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, *over);
-  if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
-  regulate_contact(felt, dt_s);
-  const double force_N = norm(felt.device[0].force_N);
-  const bool held = felt.device[0].label == step.structure &&
-                    (asked_N_ == 0 || cutting_ || is_within(force_N, asked_N_, kHeldWithin));
+  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, *over);
+  if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+  regulate_contact(tick, dt_s);
+  const double force_N = norm(tick.device[0].force_N);
+  const bool held = tick.device[0].label == step.structure &&
+                    (requested_N_ == 0 || cutting_ || is_within(force_N, requested_N_, kHeldWithin));
   settled_s_ = held ? settled_s_ + dt_s : 0;
   longest_s_ = std::max(longest_s_, settled_s_);
   if (settled_s_ >= action.seconds - 0.5 * dt_s) return true;
   if (step_time_s_ < action.seconds + kHoldPatience_s) return false;
-  return fail(step, felt,
+  return fail(step, tick,
               text_of("held for %.2f s without interruption, asked for %.2f N, felt %.2f N", longest_s_,
-                      asked_N_, felt_N_));
+                      requested_N_, filtered_N_));
 }
 
-bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<SlideStep>(step.action);
-  if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, "it met something: " + *over);
-  if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
-  const Transform<World, Patient> X = X_WorldPatient(felt);
+  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, "it met something: " + *over);
+  if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+  const Transform<World, Patient> X = X_WorldPatient(tick);
   const Vector<World> direction = (X * action.direction).normalized();
   const Vector<World> along = direction - inward_ * inward_.dot(direction);
-  if (along.norm() < kMinAlong) return fail(step, felt, "its direction points out of the surface");
+  if (along.norm() < kMinAlong) return fail(step, tick, "its direction points out of the surface");
 
   // measured by the contact point, not by the hand
-  const Point<Patient> here = point<Patient>(felt.device[0].proxy_patient_mm);
+  const Point<Patient> here = point<Patient>(tick.device[0].proxy_patient_mm);
   if (step_time_s_ > 0) slid_mm_ += (X * (here - contact_)).dot(along.normalized());
   contact_ = here;
-  sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
-  regulate_contact(felt, dt_s);
+  sum_Ns_ += norm(tick.device[0].force_N) * dt_s;
+  regulate_contact(tick, dt_s);
   if (slid_mm_ >= action.distance_mm) {
     const auto badly = force_deviation(step_time_s_ + dt_s);
-    return badly ? fail(step, felt, *badly) : true;
+    return badly ? fail(step, tick, *badly) : true;
   }
-  const double speed_mm_s = std::min(action.speed_mm_s, careful_speed_mm_s(step.structure, felt));
+  const double speed_mm_s = std::min(action.speed_mm_s, careful_speed_mm_s(step.structure, tick));
   intention_ += along.normalized() * (speed_mm_s * dt_s);
   if (step_time_s_ < action.distance_mm / speed_mm_s + kPatience_s) return false;
-  return fail(step, felt, text_of("it advanced %.1f mm", slid_mm_));
+  return fail(step, tick, text_of("it advanced %.1f mm", slid_mm_));
 }
 
-bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, double dt_s,
+bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& tick, double dt_s,
                           Eigen::Quaterniond& target) {
   const auto& action = std::get<RotateStep>(step.action);
   if (touching_) {
-    if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, *over);
-    if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
-    sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
-    regulate_contact(felt, dt_s);
+    if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, *over);
+    if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+    sum_Ns_ += norm(tick.device[0].force_N) * dt_s;
+    regulate_contact(tick, dt_s);
   } else if (!turning_) {
     // step back, so that the rotating object does not hit the hand
-    if (step_time_s_ == 0 && !begin_step_back(felt))
-      return fail(step, felt, "there is no free path to move back");
-    if (!walk(kSteppingBack_mm_s, felt, dt_s))
-      return stuck_s_ > kStuck_s && fail(step, felt, "the hand got stuck");
+    if (step_time_s_ == 0 && !begin_step_back(tick))
+      return fail(step, tick, "there is no free path to move back");
+    if (!follow_path(kSteppingBack_mm_s, tick, dt_s))
+      return stuck_s_ > kStuck_s && fail(step, tick, "the hand got stuck");
   }
   if (!turning_) rotation_start_ = target;
   turning_ = true;
 
   // a command every tenth of a second, as a second person at a viewer would send
-  const double commanded_s = std::floor(turned_s_ / kTurningFeel.interval_s + 1e-9) * kTurningFeel.interval_s;
+  const double commanded_s =
+      std::floor(turned_s_ / kRotationSettings.interval_s + 1e-9) * kRotationSettings.interval_s;
   const double part = std::min(1.0, commanded_s / action.seconds);
   const double radians = action.degrees * std::numbers::pi / 180 * part;
   target = Eigen::Quaterniond(Eigen::AngleAxisd(radians, action.axis_world.normalized())) * rotation_start_;
   turned_s_ += dt_s;
-  if (turned_s_ < action.seconds + kTurningFeel.interval_s) return false;
+  if (turned_s_ < action.seconds + kRotationSettings.interval_s) return false;
   const auto badly = touching_ ? force_deviation(turned_s_) : std::nullopt;
-  return badly ? fail(step, felt, *badly) : true;
+  return badly ? fail(step, tick, *badly) : true;
 }
 
-bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& felt, double dt_s,
+bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& tick, double dt_s,
                                  HandCommands& commands) {
-  if (touching_) regulate_contact(felt, dt_s);
+  if (touching_) regulate_contact(tick, dt_s);
   commands.method = change.method;
   return true;
 }
 
 // Waits until the law takes effect, which may require new surfaces, and then until the stiffer tissue has
 // pushed the hand out to the depth of its pressing force.
-bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, double dt_s,
+bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 300, kBriefly_s = 0.05, kLongestPush_s = 3;
-  if (touching_) regulate_contact(felt, dt_s);
+  if (touching_) regulate_contact(tick, dt_s);
   const TissueLaw law = std::get<LawStep>(step.action).law;
   if (step_time_s_ == 0) {
     commands.law = law;
     return false;
   }
-  if (commands.law_version == 0u) return fail(step, felt, "its surfaces could not be prepared");
-  if (commands.law_version && felt.model_version >= *commands.law_version) {
+  if (commands.law_version == 0u) return fail(step, tick, "its surfaces could not be prepared");
+  if (commands.law_version && tick.model_version >= *commands.law_version) {
     law_ = law;
     settled_s_ += dt_s;
     if (!touching_ || settled_s_ >= kLongestPush_s) return true;
-    (void)excess_depth(felt, dt_s);
+    (void)excess_depth(tick, dt_s);
     return settled_s_ >= kBriefly_s && over_s_ == 0;
   }
-  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not prepared in time");
+  return step_time_s_ + dt_s >= kLongest_s && fail(step, tick, "its surfaces were not prepared in time");
 }
 
 // the second hand moves while this one rests
-bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& felt, double dt_s,
+bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& tick, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 20;
-  if (touching_) regulate_contact(felt, dt_s);
+  if (touching_) regulate_contact(tick, dt_s);
   if (step_time_s_ == 0) {
     commands.scope = std::get<ScopeStep>(step.action);
     return false;
   }
   if (commands.scope_is_there) return true;
-  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "it did not arrive in time");
+  return step_time_s_ + dt_s >= kLongest_s && fail(step, tick, "it did not arrive in time");
 }
 
-bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
+bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& tick, double dt_s,
                                 HandCommands& commands) {
-  if (touching_) regulate_contact(felt, dt_s);
+  if (touching_) regulate_contact(tick, dt_s);
   cutting_ = motor.on;
   commands.motor = motor.on;
   return true;
 }
 
 // Waits for the last cuts of the stroke before the request.
-bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s,
+bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& tick, double dt_s,
                                  HandCommands& commands) {
   constexpr double kCarved_s = 0.2, kLongest_s = 2;
-  if (touching_) regulate_contact(felt, dt_s);
-  if (cutting_) return fail(step, felt, "the motor is running");
+  if (touching_) regulate_contact(tick, dt_s);
+  if (cutting_) return fail(step, tick, "the motor is running");
   const double now_s = step_time_s_ + dt_s;
   if (step_time_s_ < kCarved_s) {
     if (now_s >= kCarved_s) commands.stroke = std::get<StrokeStep>(step.action).action;
     return false;
   }
-  if (commands.stroke_version == 0u) return fail(step, felt, "there is no stroke");
-  if (commands.stroke_version && felt.model_version >= *commands.stroke_version) return true;
-  return now_s >= kLongest_s && fail(step, felt, "it was not done in time");
+  if (commands.stroke_version == 0u) return fail(step, tick, "there is no stroke");
+  if (commands.stroke_version && tick.model_version >= *commands.stroke_version) return true;
+  return now_s >= kLongest_s && fail(step, tick, "it was not done in time");
 }
 
-bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double dt_s) {
-  if (step_time_s_ == 0) begin_withdrawal(felt);
-  if (!withdraw(std::get<LeaveStep>(step.action).speed_mm_s, felt, dt_s)) return false;
+bool ScriptedHand::withdraw_from_contact(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+  if (step_time_s_ == 0) begin_withdrawal(tick);
+  if (!withdraw(std::get<LeaveStep>(step.action).speed_mm_s, tick, dt_s)) return false;
   touching_ = false;
-  if (felt_N_ >= kFree_N) trouble_.push_back(named(step) + text_of(" failed: still %.2f N", felt_N_));
+  if (filtered_N_ >= kFree_N) trouble_.push_back(named(step) + text_of(" failed: still %.2f N", filtered_N_));
   return true;
 }
 
 // ---- failures
 
 // stiffness of a structure in the patient frame as rendered; N/mm
-double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const {
-  const DeviceTick& device = felt.device[0];
+double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& tick) const {
+  const DeviceTick& device = tick.device[0];
   const Tissue& tissue = *model_->tissue_of(structure);
   const double own =
       is_elastic(law_) && tissue.elastic ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
   const RenderedStiffness gains(device);
   const double most = gains.max_in_patient();
   if (!(most > 0)) return own;
-  if (felt_by_proxy(felt)) return std::min(own, most);
+  if (is_rendered_by_proxy(tick)) return std::min(own, most);
   const double all =
       model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
   return own * gains.direct_method_factor(all);
@@ -663,7 +665,7 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& fel
 // secant stiffness of an elastic half-space at the target force
 double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const {
   const ContactLaw half_space{0, {}, contact_modulus_N_per_mm2(constants)};
-  const double force_N = std::max(wanted_N_, touch_N_);
+  const double force_N = std::max(target_N_, touch_N_);
   const YieldForce unit = yield_force(half_space, 1, model_->tool_of(0).radius_mm);
   // Hertz contact: depth grows with force to the power 2/3
   return force_N / std::pow(force_N / unit.force_N, 2.0 / 3);
@@ -671,15 +673,15 @@ double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const 
 
 // Detects a tip that is deeper than the target force explains, or, during an approach, than the touch force
 // does.
-std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& felt, double dt_s) {
-  const DeviceTick& device = felt.device[0];
-  const double force_N = limited(std::max(wanted_N_, touch_N_), felt);
-  const LabelId met = device.label != 0 ? device.label : steps_[step_].structure;
+std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& tick, double dt_s) {
+  const DeviceTick& device = tick.device[0];
+  const double force_N = limited(std::max(target_N_, touch_N_), tick);
+  const LabelId encountered = device.label != 0 ? device.label : steps_[step_].structure;
   // the proxy reports its spring directly, whatever has been edited since; not valid during a blend
-  const bool told = felt_by_proxy(felt) && (device.flags & kFlagBlend) == 0 && device.depth_mm > 0 &&
-                    device.unclamped_force_N > 0;
-  const double stiffness =
-      told ? device.unclamped_force_N / device.depth_mm : stiffness_N_per_mm(met, felt) * device.force_gain;
+  const bool reported = is_rendered_by_proxy(tick) && (device.flags & kFlagBlend) == 0 &&
+                        device.depth_mm > 0 && device.unclamped_force_N > 0;
+  const double stiffness = reported ? device.unclamped_force_N / device.depth_mm
+                                    : stiffness_N_per_mm(encountered, tick) * device.force_gain;
   const double explained_mm = force_N / stiffness;
   const double over_mm = std::max(kMaxOver_mm, kMaxOvershoot * explained_mm);
   // too deep for a surface to be found: counts as too deep if in contact
@@ -687,43 +689,43 @@ std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& felt, do
       std::isnan(device.depth_mm) ? device.label != 0 : device.depth_mm > explained_mm + over_mm;
   over_s_ = over ? over_s_ + dt_s : 0;
   if (over_s_ < kOver_s) return std::nullopt;
-  if (force_N < wanted_N_) return text_of("the limit is %.2f N", force_N);
+  if (force_N < target_N_) return text_of("the limit is %.2f N", force_N);
   if (std::isnan(device.depth_mm)) return "the tip penetrated the surface";
   return text_of("the tip was %.1f mm deep, but %.2f N explain only %.1f mm", device.depth_mm, force_N,
                  explained_mm);
 }
 
-std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const TickRecord& felt, double dt_s) {
-  const DeviceTick& device = felt.device[0];
+std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+  const DeviceTick& device = tick.device[0];
   off_s_ = device.label == step.structure ? 0 : off_s_ + dt_s;
   if ((device.flags & kFlagRuptured) != 0) return "the tool punctured a surface";
-  if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : wrong_contact(felt);
+  if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : wrong_contact(tick);
 
   // the tip is farther from the intended position than force and friction explain
-  const double lag_mm = (tip_of(felt) - intention_).norm();
-  const double force_mm = 1.5e3 * std::max(wanted_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
-  if (lag_mm > force_mm + tracking_tolerance_mm(felt) + kPushedAway_mm)
+  const double lag_mm = (tip_of(tick) - intention_).norm();
+  const double force_mm = 1.5e3 * std::max(target_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
+  if (lag_mm > force_mm + tracking_tolerance_mm(tick) + kPushedAway_mm)
     return text_of("the tip was pushed %.0f mm away from the position of the hand", lag_mm);
   // a person who perceives the loss of contact stops pushing
-  if (device.label == 0 && lag_mm > tracking_tolerance_mm(felt)) intention_ = tip_of(felt);
+  if (device.label == 0 && lag_mm > tracking_tolerance_mm(tick)) intention_ = tip_of(tick);
   return std::nullopt;
 }
 
 // description if the mean force of a step deviates from the pressed force
 std::optional<std::string> ScriptedHand::force_deviation(double time_s) const {
   const double mean_N = sum_Ns_ / time_s;
-  if (asked_N_ == 0 || cutting_ || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
-  return text_of("mean force %.2f N, asked for %.2f N", mean_N, asked_N_);
+  if (requested_N_ == 0 || cutting_ || is_within(mean_N, requested_N_, kHeldWithin)) return std::nullopt;
+  return text_of("mean force %.2f N, asked for %.2f N", mean_N, requested_N_);
 }
 
 // reports the reason, and retreats along the path; the following steps are skipped
-bool ScriptedHand::fail(const PlannedStep& step, const TickRecord& felt, const std::string& why) {
+bool ScriptedHand::fail(const PlannedStep& step, const TickRecord& tick, const std::string& why) {
   const bool contact = touching_;
   trouble_.push_back(named(step) + " failed: " + why + (contact ? skipped() : ""));
   touching_ = false;
   if (!contact) return true;
   withdrawing_ = true;
-  begin_withdrawal(felt);
+  begin_withdrawal(tick);
   return false;
 }
 
@@ -768,43 +770,43 @@ std::string ScriptedHand::skipped() const {
   return count == 1 ? "; line " + lines + " is skipped" : "; lines " + lines + " are skipped";
 }
 
-std::string ScriptedHand::wrong_contact(const TickRecord& felt) const {
-  return "it touched " + model_->name_of(felt.device[0].label) + " instead, at " +
-         place_text(point<Patient>(felt.device[0].proxy_patient_mm));
+std::string ScriptedHand::wrong_contact(const TickRecord& tick) const {
+  return "it touched " + model_->name_of(tick.device[0].label) + " instead, at " +
+         place_text(point<Patient>(tick.device[0].proxy_patient_mm));
 }
 
 // ---- motion
 
 // lag of the tip behind a hand in free motion
-double ScriptedHand::tracking_tolerance_mm(const TickRecord& felt) const {
-  return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * felt.device[0].scale + kLeash_mm;
+double ScriptedHand::tracking_tolerance_mm(const TickRecord& tick) const {
+  return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * tick.device[0].scale + kLeash_mm;
 }
 
 // speed at which an unexpected surface is penetrated by at most kCarefulDip before the hand stops
-double ScriptedHand::careful_speed_mm_s(LabelId structure, const TickRecord& felt) const {
-  const DeviceTick& device = felt.device[0];
-  const double wall_N_per_m = 1e3 * RenderedStiffness(device).at_device(stiffness_N_per_mm(structure, felt));
+double ScriptedHand::careful_speed_mm_s(LabelId structure, const TickRecord& tick) const {
+  const DeviceTick& device = tick.device[0];
+  const double wall_N_per_m = 1e3 * RenderedStiffness(device).at_device(stiffness_N_per_mm(structure, tick));
   const double mass_kg = device_.mass_kg + hand_.mass_kg;
   return std::max(kMinCareful_mm_s,
                   kCarefulDip_mm * std::sqrt((hand_.stiffness_N_per_m + wall_N_per_m) / mass_kg));
 }
 
 // moves along the remaining path, not ahead of the tip; true at its end
-bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) {
-  if ((tip_of(felt) - intention_).norm() > tracking_tolerance_mm(felt)) {
+bool ScriptedHand::follow_path(double speed_mm_s, const TickRecord& tick, double dt_s) {
+  if ((tip_of(tick) - intention_).norm() > tracking_tolerance_mm(tick)) {
     stuck_s_ += dt_s;
     return false;
   }
   stuck_s_ = 0;
-  const Transform<World, Patient> X = X_WorldPatient(felt);
+  const Transform<World, Patient> X = X_WorldPatient(tick);
   const LabelId structure = steps_[step_].structure;
   if (structure != 0) {
     const double room = std::max(1.0, free_space_.clearance_mm(X.inverse() * intention_) / kRoom_mm);
-    speed_mm_s = std::min(speed_mm_s, careful_speed_mm_s(structure, felt) * room);
+    speed_mm_s = std::min(speed_mm_s, careful_speed_mm_s(structure, tick) * room);
   }
   double left_mm = speed_mm_s * dt_s;
-  while (!way_.empty()) {
-    const Point<World> corner = X * way_.back();
+  while (!path_.empty()) {
+    const Point<World> corner = X * path_.back();
     const Vector<World> to_corner = corner - intention_;
     const double distance_mm = to_corner.norm();
     if (distance_mm > left_mm) {
@@ -813,86 +815,88 @@ bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) 
     }
     intention_ = corner;
     left_mm -= distance_mm;
-    way_.pop_back();
+    path_.pop_back();
   }
   return true;
 }
 
 // moves the intended position along the pressing direction until the target force is perceived
-void ScriptedHand::regulate_force(const TickRecord& felt, double dt_s) {
-  const DeviceTick& device = felt.device[0];
+void ScriptedHand::regulate_force(const TickRecord& tick, double dt_s) {
+  const DeviceTick& device = tick.device[0];
   const double hand = 1e-3 * hand_.stiffness_N_per_m;
-  const double wall = RenderedStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, felt));
-  const double felt_per_mm = hand * wall / (hand + wall) / device.scale;
-  const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / felt_per_mm);
-  const double error_N = limited(std::max(wanted_N_, touch_N_), felt) - felt_N_;
+  const double wall = RenderedStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, tick));
+  const double rendered_N_per_mm = hand * wall / (hand + wall) / device.scale;
+  const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / rendered_N_per_mm);
+  const double error_N = limited(std::max(target_N_, touch_N_), tick) - filtered_N_;
   intention_ += inward_ * (std::clamp(gain * error_N, -kMaxPressing_mm_s, kMaxPressing_mm_s) * dt_s);
 }
 
 // presses along the perceived normal, and follows the surface if the object rotates
-void ScriptedHand::regulate_contact(const TickRecord& felt, double dt_s) {
-  if (felt_normal_.norm() > 0.5) inward_ = -felt_normal_.normalized();
-  const Point<Patient> at = point<Patient>(felt.device[0].proxy_patient_mm);
-  if (lay_) intention_ += inward_ * inward_.dot(X_WorldPatient(felt) * at - *lay_ * at);
-  regulate_force(felt, dt_s);
+void ScriptedHand::regulate_contact(const TickRecord& tick, double dt_s) {
+  if (filtered_normal_.norm() > 0.5) inward_ = -filtered_normal_.normalized();
+  const Point<Patient> at = point<Patient>(tick.device[0].proxy_patient_mm);
+  if (lay_) intention_ += inward_ * inward_.dot(X_WorldPatient(tick) * at - *lay_ * at);
+  regulate_force(tick, dt_s);
 
   // extend the return path by the current position
-  const auto& n = felt.device[0].normal_patient;
+  const auto& n = tick.device[0].normal_patient;
   const Point<Patient> corner = at + Vector<Patient>(n[0], n[1], n[2]) * (model_->sigma_mm + tool_reach_mm_);
-  if (felt.device[0].label == steps_[step_].structure && (corner - way_in_.back()).norm() > kTrail_mm)
-    way_in_.push_back(corner);
+  if (tick.device[0].label == steps_[step_].structure && (corner - approach_path_.back()).norm() > kTrail_mm)
+    approach_path_.push_back(corner);
 }
 
-void ScriptedHand::begin_withdrawal(const TickRecord& felt) {
-  retreat_start_ = tip_of(felt);
+void ScriptedHand::begin_withdrawal(const TickRecord& tick) {
+  retreat_start_ = tip_of(tick);
   // drop corners that the intended position reached but the tip, held back by contact, did not
-  const Point<Patient> tip = X_WorldPatient(felt).inverse() * retreat_start_;
-  while (way_in_.size() > 1) {
-    const Vector<Patient> last = way_in_.back() - way_in_[way_in_.size() - 2];
-    if ((tip - way_in_.back()).dot(last) >= 0 || (tip - way_in_.back()).norm() > kPushedAway_mm) break;
-    way_in_.pop_back();
+  const Point<Patient> tip = X_WorldPatient(tick).inverse() * retreat_start_;
+  while (approach_path_.size() > 1) {
+    const Vector<Patient> last = approach_path_.back() - approach_path_[approach_path_.size() - 2];
+    if ((tip - approach_path_.back()).dot(last) >= 0 || (tip - approach_path_.back()).norm() > kPushedAway_mm)
+      break;
+    approach_path_.pop_back();
   }
-  way_ = way_in_;
-  wanted_N_ = left_s_ = stuck_s_ = pressed_s_ = 0;
+  path_ = approach_path_;
+  target_N_ = left_s_ = stuck_s_ = pressed_s_ = 0;
 }
 
 // Releases the contact first, then retreats along the path at the patient's current pose. True when there is
 // no more force, or if that does not happen in time.
-bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt_s) {
-  const DeviceTick& device = felt.device[0];
-  const Point<World> here = tip_of(felt);
+bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& tick, double dt_s) {
+  const DeviceTick& device = tick.device[0];
+  const Point<World> here = tip_of(tick);
   const double lag_mm = (here - intention_).norm();
   const bool pressed =
-      device.label != 0 && (device.depth_mm > kLetGo_mm || lag_mm > tracking_tolerance_mm(felt));
+      device.label != 0 && (device.depth_mm > kRelease_mm || lag_mm > tracking_tolerance_mm(tick));
   bool at_its_end = false;
   if (pressed) {
     pressed_s_ += dt_s;
     const auto& n = device.normal_patient;
-    const Vector<World> out = X_WorldPatient(felt) * Vector<Patient>(n[0], n[1], n[2]);
+    const Vector<World> out = X_WorldPatient(tick) * Vector<Patient>(n[0], n[1], n[2]);
     intention_ += (out != Vector<World>() ? out : -inward_) * (speed_mm_s * dt_s);
   } else {
-    at_its_end = walk(speed_mm_s, felt, dt_s);
+    at_its_end = follow_path(speed_mm_s, tick, dt_s);
   }
 
   // done outside the ramp's range and without force
-  const bool ramp_ended = (here - retreat_start_).norm() > kWayOutInSigmas * model_->sigma_mm + kWayOut_mm;
-  const bool free = free_space_.reachable(X_WorldPatient(felt).inverse() * here);
-  if (ramp_ended && free && felt_N_ < kFree_N) return true;
+  const bool ramp_ended =
+      (here - retreat_start_).norm() > kExitPathInSigmas * model_->sigma_mm + kExitPath_mm;
+  const bool free = free_space_.reachable(X_WorldPatient(tick).inverse() * here);
+  if (ramp_ended && free && filtered_N_ < kFree_N) return true;
   left_s_ += at_its_end ? dt_s : 0;
-  return left_s_ > kFollow_s || stuck_s_ > kStuck_s || pressed_s_ > kLettingGo_s;
+  return left_s_ > kFollow_s || stuck_s_ > kStuck_s || pressed_s_ > kRelease_s;
 }
 
 // plans a path to a distance at which the object cannot reach the hand in any rotation; false if there is
 // none
-bool ScriptedHand::begin_step_back(const TickRecord& felt) {
-  way_.clear();
-  const Vector<World> from_middle = tip_of(felt) - Point<World>();
+bool ScriptedHand::begin_step_back(const TickRecord& tick) {
+  path_.clear();
+  const Vector<World> from_middle = tip_of(tick) - Point<World>();
   if (from_middle.norm() >= clear_of_object_mm_) return true;
   const Vector<World> out = (from_middle.norm() > 1 ? from_middle : start_ - Point<World>()).normalized();
-  const Transform<Patient, World> X = X_WorldPatient(felt).inverse();
-  way_ = free_space_.path(X * intention_, X * (Point<World>() + out * clear_of_object_mm_));
-  std::reverse(way_.begin(), way_.end());
-  return !way_.empty();
+  const Transform<Patient, World> X = X_WorldPatient(tick).inverse();
+  path_ = free_space_.path(X * intention_, X * (Point<World>() + out * clear_of_object_mm_));
+  std::reverse(path_.begin(), path_.end());
+  return !path_.empty();
 }
 
 }  // namespace palpate

@@ -125,32 +125,32 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
       parse_script("[[step]]\nstroke = \"undo\"\n[[step]]\nstroke = \"redo\"\n", "undoing script").value();
   auto hand = ScriptedHand::create(*loaded.model, script);
   ASSERT_TRUE(hand.ok()) << hand.error().message();
-  TickRecord felt;
-  felt.model_version = 4;
+  TickRecord tick;
+  tick.model_version = 4;
   HandCommands commands;
-  const auto ticks_until_asked = [&] {
+  const auto ticks_until_requested = [&] {
     for (int n = 1; n < 1000; ++n) {
-      (void)hand->next(felt, 1e-3, commands);
+      (void)hand->next(tick, 1e-3, commands);
       if (std::exchange(commands.stroke, std::nullopt)) return n;
     }
     return 0;
   };
-  ASSERT_GT(ticks_until_asked(), 0);
+  ASSERT_GT(ticks_until_requested(), 0);
   // another edit of a tissue, and another cut
   commands.stroke_version.reset();
-  for (; felt.model_version < 7; ++felt.model_version) (void)hand->next(felt, 1e-3, commands);
+  for (; tick.model_version < 7; ++tick.model_version) (void)hand->next(tick, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0);
   commands.stroke_version = 8;
-  (void)hand->next(felt, 1e-3, commands);
+  (void)hand->next(tick, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0) << "which is not felt yet";
-  felt.model_version = 8;
-  (void)hand->next(felt, 1e-3, commands);
+  tick.model_version = 8;
+  (void)hand->next(tick, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0.5);
   // a stroke that does not exist
-  ASSERT_GT(ticks_until_asked(), 0);
+  ASSERT_GT(ticks_until_requested(), 0);
   commands.stroke_version = 0;
-  felt.model_version = 9;
-  (void)hand->next(felt, 1e-3, commands);
+  tick.model_version = 9;
+  (void)hand->next(tick, 1e-3, commands);
   ASSERT_EQ(hand->trouble().size(), 1u);
   EXPECT_NE(hand->trouble()[0].find("there is no stroke"), std::string::npos) << hand->trouble()[0];
 }
@@ -166,8 +166,8 @@ TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
     auto hand = ScriptedHand::create(*loaded.model, script);
     ASSERT_TRUE(hand.ok()) << hand.error().message();
     HandCommands commands;
-    TickRecord felt;
-    DeviceTick& device = felt.device[0];
+    TickRecord record;
+    DeviceTick& device = record.device[0];
     Point<World> intention = hand->start(), tip = intention;
     const auto tick = [&] {
       const auto tip_patient = loaded.model->X_WorldPatient.inverse() * tip;
@@ -175,7 +175,7 @@ TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
         device.tip_world_mm[axis] = tip[axis];
         device.tip_patient_mm[axis] = device.proxy_patient_mm[axis] = tip_patient[axis];
       }
-      intention = hand->next(felt, 1e-3, commands).value();
+      intention = hand->next(record, 1e-3, commands).value();
     };
     while ((tip - hand->start()).norm() < free_mm) {
       tick();
@@ -186,7 +186,7 @@ TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
     const Point<World> wall = tip;
     const Vector<World> forward = (tip - hand->start()).normalized();
     const Vector<Patient> normal = loaded.model->X_WorldPatient.inverse() * -forward;
-    bool met = false, back = false;
+    bool encountered = false, back = false;
     for (int n = 0; n < 400; ++n) {
       tick();
       const double over_mm = (intention - wall).dot(forward);
@@ -194,10 +194,10 @@ TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
       device.label = over_mm > 0 ? testing::kBone : LabelId{0};
       device.depth_mm = 0.2 * std::max(0.0, over_mm);
       for (int axis = 0; axis < 3; ++axis) device.normal_patient[axis] = over_mm > 0 ? normal[axis] : 0;
-      met |= over_mm > 1;
-      back |= met && over_mm < 0;
+      encountered |= over_mm > 1;
+      back |= encountered && over_mm < 0;
     }
-    EXPECT_TRUE(met && back) << "stopped after " << free_mm << " mm";
+    EXPECT_TRUE(encountered && back) << "stopped after " << free_mm << " mm";
   }
 }
 

@@ -20,7 +20,7 @@ constexpr double kMaxSeconds = 3600;
 Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional<Script>& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress) {
-  if (auto felt = require_touchable_tissue(loaded); !felt) return felt.error();
+  if (auto touchable = require_touchable_tissue(loaded); !touchable) return touchable.error();
   auto setup = set_up_run(loaded, script, options, progress);
   if (!setup) return setup.error();
   const Model& model = *setup->model;  // model at the beginning of the run
@@ -40,7 +40,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   result.limit_N = setup->limit_N;
   result.trouble = setup->trouble;
   std::vector<HoldMeter> meters;
-  for (const HoldAsked& asked : hand->asked()) meters.emplace_back(model, asked);
+  for (const HoldRequest& hold : hand->requested()) meters.emplace_back(model, hold);
 
   VirtualRun run(setup->model, *setup, std::move(*hand), progress);
   const std::size_t block = static_cast<std::size_t>(setup->script.rate_hz);  // one second
@@ -49,16 +49,16 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   RemovedVolume removed(model);
   NearestMeter nearest(model);
   const auto write_block = [&]() -> Result<void> {
-    const auto told = run.take_events();
-    for (const RecordingEvent& event : told) {
+    const auto reported = run.take_events();
+    for (const RecordingEvent& event : reported) {
       if (event.kind == RecordingEvent::Kind::kSweep) {
         const Cut cut = cut_of(event.sweep);
         removed.add({&cut, 1});
-        nearest.see(cut.sweep);
+        nearest.observe(cut.sweep);
       }
       if (event.kind == RecordingEvent::Kind::kModel) follow(event.change, removed);
     }
-    auto written = writer && !unwritten.empty() ? writer->append(unwritten, told) : Result<void>();
+    auto written = writer && !unwritten.empty() ? writer->append(unwritten, reported) : Result<void>();
     unwritten.clear();
     return written;
   };
@@ -66,11 +66,11 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   bool stopped = false;
   do {
     const TickRecord& record = run.tick();
-    result.summary.see(record);
+    result.summary.observe(record);
     if (options.on_tick) options.on_tick(record);
-    nearest.see(record);
+    nearest.observe(record);
     result.max_force_N = std::max(result.max_force_N, run.sent().force_N.norm());
-    for (HoldMeter& meter : meters) meter.see(record);
+    for (HoldMeter& meter : meters) meter.observe(record);
     unwritten.push_back(record);
     if (unwritten.size() == block) {
       if (auto written = write_block(); !written) return written.error();

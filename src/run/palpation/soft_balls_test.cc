@@ -37,7 +37,7 @@ TEST_P(SoftBalls, AreHeldByTheDefaultHand) {
     auto loaded = load_scene_or_data_set({file.string()});
     ASSERT_TRUE(loaded.ok()) << loaded.error().message();
     ASSERT_EQ(loaded->scene.tissues.size(), 1u);
-    EXPECT_TRUE(loaded->scene.tissues[0].felt);
+    EXPECT_TRUE(loaded->scene.tissues[0].touchable);
     const auto result = simulate(*loaded, {}, {}, {});
     ASSERT_TRUE(result.ok()) << result.error().message();
     EXPECT_EQ(result->failed_steps, 0u) << (result->trouble.empty() ? "" : result->trouble.back());

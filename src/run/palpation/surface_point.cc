@@ -13,7 +13,7 @@ namespace {
 // rising
 constexpr double kInside_mm = 0.5, kPress_mm = 1.2;
 // distance in front of the surface, and maximum distance from there to the structure
-constexpr double kInFront_mm = 1, kWayIn_mm = 2.5;
+constexpr double kInFront_mm = 1, kEntryPath_mm = 2.5;
 // fraction of full scale below which the field counts as free
 constexpr double kFree = 0.02;
 // radius of the patch that should be flat: about a fingertip
@@ -75,9 +75,9 @@ std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x,
     const FieldSample sample = sample_central_differences(*model.field, x);
     const double slope = sample.gradient.norm();
     if (slope < 1e-3) return std::nullopt;
-    const double way_mm = std::clamp((sample.value - value) / slope, -0.5, 0.5);
-    x += sample.gradient.normalized() * -way_mm;
-    if (std::abs(way_mm) < 1e-3) return x;
+    const double distance_mm = std::clamp((sample.value - value) / slope, -0.5, 0.5);
+    x += sample.gradient.normalized() * -distance_mm;
+    if (std::abs(distance_mm) < 1e-3) return x;
   }
   return std::nullopt;
 }
@@ -87,9 +87,9 @@ double clearance_along(const Model& model, const Point<Patient>& surface, const 
                        double max_mm) {
   constexpr double kStep_mm = 0.25;
   double previous = sample_value(*model.field, surface);
-  for (double way = kStep_mm; way <= max_mm; way += kStep_mm) {
-    const double here = sample_value(*model.field, surface + n * way);
-    if (here > previous + 1e-3 && here > kFree) return way - kStep_mm;
+  for (double distance = kStep_mm; distance <= max_mm; distance += kStep_mm) {
+    const double here = sample_value(*model.field, surface + n * distance);
+    if (here > previous + 1e-3 && here > kFree) return distance - kStep_mm;
     previous = here;
   }
   return max_mm;
@@ -123,14 +123,14 @@ double convexity(const Model& model, const Point<Patient>& surface, const Vector
 }
 
 // first label with contact along the inward direction
-LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<Patient>& inward) {
+LabelId first_touchable(const Model& model, const Point<Patient>& from, const Vector<Patient>& inward) {
   const Bricks<LabelId>& labels = *model.labels;
   const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
-  for (double way_mm = 0; way_mm <= kWayIn_mm; way_mm += step_mm) {
-    const Point<Voxel> p = model.labels->X_VoxelPatient() * (from + inward * way_mm);
+  for (double distance_mm = 0; distance_mm <= kEntryPath_mm; distance_mm += step_mm) {
+    const Point<Voxel> p = model.labels->X_VoxelPatient() * (from + inward * distance_mm);
     const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
     const LabelId label = labels.anywhere(index(0), index(1), index(2));
-    if (model.is_felt(label)) return label;
+    if (model.is_touchable(label)) return label;
   }
   return 0;
 }
@@ -152,7 +152,7 @@ double own_share(const Model& model, const Point<Patient>& surface, const Vector
   const auto is_own = [&](const Vector<Patient>& along_surface) {
     // ramps exist inside only: use the labels
     if (model.ramp_width_mm > 0)
-      return first_felt(model, surface + along_surface + n * kInFront_mm, -n) == structure ? 1 : 0;
+      return first_touchable(model, surface + along_surface + n * kInFront_mm, -n) == structure ? 1 : 0;
     const Point<Patient> x = surface + along_surface + n * (0.5 * model.sigma_mm);
     const FieldSample sample = sample_central_differences(*model.field, x);
     return find_contact_site(model, x, sample).label == structure ? 1 : 0;
@@ -171,11 +171,12 @@ std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure)
   const AnatomicalRange uncut = anatomical_range(labels, structure);
   std::vector<Point<Patient>> border;
   labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
-    if (piece.uniform && model.is_felt(*piece.voxels)) return;
+    if (piece.uniform && model.is_touchable(*piece.voxels)) return;
     for (int n = 0; n < piece.count; ++n) {
       const LabelId* const voxel = piece.voxels + n;
       if (*voxel != structure || !uncut.contains(piece.i + n, piece.j, piece.k)) continue;
-      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return !model.is_felt(voxel[face]); }))
+      if (std::any_of(faces.begin(), faces.end(),
+                      [&](auto face) { return !model.is_touchable(voxel[face]); }))
         border.push_back(X_PatientVoxel * Point<Voxel>(piece.i + n, piece.j, piece.k));
     }
   });
@@ -218,9 +219,9 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
 
 Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
   const std::string name = "'" + model.name_of(structure) + "'";
-  if (!model.is_felt(structure))
+  if (!model.is_touchable(structure))
     return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
-                 "set felt = true on its [[tissue]], or choose another structure"};
+                 "set touchable = true on its [[tissue]], or choose another structure"};
   if (model.field == nullptr)
     return Error{ErrorKind::kBadInput, "the model has no field to find a surface of " + name + " in", "model",
                  "prepare it for a direct method as well"};

@@ -34,11 +34,11 @@ std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& a
   return directions;
 }
 
-LabelId felt_label_at(const Model& model, const Point<Patient>& x) {
+LabelId touchable_label_at(const Model& model, const Point<Patient>& x) {
   const Point<Voxel> p = model.labels->X_VoxelPatient() * x;
   const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
   const LabelId label = model.labels->anywhere(index(0), index(1), index(2));
-  return model.is_felt(label) ? label : LabelId{0};
+  return model.is_touchable(label) ? label : LabelId{0};
 }
 
 /// Straight final segment of an approach.
@@ -58,11 +58,11 @@ class Stretch {
     const double front_mm = model_.sigma_mm + reach_mm_;
     const auto rim = directions_about(from);
     std::optional<double> before_mm;
-    for (double way = step_mm; way <= clearance_mm_ + kLonger_mm + reach_mm_; way += step_mm) {
-      if (before_mm && way > clearance_mm_) break;
-      const Point<Patient> here = surface.point + from * way;
-      if (!is_free(here, rim, way > front_mm)) break;
-      if (way >= front_mm && free_space_.reachable(here)) before_mm = way;
+    for (double distance = step_mm; distance <= clearance_mm_ + kLonger_mm + reach_mm_; distance += step_mm) {
+      if (before_mm && distance > clearance_mm_) break;
+      const Point<Patient> here = surface.point + from * distance;
+      if (!is_free(here, rim, distance > front_mm)) break;
+      if (distance >= front_mm && free_space_.reachable(here)) before_mm = distance;
     }
     if (!before_mm) return std::nullopt;
     return TouchPlace{surface, from, surface.point + from * *before_mm, surface.point + from * front_mm};
@@ -73,7 +73,7 @@ class Stretch {
   bool is_free(const Point<Patient>& here, const std::array<Vector<Patient>, kTouchRim>& rim,
                bool off) const {
     const auto fits = [&](const Point<Patient>& x) {
-      const LabelId label = felt_label_at(model_, x);
+      const LabelId label = touchable_label_at(model_, x);
       return label == 0 || (label == structure_ && !off);
     };
     return fits(here) && (reach_mm_ == 0 || std::all_of(rim.begin(), rim.end(), [&](const auto& direction) {
@@ -105,7 +105,7 @@ std::string cover_of(const Model& model, LabelId structure) {
       if (*voxel != structure) continue;
       ++own;
       for (const std::ptrdiff_t face : BrickLayout::kFaces)
-        if (voxel[face] != structure && model.is_felt(voxel[face])) ++faces[voxel[face]];
+        if (voxel[face] != structure && model.is_touchable(voxel[face])) ++faces[voxel[face]];
     }
   });
   if (own == 0) return "it has no voxel";
@@ -131,8 +131,8 @@ LabelId in_front_of(const Model& model, LabelId structure, std::span<const Surfa
   const std::size_t stride = candidates.size() / kMaxSampled + 1;
   for (std::size_t c = 0; c < candidates.size(); c += stride) {
     const SurfacePoint& surface = candidates[c].surface;
-    for (double way_mm = step_mm; way_mm <= kFarthest_mm; way_mm += step_mm) {
-      const LabelId label = felt_label_at(model, surface.point + surface.normal * way_mm);
+    for (double distance_mm = step_mm; distance_mm <= kFarthest_mm; distance_mm += step_mm) {
+      const LabelId label = touchable_label_at(model, surface.point + surface.normal * distance_mm);
       if (label == 0 || label == structure) continue;
       ++counts[label];
       break;
@@ -255,7 +255,7 @@ LabelId contact_structure_near(const Model& model, const Point<Patient>& point) 
     for (int j = low[1]; j <= high[1]; ++j)
       for (int i = low[0]; i <= high[0]; ++i) {
         const LabelId label = labels.at(i, j, k);
-        if (!model.is_felt(label)) continue;
+        if (!model.is_touchable(label)) continue;
         const double mm = (X_PatientVoxel * Point<Voxel>(i, j, k) - point).norm();
         if (mm > min_mm) continue;
         min_mm = mm;

@@ -35,16 +35,17 @@ const TickRecord& VirtualRun::tick() {
   if (scope_) sensed_[1] = scope_->state();
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
   // solved with the model of the previous tick, as in a replay
-  const bool yields = before != nullptr && is_elastic(felt_->tissue_law) && felt_->has(ForceMethod::kProxy);
-  if (yields ? yields_.advance(*felt_, before) : yields_.rest()) {
+  const bool is_deformable =
+      before != nullptr && is_elastic(last_model_->tissue_law) && last_model_->has(ForceMethod::kProxy);
+  if (is_deformable ? yields_.advance(*last_model_, before) : yields_.rest()) {
     parameters_.yields = yields_.frame();
-    told_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
-    told_.back().tick = state_.tick;
+    reported_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
+    reported_.back().tick = state_.tick;
   }
   cut();
   palpate::tick(*model_, parameters_, {sensed_.data(), devices}, dt_s_, state_, {sent_.data(), devices},
                 record_);
-  felt_ = model_;
+  last_model_ = model_;
   return record_;
 }
 
@@ -62,12 +63,12 @@ void VirtualRun::cut_what_was_swept() {
     for (const Cut& cut : finished_cuts(state_.hands[1].burr, 1)) cuts.push_back(cut);
   if (cuts.empty()) return;
   model_ = carved_by(*model_, cuts)->taken_from(*model_);
-  for (const Cut& cut : cuts) told_.push_back(sweep_event(cut, model_->version));
-  RecordingEvent& event = told_.emplace_back();
+  for (const Cut& cut : cuts) reported_.push_back(sweep_event(cut, model_->version));
+  RecordingEvent& event = reported_.emplace_back();
   event.number = model_->version;
   event.change = {model_->version, ModelChange::kCut};
-  for (std::size_t row = told_.size() - cuts.size() - 1; row < told_.size(); ++row)
-    told_[row].tick = state_.tick;
+  for (std::size_t row = reported_.size() - cuts.size() - 1; row < reported_.size(); ++row)
+    reported_[row].tick = state_.tick;
 }
 
 void VirtualRun::change_stroke(StrokeAction action) {
@@ -76,7 +77,7 @@ void VirtualRun::change_stroke(StrokeAction action) {
   stroke_led_to_ = carving != nullptr ? change.version : 0;
   if (carving == nullptr) return;
   model_ = carving->taken_from(*model_);
-  RecordingEvent& event = told_.emplace_back();
+  RecordingEvent& event = reported_.emplace_back();
   event.tick = state_.tick;
   event.by = {Asker::kScript};
   event.number = change.version;
@@ -91,8 +92,8 @@ void VirtualRun::change_law(TissueLaw law) {
   auto next = next_version({model_, model_}, change, {}, progress_, *cached_preparation());
   law_led_to_ = next ? change.version : 0;
   if (!next) return;
-  model_ = std::move(next->felt);
-  RecordingEvent& event = told_.emplace_back();
+  model_ = std::move(next->current);
+  RecordingEvent& event = reported_.emplace_back();
   event.tick = state_.tick;
   event.by = {Asker::kScript};
   event.number = change.version;
@@ -117,10 +118,10 @@ bool VirtualRun::act() {
     parameters_.rotation_target = commands.rotation_target;
     if (commands.method) parameters_.method = *commands.method;
     if (commands.motor) parameters_.motor = *commands.motor;
-    RecordingEvent& event = told_.emplace_back(settings_event(before, parameters_));
+    RecordingEvent& event = reported_.emplace_back(settings_event(before, parameters_));
     event.tick = state_.tick;
     event.by = {Asker::kScript};
-    event.number = ++told_number_;
+    event.number = ++reported_number_;
   }
   intended_ = *intention;
   device_.intend(mapping_.to_device(intended_));

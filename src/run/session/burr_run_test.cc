@@ -29,13 +29,13 @@ Script milling() {
       .value();
 }
 
-void go_to(PlaybackHost& playback, const TickRecord& wanted) {
+void go_to(PlaybackHost& playback, const TickRecord& tick) {
   PlayRequest request;
-  request.at_s = wanted.time_s;
+  request.at_s = tick.time_s;
   ASSERT_TRUE(playback.play(request).ok());
   testing::soon([&] {
     std::array<double, kMaxDevices> stiffness_N_per_mm{};
-    return playback.snapshot(stiffness_N_per_mm).tick == wanted.tick;
+    return playback.snapshot(stiffness_N_per_mm).tick == tick.tick;
   });
 }
 
@@ -226,15 +226,15 @@ TEST_F(BurrRun, WhatIsLeftOfOverlappingLayersIsEachWithoutWhatWasSwept) {
   ASSERT_TRUE(left.ok());
   ASSERT_EQ(left->labels.layers.size(), 3u);
   EXPECT_EQ(left->labels.segments.size(), layers.segments.size());
-  std::size_t gone = 0;
+  std::size_t removed = 0;
   for (std::size_t v = 0; v < before.voxels().size(); ++v) {
     const bool is_gone = before.voxels()[v] != flat->labels.layers[0].voxels()[v];
-    gone += is_gone;
+    removed += is_gone;
     ASSERT_EQ(left->labels.layers[0].voxels()[v], is_gone ? 0 : layers.layers[0].voxels()[v]);
     ASSERT_EQ(left->labels.layers[1].voxels()[v], 1) << "what is not felt is not cut";
     ASSERT_EQ(left->labels.layers[2].voxels()[v], is_gone ? 0 : layers.layers[2].voxels()[v]);
   }
-  EXPECT_GT(gone, 100u);
+  EXPECT_GT(removed, 100u);
 }
 
 TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
@@ -246,25 +246,25 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
   PlaybackHost& playback = **opened;
   // forwards and backwards
   for (const double part : {0.0, 0.6, 1.0, 0.4}) {
-    const TickRecord& wanted =
+    const TickRecord& tick =
         recording_.ticks[static_cast<std::size_t>(part * static_cast<double>(recording_.ticks.size() - 1))];
-    go_to(playback, wanted);
-    const auto gone =
+    go_to(playback, tick);
+    const auto lost =
         static_cast<std::uint64_t>(std::ranges::count_if(recording_.events, [&](const auto& event) {
-          return event.kind == EventKind::kSweep && event.number <= wanted.model_version;
+          return event.kind == EventKind::kSweep && event.number <= tick.model_version;
         }));
-    EXPECT_EQ(playback.state().sweeps, gone) << part;
-    EXPECT_EQ(gone > 0, part > 0.35) << part;
+    EXPECT_EQ(playback.state().sweeps, lost) << part;
+    EXPECT_EQ(lost > 0, part > 0.35) << part;
     std::vector<Cut> cuts;
     for (const RecordingEvent& event : recording_.events)
-      if (event.kind == EventKind::kSweep && event.number <= wanted.model_version)
+      if (event.kind == EventKind::kSweep && event.number <= tick.model_version)
         cuts.push_back(cut_of(event.sweep));
     RemovedVolume removed(*loaded_.model);
     removed.add(cuts);
     EXPECT_EQ(playback.state().removed_mm3, removed.by_label_mm3()) << part;
     const auto left = Carving(*loaded_.model).with(cuts)->taken_from(*loaded_.model);
     EXPECT_EQ(playback.labels()->dense().voxels(), left->labels->dense().voxels()) << part;
-    EXPECT_EQ(removed.by_label_mm3().empty(), gone == 0) << part;
+    EXPECT_EQ(removed.by_label_mm3().empty(), lost == 0) << part;
   }
   EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, all.size() + 5), all);
   EXPECT_EQ(playback.sweeps(playback.state().model_version, 3, 2),
@@ -290,13 +290,13 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
   ASSERT_TRUE(opened.ok()) << opened.error().message();
   NearestMeter meter(**ready);
   auto event = recording->events.begin();
-  std::size_t told = 0, between = 0;
+  std::size_t reported = 0, between = 0;
   double before_mm = 1e9;
   for (std::size_t n = 0; n < recording->ticks.size(); ++n) {
     const TickRecord& tick = recording->ticks[n];
     for (; event != recording->events.end() && event->tick <= tick.tick; ++event)
-      if (event->kind == EventKind::kSweep) meter.see(cut_of(event->sweep).sweep);
-    meter.see(tick);
+      if (event->kind == EventKind::kSweep) meter.observe(cut_of(event->sweep).sweep);
+    meter.observe(tick);
     // sampled throughout the run, and more often during the approach
     const auto nearest = meter.nearest_mm().begin();
     const bool comes_near = nearest != meter.nearest_mm().end() && nearest->second > 0;
@@ -309,11 +309,11 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
       EXPECT_GE(shown.at(label), mm) << n;
       EXPECT_LE(mm, before_mm);
       before_mm = mm;
-      ++told;
+      ++reported;
       between += mm > 0 ? 1 : 0;
     }
   }
-  EXPECT_GT(told, 10u);
+  EXPECT_GT(reported, 10u);
   EXPECT_GT(between, 0u);
   EXPECT_EQ(before_mm, 0);
 }
@@ -430,8 +430,8 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
 
 TEST(BurrScene, AsManyEditsAsAnybodyWantsReplayToTheSameHash) {
   // the full campaign is PALPATE_TEST_EDITS=2000
-  const char* const asked = std::getenv("PALPATE_TEST_EDITS");
-  const long edits = asked != nullptr ? std::atol(asked) : 200;
+  const char* const value = std::getenv("PALPATE_TEST_EDITS");
+  const long edits = value != nullptr ? std::atol(value) : 200;
   // consecutive strokes of one second all around the ball; every third is undone
   constexpr long kEditsOfStroke = 65;
   const long strokes = (edits + kEditsOfStroke - 1) / kEditsOfStroke;

@@ -12,7 +12,7 @@ Error not_agreed(std::string what, std::string remedy) {
 
 }  // namespace
 
-void Consent::tell(const Waiting& waiting, Result<void> outcome) {
+void Consent::finish(const Waiting& waiting, Result<void> outcome) {
   answers_.push_back({waiting.who, waiting.id, std::move(outcome)});
 }
 
@@ -20,8 +20,8 @@ void Consent::drop_old(Clock::time_point now) {
   std::erase_if(waiting_, [&](const Waiting& waiting) {
     const bool old = now >= waiting.until;
     if (old)
-      tell(waiting, not_agreed("the request was not accepted at the terminal of palpate",
-                               "ask the operator there, then try again"));
+      finish(waiting, not_agreed("the request was not accepted at the terminal of palpate",
+                                 "ask the operator there, then try again"));
     return old;
   });
 }
@@ -35,7 +35,7 @@ void Consent::ask(const ViewerIdentity& who, std::int64_t id, std::string what,
   if (own == waiting_.end())
     own = waiting_.emplace(waiting_.end());
   else
-    tell(*own, not_agreed("the request was replaced by another one before it was accepted", ""));
+    finish(*own, not_agreed("the request was replaced by another one before it was accepted", ""));
   *own = {++questions_, who, id, std::move(what), std::move(grant), now + kPatience};
 }
 
@@ -49,20 +49,20 @@ std::optional<ConsentQuestion> Consent::question(Clock::time_point now) {
 }
 
 void Consent::answer(std::uint64_t number, bool agreed, Clock::time_point now) {
-  std::list<Waiting> asked;
+  std::list<Waiting> requested;
   {
     const std::lock_guard lock(mutex_);
     drop_old(now);
     const auto it = std::find_if(waiting_.begin(), waiting_.end(),
                                  [&](const Waiting& waiting) { return waiting.number == number; });
     if (it == waiting_.end()) return;
-    asked.splice(asked.end(), waiting_, it);
+    requested.splice(requested.end(), waiting_, it);
   }
   Result<void> outcome =
-      agreed ? asked.front().grant()
+      agreed ? requested.front().grant()
              : Result<void>(not_agreed("the request was declined at the terminal of palpate", ""));
   const std::lock_guard lock(mutex_);
-  tell(asked.front(), std::move(outcome));
+  finish(requested.front(), std::move(outcome));
 }
 
 void Consent::forget(const ViewerIdentity& who) {

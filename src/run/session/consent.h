@@ -50,7 +50,7 @@ class Consent {
     std::function<Result<void>()> grant;
     Clock::time_point until;
   };
-  void tell(const Waiting& waiting, Result<void> outcome);
+  void finish(const Waiting& waiting, Result<void> outcome);
   void drop_old(Clock::time_point now);
 
   std::mutex mutex_;

@@ -20,7 +20,7 @@ constexpr auto kCutPoll = std::chrono::milliseconds(10);
 Cutter::Cutter(LiveModel& model, SessionLoop& loop)
     : model_(model),
       loop_(loop),
-      first_(model.versions(model.lock()).felt),
+      first_(model.versions(model.lock()).current),
       removed_(*first_),
       nearest_(*first_) {}
 
@@ -54,53 +54,53 @@ void Cutter::run() {
 }
 
 void Cutter::cut(std::span<const Cut> cuts) {
-  const std::shared_ptr<const Model> before = model_.versions(model_.lock()).felt;
+  const std::shared_ptr<const Model> before = model_.versions(model_.lock()).current;
   auto carving = carved_by(*before, cuts);
-  const LiveModel::Lock held = model_.lock();
-  const Model& felt = model_.felt(held);
+  const LiveModel::Lock lock = model_.lock();
+  const Model& model = model_.current(lock);
   // the law may have changed meanwhile and brought new surfaces, from which these cuts are still missing
-  if (has_other_surfaces(*before, felt.tissue_law)) carving = carved_by(felt, cuts);
+  if (has_other_surfaces(*before, model.tissue_law)) carving = carved_by(model, cuts);
   // operations that may throw come first; repeating them is harmless
   cuts_.reserve(cuts.size());
-  for (const Cut& cut : cuts) nearest_.see(cut.sweep);
+  for (const Cut& cut : cuts) nearest_.observe(cut.sweep);
   removed_.add(cuts);
-  auto next = carving->taken_from(felt);
+  auto next = carving->taken_from(model);
   const std::uint32_t version = next->version;
-  model_.apply_cuts(held, cuts, std::move(next));
+  model_.apply_cuts(lock, cuts, std::move(next));
   for (const Cut& cut : cuts) cuts_.add(version, plain(cut));
 }
 
 void Cutter::change_strokes() {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   while (!wanted_.empty()) {
-    const Wanted wanted = wanted_.front();
+    const Wanted requested = wanted_.front();
     wanted_.pop_front();
-    const bool by_script = wanted.by.asker == Asker::kScript;
+    const bool by_script = requested.by.asker == Asker::kScript;
     if (by_script) script_led_to_ = 0;
     // a stroke has begun since the request, so the request does not refer to the last one
-    if (wanted.change.strokes != loop_.get()->strokes()) continue;
-    const ModelChange change = change_of_stroke(model_.felt(held), wanted.change.action);
+    if (requested.change.strokes != loop_.get()->strokes()) continue;
+    const ModelChange change = change_of_stroke(model_.current(lock), requested.change.action);
     cuts_.reserve(0);
-    auto next = next_version(model_.versions(held), change);
+    auto next = next_version(model_.versions(lock), change);
     if (!next) continue;
-    model_.apply(held, *std::move(next), change, wanted.by);
+    model_.apply(lock, *std::move(next), change, requested.by);
     if (by_script) script_led_to_ = change.version;
-    cuts_.add(change.version, wanted.change.action);
+    cuts_.add(change.version, requested.change.action);
     follow(change, removed_);
   }
 }
 
 // strokes that can still be undone or redone once the queued requests have been carried out
-std::ptrdiff_t Cutter::strokes_left(const LiveModel::Lock& held, StrokeAction action) const {
-  const Carving* const carving = model_.felt(held).carving.get();
+std::ptrdiff_t Cutter::strokes_left(const LiveModel::Lock& lock, StrokeAction action) const {
+  const Carving* const carving = model_.current(lock).carving.get();
   if (carving == nullptr) return 0;
   auto left = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
                                                                         : carving->strokes_to_redo());
-  for (const Wanted& wanted : wanted_) left += wanted.change.action == action ? -1 : 1;
+  for (const Wanted& requested : wanted_) left += requested.change.action == action ? -1 : 1;
   return left;
 }
 
-Result<void> Cutter::check(const LiveModel::Lock& held, const StrokeChange& change,
+Result<void> Cutter::check(const LiveModel::Lock& lock, const StrokeChange& change,
                            const Parameters& now) const {
   const ServoLoop& loop = *loop_.get();
   if (now.motor || motor_was_on(*first_, loop.snapshot()))
@@ -108,7 +108,7 @@ Result<void> Cutter::check(const LiveModel::Lock& held, const StrokeChange& chan
                    "switch off the motor, or release its pedal, first");
   if (loop.strokes() != change.strokes)
     return refusal("another stroke was started after the request", "", "repeat the request for that stroke");
-  if (strokes_left(held, change.action) > 0) return {};
+  if (strokes_left(lock, change.action) > 0) return {};
   return change.action == StrokeAction::kUndo
              ? refusal("there is no stroke to undo", "",
                        "a stroke is everything cut between start and stop of the motor; the last " +
@@ -116,41 +116,41 @@ Result<void> Cutter::check(const LiveModel::Lock& held, const StrokeChange& chan
              : refusal("there is no stroke to redo", "", "cutting after an undo discards the undone strokes");
 }
 
-void Cutter::request(const LiveModel::Lock& /*held*/, const StrokeChange& change, AskedBy by) {
+void Cutter::request(const LiveModel::Lock& /*held*/, const StrokeChange& change, RequestedBy by) {
   wanted_.push_back({change, by});
 }
 
 void Cutter::request_by_script(StrokeAction action) {
   const ServoLoop* const loop = loop_.get();
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   script_led_to_ = 0;
   if (!loop || !first_->cuts()) return;
-  request(held, {action, loop->strokes()}, {Asker::kScript});
+  request(lock, {action, loop->strokes()}, {Asker::kScript});
   script_led_to_.reset();
 }
 
 std::optional<std::uint32_t> Cutter::script_version() const {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   return script_led_to_;
 }
 
 std::vector<SweepRecord> Cutter::sweeps(std::uint32_t version, std::uint64_t first, std::size_t most) const {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   return cuts_.by(version, static_cast<std::size_t>(first), most);
 }
 
-void Cutter::describe(const LiveModel::Lock& held, const std::map<LabelId, double>& nearest_mm,
+void Cutter::describe(const LiveModel::Lock& lock, const std::map<LabelId, double>& nearest_mm,
                       ViewedState& state) const {
-  const Model& felt = model_.felt(held);
-  state.sweeps = cuts_.count(felt.version);
-  state.undone_to = cuts_.undone_to(felt.version);
-  if (const Carving* const carving = felt.carving.get()) {
+  const Model& model = model_.current(lock);
+  state.sweeps = cuts_.count(model.version);
+  state.undone_to = cuts_.undone_to(model.version);
+  if (const Carving* const carving = model.carving.get()) {
     state.strokes_to_undo = carving->strokes_to_undo();
     state.strokes_to_redo = carving->strokes_to_redo();
   }
   state.removed_mm3 = removed_.by_label_mm3();
   NearestMeter nearest = nearest_;
-  nearest.see(nearest_mm);
+  nearest.observe(nearest_mm);
   state.nearest_mm = nearest.nearest_mm();
 }
 

@@ -47,9 +47,9 @@ class Cutter {
   void end();
 
   /// Errors: kUsage while the motor runs, if another stroke was begun, and without such a stroke.
-  Result<void> check(const LiveModel::Lock& held, const StrokeChange& change, const Parameters& now) const;
+  Result<void> check(const LiveModel::Lock& lock, const StrokeChange& change, const Parameters& now) const;
   /// Queues a checked change. It is carried out once all sweeps of the last stroke have been removed.
-  void request(const LiveModel::Lock& held, const StrokeChange& change, AskedBy by);
+  void request(const LiveModel::Lock& lock, const StrokeChange& change, RequestedBy by);
   /// Queues a change of the last stroke, with the motor off. Does nothing if there is no such stroke or no
   /// tool cuts.
   void request_by_script(StrokeAction action);
@@ -60,18 +60,18 @@ class Cutter {
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first, std::size_t most) const;
   /// Fills in the sweeps, the strokes, the removed volume and the distances.
   /// @param nearest_mm  smallest distances over all ticks so far
-  void describe(const LiveModel::Lock& held, const std::map<LabelId, double>& nearest_mm,
+  void describe(const LiveModel::Lock& lock, const std::map<LabelId, double>& nearest_mm,
                 ViewedState& state) const;
 
  private:
   struct Wanted {
     StrokeChange change;
-    AskedBy by;
+    RequestedBy by;
   };
   void run();
   void cut(std::span<const Cut> cuts);
   void change_strokes();
-  std::ptrdiff_t strokes_left(const LiveModel::Lock& held, StrokeAction action) const;
+  std::ptrdiff_t strokes_left(const LiveModel::Lock& lock, StrokeAction action) const;
 
   LiveModel& model_;
   SessionLoop& loop_;

@@ -14,13 +14,13 @@ namespace palpate {
 /// Versions share unchanged bricks. Thread-safe; concurrent callers wait.
 class DeformedLabels {
  public:
-  /// @returns ViewerHost::seen_labels(), from the host's labels and deformation
+  /// @returns ViewerHost::visible_labels(), from the host's labels and deformation
   std::shared_ptr<const Bricks<LabelId>> of(const ViewerHost& host);
 
  private:
   using Yields = std::array<std::shared_ptr<const ViewedYield>, kMaxDevices>;
   std::mutex mutex_;
-  std::shared_ptr<const Bricks<LabelId>> labels_, seen_;
+  std::shared_ptr<const Bricks<LabelId>> labels_, observed_;
   Yields yields_;
 };
 

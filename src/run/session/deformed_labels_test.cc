@@ -60,35 +60,35 @@ int top(const Bricks<LabelId>& labels, int i, int j) {
 
 TEST(DeformedLabels, ADentIsADent) {
   YieldingHost host;
-  DeformedLabels seen;
-  EXPECT_EQ(seen.of(host), host.labels()) << "nothing has yielded";
+  DeformedLabels observed;
+  EXPECT_EQ(observed.of(host), host.labels()) << "nothing has yielded";
 
   host.yields[0] = dent(15, 3);
-  const auto dented = seen.of(host);
+  const auto dented = observed.of(host);
   // 3 mm are 6 voxels; nodes half a voxel below the surface displace what is above them
   EXPECT_NEAR(top(*dented, 30, 30), 40 - 6, 1);
   // the deformation 3 mm from the centre, according to the field
   EXPECT_NEAR(top(*dented, 36, 30), 40 - 6 * std::exp(-0.5), 1);
   // no deformation far away
   EXPECT_EQ(top(*dented, 2, 2), 40);
-  EXPECT_EQ(seen.of(host), dented) << "nothing is made anew while all stays";
+  EXPECT_EQ(observed.of(host), dented) << "nothing is made anew while all stays";
 
   host.yields[0] = nullptr;
-  EXPECT_EQ(seen.of(host), host.labels());
+  EXPECT_EQ(observed.of(host), host.labels());
 }
 
 TEST(DeformedLabels, WhatTwoToolsDoIsAddedUp) {
   YieldingHost host;
-  DeformedLabels seen;
+  DeformedLabels observed;
   host.yields[0] = dent(15, 1.5);
   host.yields[1] = dent(15, 1.5);
-  const auto both = seen.of(host);
+  const auto both = observed.of(host);
   host.yields = {dent(15, 3)};
-  const auto one = seen.of(host);
+  const auto one = observed.of(host);
   for (int i = 0; i < kSide; i += 3) EXPECT_EQ(top(*both, i, 30), top(*one, i, 30)) << i;
   // two dents that do not overlap are independent
   host.yields = {dent(10, 3), dent(22, 3)};
-  const auto apart = seen.of(host);
+  const auto apart = observed.of(host);
   EXPECT_NEAR(top(*apart, 20, 30), 34, 1);
   EXPECT_NEAR(top(*apart, 44, 30), 34, 1);
 }

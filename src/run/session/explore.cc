@@ -89,7 +89,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.supervisor_deaths = supervisor.deaths();
   status.supervisor_failure = supervisor.failure();
   status.time_s = time_s;
-  status.rate_hz = rate.see(health.ticks);
+  status.rate_hz = rate.observe(health.ticks);
   status.lateness_p50_us = last.lateness_p50_us;
   status.lateness_p99_us = last.lateness_p99_us;
   status.lateness_max_us = last.lateness_max_us;
@@ -132,14 +132,14 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
 }
 
 void grant(ExploreRequest request, const Session& session, Shown& shown) {
-  const auto tell = [&](const Result<void>& done) {
+  const auto report_result = [&](const Result<void>& done) {
     if (!done) shown.refusal = done.error();
   };
   switch (request) {
     case ExploreRequest::kEmergencyStop:
       return session.live.stop_here();
     case ExploreRequest::kRearm:
-      return tell(session.live.rearm_here(shown.stop));
+      return report_result(session.live.rearm_here(shown.stop));
     case ExploreRequest::kAgree:
     case ExploreRequest::kDecline:
       return session.live.answer_here(shown.question, request == ExploreRequest::kAgree);
@@ -148,13 +148,13 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
     case ExploreRequest::kNextMethod:
       return session.live.next_method();
     case ExploreRequest::kMotor:
-      return tell(session.live.motor_here());
+      return report_result(session.live.motor_here());
     case ExploreRequest::kUndoStroke:
-      return tell(session.live.stroke_here(StrokeAction::kUndo));
+      return report_result(session.live.stroke_here(StrokeAction::kUndo));
     case ExploreRequest::kRedoStroke:
-      return tell(session.live.stroke_here(StrokeAction::kRedo));
+      return report_result(session.live.stroke_here(StrokeAction::kRedo));
     case ExploreRequest::kTask:
-      return tell(session.live.task_here());
+      return report_result(session.live.task_here());
     case ExploreRequest::kNone:
       return;
   }
@@ -320,11 +320,12 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   if (script)
     if (auto possible = check_script(*script); !possible) return possible.error();
   // a simulated hand needs touchable tissue; a viewer may look around and move the tip without
-  const bool felt = has_touchable_tissue(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
-  if (!felt && scripted)
+  const bool is_touchable = has_touchable_tissue(*loaded.model),
+             scripted = options.devices[0] == kSimulatedHand;
+  if (!is_touchable && scripted)
     if (auto touchable = require_touchable_tissue(loaded); !touchable) return touchable.error();
   SimulationOptions run = options.run;
-  if (!felt) run.method = ForceMethod::kTrilinear;
+  if (!is_touchable) run.method = ForceMethod::kTrilinear;
   auto setup = scripted ? set_up_run(loaded, script, run, progress) : set_up_led_run(loaded, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
@@ -333,7 +334,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   if (!tip) return tip.error();
   MeasuredCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
   setup->model = std::move(carried.model);
-  if (!carried.told.empty()) setup->trouble.push_back(carried.told);
+  if (!carried.reported.empty()) setup->trouble.push_back(carried.reported);
   if (progress.stopped()) return Progress::interrupted();
 
   std::unique_ptr<Training> training;
@@ -348,8 +349,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
           setup->trouble.push_back(std::move(out));
   }
   // the viewer server may fail to start, so it comes before any force is rendered
-  LiveSession live(
-      session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(), carried.told));
+  LiveSession live(session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(),
+                                 carried.reported));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(live);
@@ -374,13 +375,13 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   header.device = (*tip)->devices();
   header.devices = static_cast<int>((*loop)->devices().size());
   header.scheduler = (*loop)->scheduling().scheduler;
-  ExploreWatch watch(model, (*tip)->asked());
+  ExploreWatch watch(model, (*tip)->requested());
   if (training) training->begin_session(header);
-  const auto see = [&watch, &training](const TickRecord& record, std::span<const RecordingEvent> told) {
-    watch.see(record);
-    if (training) training->see(record, told);
+  const auto on_tick = [&watch, &training](const TickRecord& record, std::span<const RecordingEvent> events) {
+    watch.observe(record);
+    if (training) training->observe(record, events);
   };
-  auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &live.log());
+  auto recorder = Recorder::start((*loop)->ring(), recording, header, on_tick, &live.log());
   if (!recorder) return recorder.error();
 
   // however the session ends, viewers are disconnected before the loop and the watch are destroyed

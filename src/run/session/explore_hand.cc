@@ -24,12 +24,12 @@ constexpr double kAwayFromAll_mm = 3;
 }  // namespace
 
 HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver,
-                       ServoLoop& loop, EventLog& told, ScriptEdits edits, bool repeat)
+                       ServoLoop& loop, EventLog& log, ScriptEdits edits, bool repeat)
     : hand_(std::move(hand)),
       mapping_(driver.devices()[0], workspace),
       driver_(driver),
       loop_(loop),
-      told_(told),
+      reported_(log),
       edits_(std::move(edits)),
       repeat_(repeat) {}
 
@@ -60,10 +60,10 @@ void HandThread::run() {
 }
 
 void HandThread::move(double dt_s) {
-  const TickRecord felt = loop_.snapshot();
-  const DeviceTick& device = felt.device[0];
-  const bool felt_nothing_yet = felt.dt_s == 0;
-  if (felt_nothing_yet) return;
+  const TickRecord tick = loop_.snapshot();
+  const DeviceTick& device = tick.device[0];
+  const bool had_no_contact = tick.dt_s == 0;
+  if (had_no_contact) return;
   if ((device.flags & kFlagEmergencyStop) != 0) return withdraw(device, dt_s);
   if ((device.flags & kForceIsOff) != 0 || !come_back(dt_s)) return;
   const Vector<World> force_N(device.force_N[0], device.force_N[1], device.force_N[2]);
@@ -72,7 +72,7 @@ void HandThread::move(double dt_s) {
   // viewers may have rotated the object
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
   HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_version(), edits_.law_version()};
-  const auto intention = hand_.next(felt, dt_s, commands);
+  const auto intention = hand_.next(tick, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
     if (repeat_)
@@ -87,7 +87,7 @@ void HandThread::move(double dt_s) {
   if (commands.law) edits_.change_law(*commands.law);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method && !commands.motor) return;
-  change_logged(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {
+  change_logged(loop_, reported_, {Asker::kScript}, [&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;
     if (commands.motor) parameters.motor = *commands.motor;
@@ -99,13 +99,13 @@ void HandThread::intend(const Point<World>& target) {
 }
 
 // moves along the last contact force; the path is not checked, so that it gets out of any contact
-void HandThread::withdraw(const DeviceTick& felt, double dt_s) {
+void HandThread::withdraw(const DeviceTick& device, double dt_s) {
   if (!wanted_) return;
   if (!led_) {
     led_ = wanted_;
     clear_mm_ = kAwayFromAll_mm;
   }
-  if ((felt.flags & (kFlagContact | kFlagInside)) != 0) clear_mm_ = 0;
+  if ((device.flags & (kFlagContact | kFlagInside)) != 0) clear_mm_ = 0;
   if (clear_mm_ >= kAwayFromAll_mm) return;
   *led_ += outward_ * (kLeaving_mm_s * dt_s);
   clear_mm_ += kLeaving_mm_s * dt_s;
@@ -115,13 +115,13 @@ void HandThread::withdraw(const DeviceTick& felt, double dt_s) {
 // moves back to where the script was interrupted; returns whether it has arrived
 bool HandThread::come_back(double dt_s) {
   if (!led_) return true;
-  const Vector<World> way = *wanted_ - *led_;
+  const Vector<World> displacement = *wanted_ - *led_;
   const double step_mm = kComingBack_mm_s * dt_s;
-  if (way.norm() <= step_mm) {
+  if (displacement.norm() <= step_mm) {
     led_.reset();
     return true;
   }
-  *led_ += way.normalized() * step_mm;
+  *led_ += displacement.normalized() * step_mm;
   intend(*led_);
   return false;
 }

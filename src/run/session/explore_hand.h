@@ -31,10 +31,10 @@ struct ScriptEdits {
 /// contact, because force is given back only to a free tip, and returns once the force is on.
 class HandThread {
  public:
-  /// @param told    log of the script's commands to the loop; outlives the hand
+  /// @param log    log of the script's commands to the loop; outlives the hand
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
-             EventLog& told, ScriptEdits edits, bool repeat);
+             EventLog& log, ScriptEdits edits, bool repeat);
   ~HandThread() { end(); }
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
@@ -54,7 +54,7 @@ class HandThread {
  private:
   void run();
   void move(double dt_s);
-  void withdraw(const DeviceTick& felt, double dt_s);
+  void withdraw(const DeviceTick& device, double dt_s);
   bool come_back(double dt_s);
   void intend(const Point<World>& target);
 
@@ -62,7 +62,7 @@ class HandThread {
   const WorkspaceMapping mapping_;
   SimulatedDriver& driver_;
   ServoLoop& loop_;
-  EventLog& told_;
+  EventLog& reported_;
   const ScriptEdits edits_;
   const bool repeat_;
   // position by the script; position while withdrawn; unit direction out of the contact

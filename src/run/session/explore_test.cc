@@ -128,14 +128,14 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
   // the pressed surface may have been removed
   options.repeat = true;
   // the next request follows once the last was accepted and some time has passed
-  const ExploreRequest wanted[] = {ExploreRequest::kUndoStroke, ExploreRequest::kMotor,
-                                   ExploreRequest::kMotor,      ExploreRequest::kUndoStroke,
-                                   ExploreRequest::kRedoStroke, ExploreRequest::kNone};
+  const ExploreRequest request[] = {ExploreRequest::kUndoStroke, ExploreRequest::kMotor,
+                                    ExploreRequest::kMotor,      ExploreRequest::kUndoStroke,
+                                    ExploreRequest::kRedoStroke, ExploreRequest::kNone};
   std::size_t at = 0;
   bool touched = false, ask = false;
-  double asked_s = 0;
+  double requested_s = 0;
   std::vector<std::string> refused;
-  options.request = [&] { return std::exchange(ask, false) ? wanted[at++] : ExploreRequest::kNone; };
+  options.request = [&] { return std::exchange(ask, false) ? request[at++] : ExploreRequest::kNone; };
   const auto result = run(script_of(kPress), options, [&](const ExploreStatus& status) {
     touched = touched || status.structure == "ball";
     if (status.refusal) {
@@ -143,10 +143,10 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
       // the first undo precedes any stroke; the sweeps of a stroke may still be being removed
       if (at > 1) --at;
     }
-    if (!touched || status.time_s < asked_s + 0.6) return;
-    asked_s = status.time_s;
-    ask = at < std::size(wanted);
-    if (at == std::size(wanted)) stop_.store(true);
+    if (!touched || status.time_s < requested_s + 0.6) return;
+    requested_s = status.time_s;
+    ask = at < std::size(request);
+    if (at == std::size(request)) stop_.store(true);
   });
   EXPECT_TRUE(result.stopped_by_user);
   ASSERT_GE(refused.size(), 1u);
@@ -172,10 +172,10 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
 TEST_F(Explore, AProbeHasNoMotor) {
   ExploreOptions options;
   options.seconds = kPatience_s;
-  int asked = 0;
+  int requested = 0;
   options.request = [&] {
-    ++asked;
-    return asked == 2 ? ExploreRequest::kMotor : ExploreRequest::kNone;
+    ++requested;
+    return requested == 2 ? ExploreRequest::kMotor : ExploreRequest::kNone;
   };
   std::string refused;
   run(script_of(kPass), options, [&](const ExploreStatus& status) {
@@ -189,10 +189,10 @@ TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
   options.seconds = kPatience_s;
   options.repeat = true;
   // polled fifty times a second: a few requests while the ball is in contact, each after the last took effect
-  int asked = 0;
+  int requested = 0;
   bool waits = false;
   options.request = [&] {
-    return ++asked % 12 == 0 && !waits ? ExploreRequest::kNextMethod : ExploreRequest::kNone;
+    return ++requested % 12 == 0 && !waits ? ExploreRequest::kNextMethod : ExploreRequest::kNone;
   };
   std::vector<ForceMethod> shown;
   const auto result = run(script_of(kTouch), options, [&](const ExploreStatus& status) {
@@ -203,10 +203,10 @@ TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
   });
   EXPECT_EQ(result.summary.method_missing, 0u) << "each is felt when it is there";
   EXPECT_GE(shown.size(), 2u);
-  std::set<ForceMethod> felt;
-  for (const TickRecord& tick : recording_.ticks) felt.insert(static_cast<ForceMethod>(tick.method));
-  EXPECT_GE(felt.size(), 2u);
-  EXPECT_TRUE(felt.contains(ForceMethod::kSpline)) << "the one after the first";
+  std::set<ForceMethod> methods;
+  for (const TickRecord& tick : recording_.ticks) methods.insert(static_cast<ForceMethod>(tick.method));
+  EXPECT_GE(methods.size(), 2u);
+  EXPECT_TRUE(methods.contains(ForceMethod::kSpline)) << "the one after the first";
 }
 
 // Checks the fade-out from the tick with the pause on: the force never exceeds the ramp's share of the
@@ -224,16 +224,16 @@ double expect_fading(const std::vector<TickRecord>& ticks, double limit_N) {
     const DeviceTick& now = tick->device[0];
     const DeviceTick& before = (tick - 1)->device[0];
     faded_s += tick->dt_s;
-    const double left = std::max(0.0, 1 - faded_s / kOutputFeel.ramp_out_s);
+    const double left = std::max(0.0, 1 - faded_s / kOutputSettings.ramp_out_s);
     EXPECT_LE(force_N(*tick), left * now.unclamped_force_N + 1e-9);
     EXPECT_LE(force_N(*tick), limit_N);
     // force is zero at once if the loop stalls, and its return is another step; the same holds for ticks in
     // which the passivity controller dissipates
     constexpr std::uint32_t kWithheld = kFaultFlags | kFlagStale | kFlagSlew | kFlagPassivity;
     if (((now.flags | before.flags) & kWithheld) != 0) continue;
-    const double ramp_N = tick->dt_s / kOutputFeel.ramp_out_s * before.unclamped_force_N;
-    const double asked_N = std::abs(now.unclamped_force_N - before.unclamped_force_N);
-    EXPECT_LE(std::abs(force_N(*tick) - force_N(*(tick - 1))), ramp_N + asked_N + 1e-9);
+    const double ramp_N = tick->dt_s / kOutputSettings.ramp_out_s * before.unclamped_force_N;
+    const double requested_N = std::abs(now.unclamped_force_N - before.unclamped_force_N);
+    EXPECT_LE(std::abs(force_N(*tick) - force_N(*(tick - 1))), ramp_N + requested_N + 1e-9);
   }
   EXPECT_EQ(force_N(ticks.back()), 0);
   return force_N(*(pause - 1));
@@ -259,19 +259,19 @@ TEST_F(Explore, StoppedInMidPressTheForceFadesOut) {
 TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   ExploreOptions options;
   options.seconds = kPatience_s;
-  ExploreStatus seen;
+  ExploreStatus observed;
   int stops = 0, shown_since = 0;
   bool rearmed = false;
   options.request = [&] {
     // three stop requests: each only stops
-    if (stops < 3 && (stops > 0 || seen.force_N > 0.5)) {
+    if (stops < 3 && (stops > 0 || observed.force_N > 0.5)) {
       shown_since = 0;
       return ++stops, ExploreRequest::kEmergencyStop;
     }
-    return stops == 3 && shown_since > 1 && seen.stop ? ExploreRequest::kRearm : ExploreRequest::kNone;
+    return stops == 3 && shown_since > 1 && observed.stop ? ExploreRequest::kRearm : ExploreRequest::kNone;
   };
   const auto result = run(script_of(kPress), options, [&](const ExploreStatus& status) {
-    seen = status;
+    observed = status;
     if (status.refusal) {
       // the key is pressed repeatedly until the status shows its effect
       EXPECT_THAT(status.refusal->what,
@@ -290,15 +290,15 @@ TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   EXPECT_TRUE((stopped - 1)->device[0].flags & kFlagContact);
   for (auto tick = stopped; tick != again; ++tick) EXPECT_EQ(force_N(*tick), 0);
   EXPECT_FALSE((again - 1)->device[0].flags & (kFlagContact | kFlagInside));
-  std::vector<std::pair<RecordingEvent::Kind, Asker>> told;
+  std::vector<std::pair<RecordingEvent::Kind, Asker>> reported;
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm)
-      told.emplace_back(event.kind, event.by.asker);
+      reported.emplace_back(event.kind, event.by.asker);
   using Kind = RecordingEvent::Kind;
-  EXPECT_EQ(told, (decltype(told){{Kind::kStop, Asker::kKey},
-                                  {Kind::kStop, Asker::kKey},
-                                  {Kind::kStop, Asker::kKey},
-                                  {Kind::kRearm, Asker::kKey}}));
+  EXPECT_EQ(reported, (decltype(reported){{Kind::kStop, Asker::kKey},
+                                          {Kind::kStop, Asker::kKey},
+                                          {Kind::kStop, Asker::kKey},
+                                          {Kind::kRearm, Asker::kKey}}));
 }
 
 TEST_F(Explore, EndsAfterItsTime) {
@@ -350,7 +350,7 @@ TEST_F(Explore, WithoutARecordingItStillCounts) {
 // a viewer who moves the tip may look on; a scripted hand has nothing to touch
 TEST_F(Explore, WhereNothingIsFeltAPointerLooksOn) {
   Model model = *loaded_.model;
-  for (Tissue& tissue : model.tissues) tissue.felt = false;
+  for (Tissue& tissue : model.tissues) tissue.touchable = false;
   std::fill(model.level_of_label.begin(), model.level_of_label.end(), 0.f);
   model.methods = {};
   auto shown =

@@ -16,14 +16,14 @@ std::int64_t ns(double seconds) {
 
 }  // namespace
 
-ExploreWatch::ExploreWatch(const Model& model, const std::vector<HoldAsked>& asked) : nearest_(model) {
-  for (const HoldAsked& structure : asked) meters_.emplace_back(model, structure);
+ExploreWatch::ExploreWatch(const Model& model, const std::vector<HoldRequest>& holds) : nearest_(model) {
+  for (const HoldRequest& structure : holds) meters_.emplace_back(model, structure);
 }
 
-void ExploreWatch::see(const TickRecord& record) {
+void ExploreWatch::observe(const TickRecord& record) {
   const std::lock_guard lock(mutex_);
-  for (HoldMeter& meter : meters_) meter.see(record);
-  nearest_.see(record);
+  for (HoldMeter& meter : meters_) meter.observe(record);
+  nearest_.observe(record);
   for (int d = 0; d < record.devices; ++d)
     max_force_N_ = std::max(max_force_N_, norm(record.device[d].force_N));
 

@@ -22,8 +22,8 @@ class ExploreWatch {
     double compute_p50_us = 0;
   };
 
-  ExploreWatch(const Model& model, const std::vector<HoldAsked>& asked);
-  void see(const TickRecord& record);
+  ExploreWatch(const Model& model, const std::vector<HoldRequest>& holds);
+  void observe(const TickRecord& record);
 
   LastSecond last_second() const;
   std::vector<HoldFigure> holds() const;

@@ -40,7 +40,7 @@ TEST(ExploreWatch, LastSecondAgreesWithSortedTicks) {
     // an occasional stall of up to two seconds
     time_s += n % 501 == 500 ? 1e3 * dt_s(random) / 4 : dt_s(random);
     ticks.push_back(tick_at(time_s, lateness_us(random), lateness_us(random)));
-    watch.see(ticks.back());
+    watch.observe(ticks.back());
     if (n % 97 != 0) continue;
 
     // the ten tenths of a second that end with the latest tick's
@@ -66,10 +66,10 @@ TEST(ExploreWatch, LastSecondAgreesWithSortedTicks) {
 
 TEST(ExploreWatch, OneLateTickIsForgottenAfterASecond) {
   ExploreWatch watch(*testing::loaded_ball().model, {});
-  watch.see(tick_at(0, 900));
-  for (int n = 1; n < 900; ++n) watch.see(tick_at(n * 1e-3, 10));
+  watch.observe(tick_at(0, 900));
+  for (int n = 1; n < 900; ++n) watch.observe(tick_at(n * 1e-3, 10));
   EXPECT_DOUBLE_EQ(watch.last_second().lateness_max_us, 900);
-  for (int n = 900; n < 1100; ++n) watch.see(tick_at(n * 1e-3, 10));
+  for (int n = 900; n < 1100; ++n) watch.observe(tick_at(n * 1e-3, 10));
   EXPECT_DOUBLE_EQ(watch.last_second().lateness_max_us, 10);
 }
 
@@ -94,7 +94,7 @@ TEST(ExploreWatch, LargestForceIsOfAnyDeviceAndHoldsOfTheirStructure) {
     record.device[1].force_N = {n == 7 ? 1.5 : 0.1, 0, 0};
     // device number 2 does not exist
     record.device[2].force_N = {9, 9, 9};
-    watch.see(record);
+    watch.observe(record);
   }
   EXPECT_DOUBLE_EQ(watch.max_force_N(), 1.5);
   EXPECT_NEAR(watch.holds()[0].held_s, 0.259, 1e-9) << "after the break";

@@ -31,15 +31,15 @@ struct Edited {
       ::_exit(127);
     }
     ::close(ends[1]);
-    said = ends[0];
+    stated = ends[0];
   }
-  ~Edited() { ::close(said); }
+  ~Edited() { ::close(stated); }
   bool next_edit() const {
     char byte = 0;
-    return ::read(said, &byte, 1) == 1;
+    return ::read(stated, &byte, 1) == 1;
   }
   pid_t id = -1;
-  int said = -1;
+  int stated = -1;
 };
 
 // checks the recorded edits of the viewers, in order
@@ -129,8 +129,8 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
 
 // the full campaign is PALPATE_TEST_KILLS=50, for each kind
 int kills_or(int few) {
-  const char* asked = std::getenv("PALPATE_TEST_KILLS");
-  return asked != nullptr ? std::atoi(asked) : few;
+  const char* value = std::getenv("PALPATE_TEST_KILLS");
+  return value != nullptr ? std::atoi(value) : few;
 }
 
 TEST(KilledSession, ReplaysToTheLastFlushWithItsEdits) {

@@ -29,19 +29,20 @@ LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, P
       prepare_(std::move(prepare)),
       solve_(std::move(solve)),
       wake_(std::move(wake)) {
-  const Model& felt = model_.felt(model_.lock());
-  if (is_elastic(felt.tissue_law)) cell_size_of(felt.tissue_law) = {felt.tissue_coarsened, coarser_tissue};
+  const Model& current = model_.current(model_.lock());
+  if (is_elastic(current.tissue_law))
+    cell_size_of(current.tissue_law) = {current.tissue_coarsened, coarser_tissue};
 }
 
 void LawChoice::begin() {
-  const LiveModel::Lock held = model_.lock();
-  if (is_moving(model_.felt(held).tissue_law)) start_solver(held);
+  const LiveModel::Lock lock = model_.lock();
+  if (is_moving(model_.current(lock).tissue_law)) start_solver(lock);
 }
 
 void LawChoice::end() {
   std::unique_ptr<TissueThread> solver;
   {
-    const LiveModel::Lock held = model_.lock();
+    const LiveModel::Lock lock = model_.lock();
     has_ended_ = true;
     yields_.store(nullptr);
     solver = std::move(solver_);
@@ -54,64 +55,64 @@ void LawChoice::end() {
 }
 
 // the thread keeps running, idle, when a law without moving tissue is selected later
-void LawChoice::start_solver(const LiveModel::Lock& held) {
-  if (solver_ != nullptr || has_ended_ || !model_.felt(held).has(ForceMethod::kProxy)) return;
+void LawChoice::start_solver(const LiveModel::Lock& lock) {
+  if (solver_ != nullptr || has_ended_ || !model_.current(lock).has(ForceMethod::kProxy)) return;
   solver_ = std::make_unique<TissueThread>(
-      *loop_.get(), loop_.log(), [this] { return model_.versions(model_.lock()).felt; }, solve_);
+      *loop_.get(), loop_.log(), [this] { return model_.versions(model_.lock()).current; }, solve_);
   yields_.store(solver_.get());
 }
 
 // takes effect immediately unless surfaces have to be built or the solver's cell size has to be measured
-Result<void> LawChoice::choose(const LiveModel::Lock& held, TissueLaw law, AskedBy by) {
-  const Model& felt = model_.felt(held);
+Result<void> LawChoice::choose(const LiveModel::Lock& lock, TissueLaw law, RequestedBy by) {
+  const Model& model = model_.current(lock);
   failure_.reset();
-  if (law == felt.tissue_law) {
+  if (law == model.tissue_law) {
     awaited_.reset();
-    script_led_to_ = felt.version;
+    script_led_to_ = model.version;
     return {};
   }
-  if (auto fine = check_law(felt, law); !fine) return fine.error();
+  if (auto fine = check_law(model, law); !fine) return fine.error();
   const bool is_measured = !is_elastic(law) || cell_size_of(law).coarsened > 0;
-  if (!has_other_surfaces(felt, law) && is_measured) {
-    auto under = under_law(felt, law);
+  if (!has_other_surfaces(model, law) && is_measured) {
+    auto under = under_law(model, law);
     if (!under) return under.error();
-    switch_to(held, **under, is_elastic(law) ? cell_size_of(law).coarsened : 0, by);
+    switch_to(lock, **under, is_elastic(law) ? cell_size_of(law).coarsened : 0, by);
     return {};
   }
-  if (auto woken = wake_(held); !woken) return woken;
+  if (auto woken = wake_(lock); !woken) return woken;
   awaited_ = law;
   awaited_by_ = by;
   return {};
 }
 
 // switches the current model version to the law of `under`
-void LawChoice::switch_to(const LiveModel::Lock& held, const Model& under, double coarsened, AskedBy by) {
-  const ModelVersions& now = model_.versions(held);
-  const ModelChange change = change_of_law(*now.felt, under.tissue_law, coarsened);
-  if (is_moving(under.tissue_law)) start_solver(held);
-  model_.apply(held, {with_law(*now.felt, under, change), now.made}, change, by);
+void LawChoice::switch_to(const LiveModel::Lock& lock, const Model& under, double coarsened, RequestedBy by) {
+  const ModelVersions& now = model_.versions(lock);
+  const ModelChange change = change_of_law(*now.current, under.tissue_law, coarsened);
+  if (is_moving(under.tissue_law)) start_solver(lock);
+  model_.apply(lock, {with_law(*now.current, under, change), now.prepared}, change, by);
   awaited_.reset();
   script_led_to_ = change.version;
 }
 
 void LawChoice::choose_by_script(TissueLaw law) {
   const bool runs = loop_.get() != nullptr;
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   script_led_to_.reset();
   // a law that the script may not use was rejected when the script was read; a viewer may have cut since
-  if (!runs || !choose(held, law, {Asker::kScript})) script_led_to_ = 0;
+  if (!runs || !choose(lock, law, {Asker::kScript})) script_led_to_ = 0;
 }
 
 std::optional<std::uint32_t> LawChoice::script_version() const {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   return script_led_to_;
 }
 
-void LawChoice::prepare(LiveModel::Lock& held, const Progress& progress) {
-  const std::shared_ptr<const Model> of = model_.versions(held).felt;
+void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
+  const std::shared_ptr<const Model> of = model_.versions(lock).current;
   const TissueLaw law = *awaited_;
   // unlock: a thread waiting for the lock would inherit this thread's low priority as latency
-  held.unlock();
+  lock.unlock();
   const auto made = [&]() -> Result<MeasuredCells> {
     try {
       return prepare_(*of, law, devices_, progress);
@@ -121,26 +122,26 @@ void LawChoice::prepare(LiveModel::Lock& held, const Progress& progress) {
                    "continue with this law, or close other programs to free memory"};
     }
   }();
-  held.lock();
+  lock.lock();
   // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
-  if (progress.stopped() || awaited_ != law || model_.versions(held).felt != of) return;
-  if (!made) return give_up(held, made.error());
+  if (progress.stopped() || awaited_ != law || model_.versions(lock).current != of) return;
+  if (!made) return abandon(lock, made.error());
   const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
-  switch_to(held, *made->model, coarsened, awaited_by_);
+  switch_to(lock, *made->model, coarsened, awaited_by_);
   if (!is_elastic(law)) return;
-  if (cell_size_of(law).coarsened == 0 && !made->told.empty()) later_warnings_.push_back(made->told);
-  cell_size_of(law) = {coarsened, made->told};
+  if (cell_size_of(law).coarsened == 0 && !made->reported.empty()) later_warnings_.push_back(made->reported);
+  cell_size_of(law) = {coarsened, made->reported};
 }
 
 // keeps the current law and reports the error to whoever requested the change
-void LawChoice::give_up(const LiveModel::Lock& /*held*/, Error why) {
+void LawChoice::abandon(const LiveModel::Lock& /*held*/, Error why) {
   why.where = name_of(*awaited_, kTissueLaws);
   awaited_.reset();
   failure_ = std::move(why);
   script_led_to_ = 0;
 }
 
-void LawChoice::give_up_without_memory(const LiveModel::Lock& /*held*/) noexcept {
+void LawChoice::abandon_without_memory(const LiveModel::Lock& /*held*/) noexcept {
   if (!awaited_) return;
   script_led_to_ = 0;
   try {
@@ -152,21 +153,21 @@ void LawChoice::give_up_without_memory(const LiveModel::Lock& /*held*/) noexcept
   awaited_.reset();
 }
 
-void LawChoice::describe(const LiveModel::Lock& held, ViewedState& state) const {
-  state.law = name_of(model_.felt(held).tissue_law, kTissueLaws);
+void LawChoice::describe(const LiveModel::Lock& lock, ViewedState& state) const {
+  state.law = name_of(model_.current(lock).tissue_law, kTissueLaws);
   if (awaited_) state.law_awaited = name_of(*awaited_, kTissueLaws);
   state.law_failure = failure_;
   if (!failure_ && solver_ != nullptr && solver_->is_out_of_memory())
-    state.law_failure = unsolved(model_.felt(held).tissue_law);
+    state.law_failure = unsolved(model_.current(lock).tissue_law);
 }
 
 std::string LawChoice::coarser_tissue() const {
-  const LiveModel::Lock held = model_.lock();
-  return cell_size_of(model_.felt(held).tissue_law).warning;
+  const LiveModel::Lock lock = model_.lock();
+  return cell_size_of(model_.current(lock).tissue_law).warning;
 }
 
 std::vector<std::string> LawChoice::later_warnings() const {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   return later_warnings_;
 }
 

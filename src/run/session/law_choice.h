@@ -29,10 +29,10 @@ namespace palpate {
 class LawChoice final : public PreparedChoice {
  public:
   /// Prepares a model for another law. May throw.
-  using Prepare = std::function<Result<MeasuredCells>(const Model& felt, TissueLaw law, std::size_t devices,
+  using Prepare = std::function<Result<MeasuredCells>(const Model& model, TissueLaw law, std::size_t devices,
                                                       const Progress& progress)>;
   /// Starts or wakes the thread that calls prepare().
-  using Wake = std::function<Result<void>(const LiveModel::Lock& held)>;
+  using Wake = std::function<Result<void>(const LiveModel::Lock& lock)>;
 
   /// @param model, loop     outlive this object
   /// @param solve           of TissueThread
@@ -47,7 +47,7 @@ class LawChoice final : public PreparedChoice {
   void end();
 
   /// Errors: those of check_law, and kUnavailable without a thread for the preparation.
-  Result<void> choose(const LiveModel::Lock& held, TissueLaw law, AskedBy by);
+  Result<void> choose(const LiveModel::Lock& lock, TissueLaw law, RequestedBy by);
   void choose_by_script(TissueLaw law);
   /// Model version to which the script's last choice led; 0: it failed; empty: it is being prepared.
   std::optional<std::uint32_t> script_version() const;
@@ -55,7 +55,7 @@ class LawChoice final : public PreparedChoice {
   bool is_awaited(const LiveModel::Lock& /*held*/) const { return awaited_.has_value(); }
   /// Fills in the current law, the awaited one, and why the last choice failed or the current law cannot be
   /// solved.
-  void describe(const LiveModel::Lock& held, ViewedState& state) const;
+  void describe(const LiveModel::Lock& lock, ViewedState& state) const;
   /// Warning text: the soft tissue of the current law is solved in coarser cells than the scene requests
   /// because this machine is too slow. Empty if it is not.
   std::string coarser_tissue() const;
@@ -66,8 +66,8 @@ class LawChoice final : public PreparedChoice {
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
 
   bool is_pending(const LiveModel::Lock& /*held*/) const override { return awaited_.has_value(); }
-  void prepare(LiveModel::Lock& held, const Progress& progress) override;
-  void give_up_without_memory(const LiveModel::Lock& held) noexcept override;
+  void prepare(LiveModel::Lock& lock, const Progress& progress) override;
+  void abandon_without_memory(const LiveModel::Lock& lock) noexcept override;
 
  private:
   // cell size as measured on this machine; factor 0: not measured
@@ -77,9 +77,9 @@ class LawChoice final : public PreparedChoice {
   };
   CellSize& cell_size_of(TissueLaw law) { return cell_sizes_[static_cast<std::size_t>(law)]; }
   const CellSize& cell_size_of(TissueLaw law) const { return cell_sizes_[static_cast<std::size_t>(law)]; }
-  void switch_to(const LiveModel::Lock& held, const Model& under, double coarsened, AskedBy by);
-  void give_up(const LiveModel::Lock& held, Error why);
-  void start_solver(const LiveModel::Lock& held);
+  void switch_to(const LiveModel::Lock& lock, const Model& under, double coarsened, RequestedBy by);
+  void abandon(const LiveModel::Lock& lock, Error why);
+  void start_solver(const LiveModel::Lock& lock);
 
   LiveModel& model_;
   SessionLoop& loop_;
@@ -89,7 +89,7 @@ class LawChoice final : public PreparedChoice {
   const Wake wake_;
 
   std::optional<TissueLaw> awaited_;
-  AskedBy awaited_by_;
+  RequestedBy awaited_by_;
   std::optional<Error> failure_;
   std::optional<std::uint32_t> script_led_to_;
   std::array<CellSize, ModelChange::kLaws> cell_sizes_;

@@ -26,10 +26,10 @@ LiveSession::LiveSession(LiveSessionParts parts)
       stop_(loop_, physical()),
       model_(parts_.model, loop_),
       method_(model_, loop_, parts_.new_fields, parts_.more_methods,
-              [this](const Lock& held) { return preparation_.wake(held); }),
+              [this](const Lock& lock) { return preparation_.wake(lock); }),
       law_(
           model_, loop_, parts_.devices.size(), parts_.other_law, parts_.solve_tissue,
-          [this](const Lock& held) { return preparation_.wake(held); }, parts_.coarser_tissue),
+          [this](const Lock& lock) { return preparation_.wake(lock); }, parts_.coarser_tissue),
       cutter_(model_, loop_),
       preparation_(model_, {&law_, &method_}),
       highest_max_force_N_(parts_.parameters.max_force_N) {}
@@ -95,9 +95,9 @@ TickRecord LiveSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_pe
   const ServoLoop* loop = loop_.get();
   if (!loop) return {};
   const TickRecord tick = loop->snapshot();
-  const Lock held = model_.lock();
+  const Lock lock = model_.lock();
   for (std::size_t d = 0; d < static_cast<std::size_t>(tick.devices); ++d)
-    stiffness_N_per_mm[d] = model_.rendered_stiffness_N_per_mm(held, tick, d);
+    stiffness_N_per_mm[d] = model_.rendered_stiffness_N_per_mm(lock, tick, d);
   return tick;
 }
 
@@ -110,8 +110,8 @@ ViewedHealth LiveSession::health() const {
   health_until_ = now + kHealthPeriod;
   const LoopHealth of_all = loop->health();
   const ExploreWatch::LastSecond last = watch_->last_second();
-  health_ = {rate_.see(of_all.ticks), last.lateness_p50_us, last.lateness_p99_us, last.lateness_max_us,
-             last.compute_p50_us,     of_all.skipped,       of_all.dropped,       of_all.stalls};
+  health_ = {rate_.observe(of_all.ticks), last.lateness_p50_us, last.lateness_p99_us, last.lateness_max_us,
+             last.compute_p50_us,         of_all.skipped,       of_all.dropped,       of_all.stalls};
   // frees model versions that the loop no longer uses
   loop->collect();
   return health_;
@@ -128,21 +128,21 @@ ViewedState LiveSession::state() const {
   state.lesson.is_over = is_over_;
   state.recording = parts_.recording;
   const auto nearest_mm = loop ? watch_->nearest_mm() : std::map<LabelId, double>();
-  const Lock held = model_.lock();
-  state.model_version = model_.felt(held).version;
-  state.tissues = viewed_tissues(model_.felt(held));
-  method_.describe(held, state);
-  law_.describe(held, state);
-  cutter_.describe(held, nearest_mm, state);
+  const Lock lock = model_.lock();
+  state.model_version = model_.current(lock).version;
+  state.tissues = viewed_tissues(model_.current(lock));
+  method_.describe(lock, state);
+  law_.describe(lock, state);
+  cutter_.describe(lock, nearest_mm, state);
   return state;
 }
 
 std::shared_ptr<const Bricks<LabelId>> LiveSession::labels() const {
-  return model_.felt(model_.lock()).labels;
+  return model_.current(model_.lock()).labels;
 }
 
 double LiveSession::highest_max_force_N() const {
-  const Lock held = model_.lock();
+  const Lock lock = model_.lock();
   return highest_max_force_N_;
 }
 
@@ -152,7 +152,7 @@ bool LiveSession::cuts() const {
   return std::ranges::any_of(scene().tools, &ViewedTool::cuts);
 }
 
-Result<void> LiveSession::check(const Lock& held, const SettingsRequest& request,
+Result<void> LiveSession::check(const Lock& lock, const SettingsRequest& request,
                                 const Parameters& /*now*/) const {
   if (request.motor && !cuts()) return invalid_value("no device has a tool with a motor", "motor", "");
   if (request.method) {
@@ -160,21 +160,21 @@ Result<void> LiveSession::check(const Lock& held, const SettingsRequest& request
     if (!method || !method_.is_choosable(*method))
       return invalid_value("this session has no force method with that name", "method",
                            "choose one of the scene's list");
-    if (!method_.can_be_prepared(held, *method)) return made_for_others();
+    if (!method_.can_be_prepared(lock, *method)) return made_for_others();
   }
   if (request.law) {
     const auto law = std::ranges::find(kTissueLaws, *request.law, &Word<TissueLaw>::name);
     if (law == kTissueLaws.end())
       return invalid_value("there is no soft-tissue law with that name", "law",
                            "choose one of the scene's list");
-    if (auto fine = check_law(model_.felt(held), law->value); !fine)
+    if (auto fine = check_law(model_.current(lock), law->value); !fine)
       return refusal(fine.error().what, "law", fine.error().remedy);
   }
   if (request.max_force_N) {
-    const double asked_N = *request.max_force_N, min_N = kMaxForceRange.min;
-    if (!(asked_N >= min_N && asked_N <= most_force_N()))
-      return invalid_value("a limit of " + rounded_text(asked_N) + " N is outside " + rounded_text(min_N) +
-                               " ... " + rounded_text(most_force_N()) + " N",
+    const double requested_N = *request.max_force_N, min_N = kMaxForceRange.min;
+    if (!(requested_N >= min_N && requested_N <= most_force_N()))
+      return invalid_value("a limit of " + rounded_text(requested_N) + " N is outside " +
+                               rounded_text(min_N) + " ... " + rounded_text(most_force_N()) + " N",
                            "max_force_N", "the device and the scene allow no higher limit");
   }
   if (request.rotation_wxyz) {
@@ -186,20 +186,20 @@ Result<void> LiveSession::check(const Lock& held, const SettingsRequest& request
   return {};
 }
 
-Result<ModelChange> LiveSession::check(const Lock& held, const TissueRequest& request,
+Result<ModelChange> LiveSession::check(const Lock& lock, const TissueRequest& request,
                                        const Parameters& now) const {
-  return model_.check(held, request, now.method);
+  return model_.check(lock, request, now.method);
 }
 
-Result<void> LiveSession::check(const Lock& held, const LastStrokeRequest& request,
+Result<void> LiveSession::check(const Lock& lock, const LastStrokeRequest& request,
                                 const Parameters& now) const {
   if (!cuts()) return invalid_value("no device has a cutting tool", "", "");
-  return cutter_.check(held, request.change(), now);
+  return cutter_.check(lock, request.change(), now);
 }
 
 // While force is enabled, the operator of a physical device has to consent to every change; while it is
 // stopped, only to changes that could increase the force after re-arming.
-bool LiveSession::wants_consent(bool could_increase_force) const {
+bool LiveSession::needs_consent(bool could_increase_force) const {
   return physical() && (could_increase_force || !stop_.current());
 }
 
@@ -211,33 +211,33 @@ Result<Grant> LiveSession::ask(const Request& request, std::string what) {
   consent_.ask(request.by, request.id, std::move(what), [this, request]() -> Result<void> {
     ServoLoop* loop = loop_.get();
     if (!loop) return not_running();
-    const Lock held = model_.lock();
+    const Lock lock = model_.lock();
     // the state may have changed while the question was pending
-    if (auto fine = check(held, request, loop->parameters()); !fine) return fine.error();
-    return apply(held, request, agreed_to(request.by));
+    if (auto fine = check(lock, request, loop->parameters()); !fine) return fine.error();
+    return apply(lock, request, agreed_to(request.by));
   });
-  return Grant::kAsked;
+  return Grant::kRequested;
 }
 
 Result<Grant> LiveSession::set(const SettingsRequest& request) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
-  const Lock held = model_.lock();
+  const Lock lock = model_.lock();
   const Parameters now = loop->parameters();
-  if (auto fine = check(held, request, now); !fine) return fine.error();
-  const SettingsRequest wanted =
-      changes_of(request, now, model_.felt(held).tissue_law, law_.is_awaited(held), method_.is_awaited(held));
-  const std::string what = consent_text(wanted, now);
-  if (!what.empty() && wants_consent(could_increase_force(wanted, now))) return ask(wanted, what);
-  if (auto applied = apply(held, request, asked_by(request.by)); !applied) return applied.error();
+  if (auto fine = check(lock, request, now); !fine) return fine.error();
+  const SettingsRequest answer = changes_of(request, now, model_.current(lock).tissue_law,
+                                            law_.is_awaited(lock), method_.is_awaited(lock));
+  const std::string what = consent_text(answer, now);
+  if (!what.empty() && needs_consent(could_increase_force(answer, now))) return ask(answer, what);
+  if (auto applied = apply(lock, request, requested_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }
 
-Result<void> LiveSession::apply(const Lock& held, const SettingsRequest& request, AskedBy by) {
+Result<void> LiveSession::apply(const Lock& lock, const SettingsRequest& request, RequestedBy by) {
   if (request.method)
-    if (auto chosen = method_.choose(held, *find_force_method(*request.method), by); !chosen) return chosen;
+    if (auto chosen = method_.choose(lock, *find_force_method(*request.method), by); !chosen) return chosen;
   if (request.law)
-    if (auto chosen = law_.choose(held, value_of(*request.law, kTissueLaws), by); !chosen) return chosen;
+    if (auto chosen = law_.choose(lock, value_of(*request.law, kTissueLaws), by); !chosen) return chosen;
   if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
   change_logged(*loop_.get(), loop_.log(), by,
                 [&](Parameters& parameters) { apply_changes(request, parameters); });
@@ -247,42 +247,42 @@ Result<void> LiveSession::apply(const Lock& held, const SettingsRequest& request
 Result<Grant> LiveSession::set(const TissueRequest& request) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
-  const Lock held = model_.lock();
-  const auto change = check(held, request, loop->parameters());
+  const Lock lock = model_.lock();
+  const auto change = check(lock, request, loop->parameters());
   if (!change) return change.error();
-  const Tissue& tissue = model_.felt(held).tissues[static_cast<std::size_t>(request.tissue)];
-  const ModelChange before = unchanged(model_.felt(held), static_cast<std::size_t>(request.tissue));
+  const Tissue& tissue = model_.current(lock).tissues[static_cast<std::size_t>(request.tissue)];
+  const ModelChange before = unchanged(model_.current(lock), static_cast<std::size_t>(request.tissue));
   if (*change == before) return Grant::kDone;
   const bool more = std::ranges::any_of(kContactProperties, [&](const ContactProperty& property) {
     return change->contact.*property.value > before.contact.*property.value;
   });
-  if (wants_consent(more)) return ask(request, consent_text(tissue.name, before.contact, change->contact));
-  if (auto applied = model_.edit(held, *change, asked_by(request.by)); !applied) return applied.error();
+  if (needs_consent(more)) return ask(request, consent_text(tissue.name, before.contact, change->contact));
+  if (auto applied = model_.edit(lock, *change, requested_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }
 
-Result<void> LiveSession::apply(const Lock& held, const TissueRequest& request, AskedBy by) {
-  const auto change = check(held, request, loop_.get()->parameters());
+Result<void> LiveSession::apply(const Lock& lock, const TissueRequest& request, RequestedBy by) {
+  const auto change = check(lock, request, loop_.get()->parameters());
   if (!change) return change.error();
-  return model_.edit(held, *change, by);
+  return model_.edit(lock, *change, by);
 }
 
 Result<Grant> LiveSession::set(const StrokeRequest& request) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
-  const Lock held = model_.lock();
-  const LastStrokeRequest wanted{request, loop->strokes()};
-  if (auto fine = check(held, wanted, loop->parameters()); !fine) return fine.error();
-  if (wants_consent(true))
-    return ask(wanted, request.action == StrokeAction::kUndo
+  const Lock lock = model_.lock();
+  const LastStrokeRequest answer{request, loop->strokes()};
+  if (auto fine = check(lock, answer, loop->parameters()); !fine) return fine.error();
+  if (needs_consent(true))
+    return ask(answer, request.action == StrokeAction::kUndo
                            ? "undo the last stroke: keep the " + cutter_name(*parts_.model) + " out of it"
                            : std::string("redo the last undone stroke"));
-  if (auto applied = apply(held, wanted, asked_by(request.by)); !applied) return applied.error();
+  if (auto applied = apply(lock, answer, requested_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }
 
-Result<void> LiveSession::apply(const Lock& held, const LastStrokeRequest& request, AskedBy by) {
-  cutter_.request(held, request.change(), by);
+Result<void> LiveSession::apply(const Lock& lock, const LastStrokeRequest& request, RequestedBy by) {
+  cutter_.request(lock, request.change(), by);
   return {};
 }
 
@@ -313,10 +313,10 @@ Result<void> LiveSession::motor_here() {
 Result<void> LiveSession::stroke_here(StrokeAction action) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
-  const Lock held = model_.lock();
-  const LastStrokeRequest wanted{{action, {}, 0}, loop->strokes()};
-  if (auto fine = check(held, wanted, loop->parameters()); !fine) return fine.error();
-  return apply(held, wanted, {Asker::kKey});
+  const Lock lock = model_.lock();
+  const LastStrokeRequest request{{action, {}, 0}, loop->strokes()};
+  if (auto fine = check(lock, request, loop->parameters()); !fine) return fine.error();
+  return apply(lock, request, {Asker::kKey});
 }
 
 // ---- the pointer
@@ -330,7 +330,7 @@ Result<void> LiveSession::take_pointer(bool take, const ViewerIdentity& by) {
   const bool was_taken = pointer_taken_.exchange(take);
   if (!take) parts_.pointer->release();
   set_tip_holder(take ? std::optional(by) : std::nullopt);
-  if (loop && take != was_taken) log_pointer_change(*loop, loop_.log(), asked_by(by));
+  if (loop && take != was_taken) log_pointer_change(*loop, loop_.log(), requested_by(by));
   return {};
 }
 
@@ -347,7 +347,7 @@ void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
   if (!target) return parts_.pointer->release();
   // pose of the object as currently rendered
   const Transform<World, Patient> X_WorldPatient =
-      turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_felt_wxyz));
+      turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_applied_wxyz));
   const Point<Patient> tip_patient(target->tip_patient_mm[0], target->tip_patient_mm[1],
                                    target->tip_patient_mm[2]);
   const Point<World> tip = X_WorldPatient * tip_patient;
@@ -392,7 +392,7 @@ Result<void> LiveSession::teach(const LessonRequest& request) {
 }
 
 Result<std::string> LiveSession::curves(const std::string& learner) const {
-  return keeps_runs() ? parts_.training->curves(learner) : LiveHost::curves(learner);
+  return stores_runs() ? parts_.training->curves(learner) : LiveHost::curves(learner);
 }
 
 Result<void> LiveSession::task_here() {

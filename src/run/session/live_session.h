@@ -105,7 +105,7 @@ class LiveSession final : public LiveHost {
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
     return law_.yielded(device);
   }
-  std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen_labels_.of(*this); }
+  std::shared_ptr<const Bricks<LabelId>> visible_labels() const override { return visible_labels_.of(*this); }
   std::optional<ViewedNavigation> navigation() const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
@@ -113,7 +113,7 @@ class LiveSession final : public LiveHost {
   Result<Grant> set(const StrokeRequest& request) override;
   std::vector<LateAnswer> take_answers() override { return consent_.take_answers(); }
   void forget(const ViewerIdentity& viewer) override { consent_.forget(viewer); }
-  void emergency_stop(const ViewerIdentity& by) override { stop_.stop(asked_by(by)); }
+  void emergency_stop(const ViewerIdentity& by) override { stop_.stop(requested_by(by)); }
   Result<void> rearm(const RearmRequest& request) override { return stop_.rearm(request); }
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::optional<PointerTarget>& target) override;
@@ -121,7 +121,7 @@ class LiveSession final : public LiveHost {
   std::shared_ptr<const ViewedDebriefing> debriefing() const override;
   Result<void> train(const TaskRequest& request) override;
   Result<void> teach(const LessonRequest& request) override;
-  bool keeps_runs() const override { return parts_.training != nullptr && parts_.training->keeps_runs(); }
+  bool stores_runs() const override { return parts_.training != nullptr && parts_.training->stores_runs(); }
   Result<std::string> curves(const std::string& learner) const override;
   std::shared_ptr<const ViewedPlan> plan() const override;
   Result<void> change(const PlanRequest& request) override;
@@ -181,7 +181,7 @@ class LiveSession final : public LiveHost {
   bool physical() const;
   bool cuts() const;
   double most_force_N() const;
-  bool wants_consent(bool could_increase_force) const;
+  bool needs_consent(bool could_increase_force) const;
   template <class Request>
   Result<Grant> ask(const Request& request, std::string what);
   /// Stroke request with the number of strokes begun when it was made.
@@ -191,17 +191,17 @@ class LiveSession final : public LiveHost {
   };
   void set_tip_holder(const std::optional<ViewerIdentity>& holder);
   using Lock = LiveModel::Lock;
-  Result<void> check(const Lock& held, const SettingsRequest& request, const Parameters& now) const;
-  Result<ModelChange> check(const Lock& held, const TissueRequest& request, const Parameters& now) const;
-  Result<void> check(const Lock& held, const LastStrokeRequest& request, const Parameters& now) const;
-  Result<void> apply(const Lock& held, const SettingsRequest& request, AskedBy by);
-  Result<void> apply(const Lock& held, const TissueRequest& request, AskedBy by);
-  Result<void> apply(const Lock& held, const LastStrokeRequest& request, AskedBy by);
+  Result<void> check(const Lock& lock, const SettingsRequest& request, const Parameters& now) const;
+  Result<ModelChange> check(const Lock& lock, const TissueRequest& request, const Parameters& now) const;
+  Result<void> check(const Lock& lock, const LastStrokeRequest& request, const Parameters& now) const;
+  Result<void> apply(const Lock& lock, const SettingsRequest& request, RequestedBy by);
+  Result<void> apply(const Lock& lock, const TissueRequest& request, RequestedBy by);
+  Result<void> apply(const Lock& lock, const LastStrokeRequest& request, RequestedBy by);
 
   const LiveSessionParts parts_;
   mutable std::once_flag scene_made_;
   mutable ViewedScene scene_;
-  mutable DeformedLabels seen_labels_;
+  mutable DeformedLabels visible_labels_;
 
   SessionLoop loop_;
   const ExploreWatch* watch_ = nullptr;  // set before the loop is connected

@@ -56,8 +56,8 @@ class HeldDriver final : public DeviceDriver {
     while (clock.wait()) {
       // limited to the speed of a hand
       tips_.take(to_);
-      const Vector<Device> way = to_ - samples[0].tip;
-      samples[0].tip += way * std::min(1.0, 0.5 / std::max(way.norm(), 1e-9));
+      const Vector<Device> displacement = to_ - samples[0].tip;
+      samples[0].tip += displacement * std::min(1.0, 0.5 / std::max(displacement.norm(), 1e-9));
       samples[0].taken_ns = monotonic_ns();
       servo.update(samples, commands);
     }
@@ -118,7 +118,7 @@ class Viewed : public ::testing::Test {
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
     loop_ = *std::move(loop);
-    watch_.emplace(*model_, std::vector<HoldAsked>{});
+    watch_.emplace(*model_, std::vector<HoldRequest>{});
     live_->begin(*loop_, *watch_);
   }
   void TearDown() override {
@@ -141,9 +141,9 @@ class Viewed : public ::testing::Test {
   }
   TickRecord latest() const { return loop_->snapshot(); }
   double stiffness() const {
-    std::array<double, kMaxDevices> felt{};
-    (void)live_->snapshot(felt);
-    return felt[0];
+    std::array<double, kMaxDevices> stiffness_N_per_mm{};
+    (void)live_->snapshot(stiffness_N_per_mm);
+    return stiffness_N_per_mm[0];
   }
   Error error_of(const SettingsRequest& request) { return error_in(live_->set(request)); }
   Error error_of(const TissueRequest& request) { return error_in(live_->set(request)); }
@@ -159,13 +159,13 @@ class Viewed : public ::testing::Test {
   }
 
   // all events logged for the recorder so far
-  const std::list<RecordingEvent>& told() {
-    live_->log().take(told_);
-    return told_;
+  const std::list<RecordingEvent>& reported() {
+    live_->log().take(reported_);
+    return reported_;
   }
   std::vector<ModelChange> changes() {
     std::vector<ModelChange> changes;
-    for (const RecordingEvent& event : told())
+    for (const RecordingEvent& event : reported())
       if (event.kind == RecordingEvent::Kind::kModel) changes.push_back(event.change);
     return changes;
   }
@@ -194,7 +194,7 @@ class Viewed : public ::testing::Test {
   static Error not_answered() { return {ErrorKind::kUsage, "no answer", "", ""}; }
 
   bool asks_here_ = true;
-  std::list<RecordingEvent> told_;
+  std::list<RecordingEvent> reported_;
   bool every_method_ = true;  // false: the trilinear method and the proxy only
   bool proxy_alone_ = false;  // true: no direct method and no field
   decltype(LiveSessionParts::new_fields) new_fields_ = with_rebuilt_fields;
@@ -224,7 +224,7 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   ASSERT_EQ(scene.tissues.size(), 3u);
   EXPECT_EQ(scene.tissues[1].name, "cartilage");
   EXPECT_EQ(scene.tissues[1].rests_on, std::vector<int>{kViewedBone});
-  EXPECT_FALSE(scene.tissues[2].felt);
+  EXPECT_FALSE(scene.tissues[2].touchable);
   EXPECT_EQ(scene.methods.size(), kForceMethods.size());
   EXPECT_EQ(scene.peak_force_N, 8);
   EXPECT_EQ(scene.max_force_range.min, 0.1);
@@ -317,7 +317,7 @@ TEST_F(Viewed, SettingsAreTakenAllOrNone) {
   // and the loop applies it
   ASSERT_TRUE(soon([&] { return latest().max_force_N == 1.5; }));
   EXPECT_EQ(latest().method, index_of(ForceMethod::kTrilinear));
-  EXPECT_TRUE(soon([&] { return std::abs(latest().rotation_felt_wxyz[3] - half) < 1e-9; }));
+  EXPECT_TRUE(soon([&] { return std::abs(latest().rotation_applied_wxyz[3] - half) < 1e-9; }));
 }
 
 TEST_F(Viewed, TissuesAreTakenAllOrNone) {
@@ -368,10 +368,10 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   TissueRequest request;
   request.tissue = kViewedCartilage;
   // back and forth, each before the last change has been blended in
-  for (const double wanted : {0.4, 0.7, 0.1, 0.75, 0.3}) {
-    request.changes[&ContactProperties::stiffness_N_per_mm] = wanted;
+  for (const double requested : {0.4, 0.7, 0.1, 0.75, 0.3}) {
+    request.changes[&ContactProperties::stiffness_N_per_mm] = requested;
     ASSERT_EQ(error_of(request).what, "no error");
-    EXPECT_EQ(stiffness(), wanted);
+    EXPECT_EQ(stiffness(), requested);
     std::this_thread::sleep_for(std::chrono::milliseconds(40));
   }
   // the force passes 0.6 N on its way to other values, too
@@ -379,16 +379,18 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
     const TickRecord tick = latest();
     return tick.model_version == 6 && std::abs(sent_N(tick) - 0.6) < 0.02;
   })) << sent_N(latest());
-  const auto felt = ticks();
-  for (std::size_t t = 1; t < felt.size(); ++t) {
+  const auto recorded_ticks = ticks();
+  for (std::size_t t = 1; t < recorded_ticks.size(); ++t) {
     // a step of at most 1.3 N is blended in like a seam; a delayed thread renders none
-    const double max_N =
-        1.3 * felt[t].dt_s * (1 / kTouchFeel.stiffness_filter_s + 1.5 / kOutputFeel.blend_s) + 0.005;
-    const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
+    const double max_N = 1.3 * recorded_ticks[t].dt_s *
+                             (1 / kContactSettings.stiffness_filter_s + 1.5 / kOutputSettings.blend_s) +
+                         0.005;
+    const std::uint32_t flags = recorded_ticks[t].device[0].flags | recorded_ticks[t - 1].device[0].flags;
     if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
-    EXPECT_LE(std::abs(sent_N(felt[t]) - sent_N(felt[t - 1])), max_N) << felt[t].tick;
+    EXPECT_LE(std::abs(sent_N(recorded_ticks[t]) - sent_N(recorded_ticks[t - 1])), max_N)
+        << recorded_ticks[t].tick;
   }
-  EXPECT_EQ(felt.back().model_version, 6u);
+  EXPECT_EQ(recorded_ticks.back().model_version, 6u);
   EXPECT_TRUE(soon([&] { return loop_->collect() == 1; })) << "older versions are freed";
 }
 
@@ -438,9 +440,9 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
 TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   // fields are not generated before this thread has made its other requests
   std::atomic<bool> may_be_made{false};
-  new_fields_ = [&](const Model& felt, const Model& made, const Progress& progress) {
+  new_fields_ = [&](const Model& model, const Model& made, const Progress& progress) {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return with_rebuilt_fields(felt, made, progress);
+    return with_rebuilt_fields(model, made, progress);
   };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
@@ -508,16 +510,17 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   EXPECT_EQ(live_->state().method, ForceMethod::kSpline);
   EXPECT_EQ(made, before);
   // no tick rendered another method in its place
-  std::vector<std::uint8_t> felt;
+  std::vector<std::uint8_t> methods_in_order;
   for (const TickRecord& tick : ticks()) {
     EXPECT_EQ(tick.device[0].flags & kFlagMethodMissing, 0u);
-    if (felt.empty() || felt.back() != tick.method) felt.push_back(tick.method);
+    if (methods_in_order.empty() || methods_in_order.back() != tick.method)
+      methods_in_order.push_back(tick.method);
   }
   constexpr auto kNow = static_cast<std::uint8_t>(ForceMethod::kProxy),
                  kThen = static_cast<std::uint8_t>(ForceMethod::kSpline);
-  EXPECT_EQ(felt.front(), kNow);
-  EXPECT_EQ(felt.back(), kThen);
-  for (const std::uint8_t method : felt) EXPECT_TRUE(method == kNow || method == kThen);
+  EXPECT_EQ(methods_in_order.front(), kNow);
+  EXPECT_EQ(methods_in_order.back(), kThen);
+  for (const std::uint8_t method : methods_in_order) EXPECT_TRUE(method == kNow || method == kThen);
 }
 
 TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
@@ -586,11 +589,11 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   shell_ = ElasticConstants{20, 0.45};
   std::atomic<bool> may_be_made{false};
   std::atomic<int> made{0};
-  other_law_ = [&](const Model& felt, TissueLaw law, std::size_t devices,
+  other_law_ = [&](const Model& model, TissueLaw law, std::size_t devices,
                    const Progress& progress) -> Result<MeasuredCells> {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ++made;
-    auto under = measured_under_law(felt, law, devices, progress);
+    auto under = measured_under_law(model, law, devices, progress);
     if (!under || !is_elastic(law)) return under;
     // as if this machine were too slow for one of the laws
     const bool is_slow = law == TissueLaw::kNeoHookean;
@@ -655,9 +658,9 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
 TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   shell_ = ElasticConstants{20, 0.45};
   int tries = 0;
-  other_law_ = [&](const Model& felt, TissueLaw law, std::size_t devices, const Progress& progress) {
+  other_law_ = [&](const Model& model, TissueLaw law, std::size_t devices, const Progress& progress) {
     if (++tries == 1) throw std::bad_alloc();
-    return measured_under_law(felt, law, devices, progress);
+    return measured_under_law(model, law, devices, progress);
   };
   start();
   SettingsRequest elastic;
@@ -686,8 +689,8 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   shell_ = ElasticConstants{20, 0.45};
   std::atomic<bool> is_full{false};
   std::atomic<int> refused{0};
-  solve_tissue_ = [&](YieldSolver& solver, const Model& model, const TickRecord& felt) {
-    solver.solve(model, felt);
+  solve_tissue_ = [&](YieldSolver& solver, const Model& model, const TickRecord& tick) {
+    solver.solve(model, tick);
     // the solver is left as after half a frame
     if (is_full && ++refused > 0) throw std::bad_alloc();
   };
@@ -731,7 +734,7 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   recording.header.model_version = model_->version;
   recording.header.tissue_coarsened = model_->tissue_coarsened;
   recording.ticks = ticks();
-  recording.events.assign(told().begin(), told().end());
+  recording.events.assign(reported().begin(), reported().end());
   const auto replayed = replay(recording, model_);
   ASSERT_TRUE(replayed.ok()) << replayed.error().message();
   EXPECT_TRUE(replayed->identical) << replayed->difference;
@@ -808,7 +811,7 @@ TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldForItsPresentStiffness) {
 TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   using Made = Result<std::shared_ptr<const Model>>;
   std::atomic<int> tries{0};
-  new_fields_ = [&](const Model& felt, const Model& made, const Progress& progress) -> Made {
+  new_fields_ = [&](const Model& model, const Model& made, const Progress& progress) -> Made {
     switch (++tries) {
       case 1:
         throw std::bad_alloc();
@@ -817,12 +820,12 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
       case 3:
         return Error{ErrorKind::kBadInput, "the shell is too thin", "label 2", "make it thicker"};
       case 4:
-        return with_rebuilt_fields(felt, made, progress);
+        return with_rebuilt_fields(model, made, progress);
       default: {
         // a model with the one method that a tick requires
-        auto bare = std::make_shared<Model>(felt);
+        auto bare = std::make_shared<Model>(model);
         bare->methods = {};
-        bare->methods[index_of(ForceMethod::kTrilinear)] = felt.methods[index_of(ForceMethod::kTrilinear)];
+        bare->methods[index_of(ForceMethod::kTrilinear)] = model.methods[index_of(ForceMethod::kTrilinear)];
         return std::shared_ptr<const Model>(std::move(bare));
       }
     }
@@ -939,13 +942,13 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
     SCOPED_TRACE(words);
     const auto granted = live_->set(wish);
     ASSERT_TRUE(granted.ok());
-    EXPECT_EQ(*granted, Grant::kAsked);
+    EXPECT_EQ(*granted, Grant::kRequested);
     ASSERT_TRUE(live_->question());
     EXPECT_EQ(live_->question()->text, words);
     // declined: nothing has changed
-    const LateAnswer told = answer(false);
-    EXPECT_FALSE(told.outcome.ok());
-    EXPECT_EQ(told.id, 12);
+    const LateAnswer requested = answer(false);
+    EXPECT_FALSE(requested.outcome.ok());
+    EXPECT_EQ(requested.id, 12);
     const Parameters now = loop_->parameters();
     EXPECT_EQ(now.rotation_target.coeffs(), before.rotation_target.coeffs());
     EXPECT_EQ(now.method, before.method);
@@ -953,15 +956,15 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
     EXPECT_EQ(now.max_force_N, before.max_force_N);
     EXPECT_EQ(switches_of(now), switches_of(before));
   }
-  EXPECT_TRUE(told().empty());
+  EXPECT_TRUE(reported().empty());
 
   // agreed to: it takes effect, and the recording names the consent
   ASSERT_TRUE(live_->set(wishes[0].first).ok());
   EXPECT_TRUE(answer(true).outcome.ok());
   EXPECT_NEAR(loop_->parameters().rotation_target.z(), std::sin(0.2), 1e-12);
-  ASSERT_EQ(told().size(), 1u);
-  EXPECT_EQ(told().back().by, (AskedBy{Asker::kAgreedViewer, 3}));
-  EXPECT_EQ(told().back().changed, kSettingRotation);
+  ASSERT_EQ(reported().size(), 1u);
+  EXPECT_EQ(reported().back().by, (RequestedBy{Asker::kAgreedViewer, 3}));
+  EXPECT_EQ(reported().back().changed, kSettingRotation);
 
   // a request for the current value changes nothing and needs no consent
   const auto same = live_->set(wishes[0].first);
@@ -982,7 +985,7 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   request.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   request.changes[&ContactProperties::static_friction] = 0.4;
   const auto granted = live_->set(request);
-  ASSERT_TRUE(granted.ok() && *granted == Grant::kAsked);
+  ASSERT_TRUE(granted.ok() && *granted == Grant::kRequested);
   EXPECT_EQ(live_->question()->text,
             "viewer 5 wants to change cartilage's stiffness from 0.75 to 0.5 N/mm, and change its static "
             "friction from 0.1 to 0.4");
@@ -990,8 +993,8 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   EXPECT_TRUE(answer(true).outcome.ok());
   EXPECT_EQ(live_->state().model_version, 2u);
   EXPECT_EQ(live_->state().tissues[kViewedCartilage].stiffness_N_per_mm, 0.5);
-  ASSERT_EQ(told().size(), 1u);
-  EXPECT_EQ(told().back().by, (AskedBy{Asker::kAgreedViewer, 5}));
+  ASSERT_EQ(reported().size(), 1u);
+  EXPECT_EQ(reported().back().by, (RequestedBy{Asker::kAgreedViewer, 5}));
 
   // a request that has become impossible in the meantime is refused despite consent
   request.changes[&ContactProperties::stiffness_N_per_mm] = 0.6;
@@ -1032,12 +1035,12 @@ TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
     set(more);
     return *live_->set(more);
   };
-  EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), Grant::kAsked);
-  EXPECT_EQ(wants([](auto& r) { r.friction = true; }), Grant::kAsked);
-  EXPECT_EQ(wants([](auto& r) { r.paused = false; }), Grant::kAsked);
+  EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), Grant::kRequested);
+  EXPECT_EQ(wants([](auto& r) { r.friction = true; }), Grant::kRequested);
+  EXPECT_EQ(wants([](auto& r) { r.paused = false; }), Grant::kRequested);
   TissueRequest stiffer;
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.6;
-  EXPECT_EQ(*live_->set(stiffer), Grant::kAsked);
+  EXPECT_EQ(*live_->set(stiffer), Grant::kRequested);
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.4;
   EXPECT_EQ(*live_->set(stiffer), Grant::kDone);
   EXPECT_EQ(live_->state().max_force_N, 2);
@@ -1048,7 +1051,7 @@ TEST_F(Viewed, AViewerThatGoesTakesItsWishAlong) {
   SettingsRequest request;
   request.by = {6, true};
   request.paused = true;
-  ASSERT_EQ(*live_->set(request), Grant::kAsked);
+  ASSERT_EQ(*live_->set(request), Grant::kRequested);
   live_->forget(request.by);
   EXPECT_FALSE(live_->question());
   EXPECT_TRUE(live_->take_answers().empty());
@@ -1122,7 +1125,7 @@ TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
     EXPECT_EQ(error_in(live_->rearm_here(last)).what, "no error");
     EXPECT_THAT(error_in(live_->rearm_here(last)).what, HasSubstr("not stopped"));
     TearDown();
-    told_.clear();
+    reported_.clear();
   }
 }
 
@@ -1167,12 +1170,12 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   live_->next_method();
 
   using Kind = RecordingEvent::Kind;
-  const std::vector<RecordingEvent> events(told().begin(), told().end());
+  const std::vector<RecordingEvent> events(reported().begin(), reported().end());
   ASSERT_EQ(events.size(), 9u) << "what was refused is not told";
-  const auto expect = [&](std::size_t place, Kind kind, AskedBy by, std::uint32_t number) {
-    EXPECT_EQ(events[place].kind, kind) << place;
-    EXPECT_EQ(events[place].by, by) << place;
-    EXPECT_EQ(events[place].number, number) << place;
+  const auto expect = [&](std::size_t index, Kind kind, RequestedBy by, std::uint32_t number) {
+    EXPECT_EQ(events[index].kind, kind) << index;
+    EXPECT_EQ(events[index].by, by) << index;
+    EXPECT_EQ(events[index].number, number) << index;
   };
   expect(0, Kind::kSettings, {Asker::kControlViewer, 7}, 1);
   EXPECT_EQ(events[0].changed, kSettingFriction | kSettingMaxForce);
@@ -1203,8 +1206,8 @@ TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
   info.simulated = true;
   LiveSession live(LiveSessionParts{
       std::make_shared<const Model>(testing::ball_model({2, 2, 2})), {info}, {}, {}, "script"});
-  std::array<double, kMaxDevices> felt{};
-  EXPECT_EQ(live.snapshot(felt).tick, 0u);
+  std::array<double, kMaxDevices> stiffness_N_per_mm{};
+  EXPECT_EQ(live.snapshot(stiffness_N_per_mm).tick, 0u);
   EXPECT_EQ(live.health().rate_hz, 0);
   EXPECT_EQ(live.state().model_version, 1u);
   EXPECT_EQ(error_in(live.set(SettingsRequest{})).kind, ErrorKind::kUnavailable);
@@ -1297,8 +1300,8 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
   std::vector<SweepRecord> shown;
   bool on = false, softened = false;
   const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int) {
-    std::array<double, kMaxDevices> felt{};
-    const TickRecord tick = host.snapshot(felt);
+    std::array<double, kMaxDevices> stiffnesses{};
+    const TickRecord tick = host.snapshot(stiffnesses);
     SettingsRequest motor;
     motor.motor = true;
     if (!on && sent_N(tick) > 0.5) {
@@ -1351,8 +1354,8 @@ TEST_F(ViewedExplore, AnUndoIsOfNoStrokeThatIsBegunAfterIt) {
   bool stands = false;
   const auto of_second = [](const SweepRecord& sweep) { return sweep.stroke == 2; };
   run(options, kPressAndHold, [&](LiveHost& host, int) {
-    std::array<double, kMaxDevices> felt{};
-    const TickRecord tick = host.snapshot(felt);
+    std::array<double, kMaxDevices> stiffness_N_per_mm{};
+    const TickRecord tick = host.snapshot(stiffness_N_per_mm);
     const ViewedState state = host.state();
     const auto sweeps = host.sweeps(state.model_version, 0, 10000);
     SettingsRequest motor;
@@ -1392,8 +1395,8 @@ TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
   double gone_mm3 = 0;
   const ViewerIdentity viewer{3, true};
   const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int) {
-    std::array<double, kMaxDevices> felt{};
-    const TickRecord tick = host.snapshot(felt);
+    std::array<double, kMaxDevices> stiffness_N_per_mm{};
+    const TickRecord tick = host.snapshot(stiffness_N_per_mm);
     const ViewedState state = host.state();
     SettingsRequest motor;
     const StrokeRequest undo{StrokeAction::kUndo, viewer, 1}, redo{StrokeAction::kRedo, viewer, 2};
@@ -1434,7 +1437,7 @@ TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
     sweeps += event.kind == RecordingEvent::Kind::kSweep;
     if (event.kind != RecordingEvent::Kind::kModel || !event.change.is_of_stroke()) continue;
     strokes.push_back(event.change.tissue);
-    EXPECT_EQ(event.by, (AskedBy{Asker::kControlViewer, 3}));
+    EXPECT_EQ(event.by, (RequestedBy{Asker::kControlViewer, 3}));
   }
   EXPECT_EQ(sweeps, cut);
   EXPECT_EQ(strokes, (std::vector{ModelChange::kUndo, ModelChange::kRedo}));
@@ -1445,10 +1448,10 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   ExploreOptions options;
   options.seconds = 60;
   int changed_at = -1, turned_at = -1;
-  double softened_N = 0, told = 0;
+  double softened_N = 0, reported = 0;
   const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int call) {
-    std::array<double, kMaxDevices> felt{};
-    const TickRecord tick = host.snapshot(felt);
+    std::array<double, kMaxDevices> stiffnesses{};
+    const TickRecord tick = host.snapshot(stiffnesses);
     if (changed_at < 0 && sent_N(tick) > 0.5) {
       TissueRequest softer;
       softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.9;
@@ -1465,7 +1468,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
     if (changed_at >= 0 && turned_at < 0 && call >= changed_at + 25 && sent_N(tick) > 0.1) {
       turned_at = call;
       softened_N = sent_N(tick);
-      told = felt[0];
+      reported = stiffnesses[0];
       SettingsRequest turn;
       turn.rotation_wxyz = {std::cos(0.05), 0, 0, std::sin(0.05)};
       turn.max_force_N = 1.0;
@@ -1486,7 +1489,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   });
   ASSERT_GE(changed_at, 0) << "the ball was never pressed";
   EXPECT_GT(softened_N, 0.1);
-  EXPECT_EQ(told, 0.8);
+  EXPECT_EQ(reported, 0.8);
   EXPECT_EQ(result_->limit_N, 2.5) << "the highest that held";
   const auto changes = changes_in(recording);
   ASSERT_EQ(changes.size(), 3u);
@@ -1531,10 +1534,10 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   options.seconds = 60;
   // on a busy machine a direct method occasionally loses contact; the script is repeated
   options.repeat = true;
-  int softened_at = -1, felt_at = -1;
+  int softened_at = -1, contact_at = -1;
   const Recording recording = run(options, kPressAndHold, [&](LiveHost& host, int call) {
-    std::array<double, kMaxDevices> felt{};
-    const TickRecord tick = host.snapshot(felt);
+    std::array<double, kMaxDevices> stiffnesses{};
+    const TickRecord tick = host.snapshot(stiffnesses);
     if (softened_at < 0 && sent_N(tick) > 0.5) {
       TissueRequest softer;
       softer.changes[&ContactProperties::stiffness_N_per_mm] = 0.9;
@@ -1544,14 +1547,15 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
       ASSERT_TRUE(host.set(direct).ok());
       softened_at = call;
     }
-    if (softened_at >= 0 && felt_at < 0 && tick.method == index_of(ForceMethod::kTrilinear)) felt_at = call;
+    if (softened_at >= 0 && contact_at < 0 && tick.method == index_of(ForceMethod::kTrilinear))
+      contact_at = call;
     // a hand whose thread is delayed bounces on the surface
-    if (felt_at >= 0 && call >= felt_at + 30 && felt[0] != 0) {
-      EXPECT_EQ(felt[0], 0.9);
+    if (contact_at >= 0 && call >= contact_at + 30 && stiffnesses[0] != 0) {
+      EXPECT_EQ(stiffnesses[0], 0.9);
       stop_.store(true);
     }
   });
-  ASSERT_GE(felt_at, 0);
+  ASSERT_GE(contact_at, 0);
   EXPECT_TRUE(result_->stopped_by_user) << "nothing was felt then";
   const auto changes = changes_in(recording);
   ASSERT_EQ(changes.size(), 2u);
@@ -1564,7 +1568,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   ExploreOptions options;
   options.devices = {kPointer};
   options.seconds = 30;
-  std::string seen;
+  std::string observed;
   enum { kAbove, kPressing, kLost, kBack, kSteady, kDone } part = kAbove;
   int since = 0;
   // the patient's anterior is up: the ball from above, 1 mm deep
@@ -1583,10 +1587,10 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
       EXPECT_TRUE(host->take_pointer(true, {5, true}).ok());
     }
     ++since;
-    std::array<double, kMaxDevices> felt{};
-    const TickRecord tick = host->snapshot(felt);
+    std::array<double, kMaxDevices> stiffness_N_per_mm{};
+    const TickRecord tick = host->snapshot(stiffness_N_per_mm);
     const std::uint32_t flags = tick.device[0].flags;
-    seen = "flags " + std::to_string(flags) + ", " + std::to_string(sent_N(tick)) + " N";
+    observed = "flags " + std::to_string(flags) + ", " + std::to_string(sent_N(tick)) + " N";
     if (part == kAbove) {
       host->move_pointer(PointerTarget{above});
       if ((flags & (kFlagStale | kFlagRamp)) == 0) part = kPressing;
@@ -1611,7 +1615,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   const auto file = folder_ / "run.h5";
   const auto result = explore(loaded_, Script{}, options, file, Progress({}, &stop_));
   ASSERT_TRUE(result.ok()) << result.error().message();
-  EXPECT_EQ(part, kDone) << seen;
+  EXPECT_EQ(part, kDone) << observed;
   EXPECT_TRUE(result->stopped_by_user);
   ASSERT_EQ(result->holds.size(), 1u);
   EXPECT_EQ(result->holds[0].structure, "ball");
@@ -1626,7 +1630,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   for (const RecordingEvent& event : recording->events) {
     EXPECT_EQ(event.kind, RecordingEvent::Kind::kSettings);
     EXPECT_EQ(event.changed, kSettingPointer);
-    EXPECT_EQ(event.by, (AskedBy{Asker::kControlViewer, 5}));
+    EXPECT_EQ(event.by, (RequestedBy{Asker::kControlViewer, 5}));
   }
   EXPECT_LT(recording->events[0].tick, recording->events[1].tick);
   // the displayed force has no steps while the pointer is held: 6 mm within an interval of at least 4 ms

@@ -34,38 +34,38 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   const auto is_empty = [&](LabelId label) {
     const Tissue* tissue = model.tissue_of(label);
-    return tissue == nullptr || !tissue->felt;
+    return tissue == nullptr || !tissue->touchable;
   };
   const auto yields = [&](LabelId label) {
     return !is_empty(label) && model.is_deformable(*model.tissue_of(label));
   };
-  std::vector<Point<Patient>> places;
+  std::vector<Point<Patient>> positions;
   const int j_step = std::max(1, grid.dims[1] / kLines), k_step = std::max(1, grid.dims[2] / kLines);
   for (int k = k_step / 2; k < grid.dims[2]; k += k_step)
     for (int j = j_step / 2; j < grid.dims[1]; j += j_step)
       for (int i = 1; i < grid.dims[0]; ++i) {
         const LabelId one = labels.at(i - 1, j, k), other = labels.at(i, j, k);
         if ((is_empty(one) && yields(other)) || (is_empty(other) && yields(one)))
-          places.push_back(X_PatientVoxel * Point<Voxel>(i - 0.5, j, k));
+          positions.push_back(X_PatientVoxel * Point<Voxel>(i - 0.5, j, k));
       }
-  return places;
+  return positions;
 }
 
 // Median processor time of a few frames in which every device presses at `at`; empty if no tissue is solved
 // there.
 std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std::size_t devices) {
   constexpr int kFrames = 7;
-  TickRecord felt;
-  felt.devices = static_cast<int>(devices);
+  TickRecord tick;
+  tick.devices = static_cast<int>(devices);
   for (std::size_t d = 0; d < devices; ++d)
     for (int axis = 0; axis < 3; ++axis)
-      felt.device[d].tip_patient_mm[static_cast<std::size_t>(axis)] = at[axis];
+      tick.device[d].tip_patient_mm[static_cast<std::size_t>(axis)] = at[axis];
   YieldSolver solver;
-  if (!solver.solve(model, felt).spot[0].is_known()) return std::nullopt;
+  if (!solver.solve(model, tick).spot[0].is_known()) return std::nullopt;
   std::array<double, kFrames> times_s;
   for (double& time_s : times_s) {
     const double begun_s = processor_time_s();
-    solver.solve(model, felt);
+    solver.solve(model, tick);
     time_s = processor_time_s() - begun_s;
   }
   std::nth_element(times_s.begin(), times_s.begin() + kFrames / 2, times_s.end());
@@ -80,39 +80,39 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
     return {std::move(model), {}};
   // one of several spread-out points suffices
   constexpr std::size_t kTries = 5;
-  const std::vector<Point<Patient>> places = soft_borders(*model);
+  const std::vector<Point<Patient>> positions = soft_borders(*model);
   std::optional<double> made_s;
-  Point<Patient> place;
-  for (std::size_t n = 0; n < std::min(kTries, places.size()) && !made_s; ++n) {
-    place = places[(2 * n + 1) * places.size() / (2 * kTries)];
-    made_s = frame_s(*model, place, devices);
+  Point<Patient> position;
+  for (std::size_t n = 0; n < std::min(kTries, positions.size()) && !made_s; ++n) {
+    position = positions[(2 * n + 1) * positions.size() / (2 * kTries)];
+    made_s = frame_s(*model, position, devices);
   }
   if (!made_s || *made_s <= max_frame_s) return {std::move(model), {}};
 
   auto coarser = std::make_shared<Model>(*model);
   for (const double factor : kCoarser) {
     coarser->tissue_coarsened = factor;
-    const auto time_s = frame_s(*coarser, place, devices);
+    const auto time_s = frame_s(*coarser, position, devices);
     if (time_s && *time_s <= max_frame_s) break;
   }
-  char told[256];
-  std::snprintf(told, sizeof told,
+  char reported[256];
+  std::snprintf(reported, sizeof reported,
                 "soft tissue is solved in cells of %.3g mm instead of %.3g: with these a solution takes %.3g "
                 "ms on this machine, but one is due every %.3g",
                 yield_cell_mm(*coarser), yield_cell_mm(*model), 1e3 * *made_s, 1e3 * kYieldFrame_s);
-  return {std::move(coarser), told};
+  return {std::move(coarser), reported};
 }
 
-Result<MeasuredCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
+Result<MeasuredCells> measured_under_law(const Model& model, TissueLaw law, std::size_t devices,
                                          const Progress& progress) {
   const auto preparing = cached_preparation();
-  if (has_other_surfaces(felt, law)) {
+  if (has_other_surfaces(model, law)) {
     // the current surfaces stay in memory meanwhile
-    const auto bytes = memory_of_surfaces(displayed_under_law(felt, law), *preparing, progress);
+    const auto bytes = memory_of_surfaces(displayed_under_law(model, law), *preparing, progress);
     if (!bytes) return bytes.error();
     if (auto allowed = allow_memory(*bytes, "surfaces of soft tissue"); !allowed) return allowed.error();
   }
-  auto under = under_law(felt, law, *preparing, progress);
+  auto under = under_law(model, law, *preparing, progress);
   if (!under) return under.error();
   if (!is_elastic(law)) return MeasuredCells{*std::move(under), {}};
   auto whole = std::make_shared<Model>(**under);

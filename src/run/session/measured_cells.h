@@ -15,7 +15,7 @@ namespace palpate {
 /// Model whose soft tissue can be solved in real time on this machine.
 struct MeasuredCells {
   std::shared_ptr<const Model> model;
-  std::string told;  ///< Warning text if the cells are coarser than the scene requests; empty otherwise
+  std::string reported;  ///< Warning text if the cells are coarser than the scene requests; empty otherwise
 };
 
 /// Measures the solver's frame time on this thread, at a point where soft tissue is outermost, and increases
@@ -31,10 +31,10 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
                                   double max_frame_s = 0.75 * kYieldFrame_s);
 
 /// Switches a model to another law (under_law; surfaces prepared earlier are taken from the cache) and, if
-/// that law is elastic, chooses the cell size as above, ignoring the factor of `felt`. Takes seconds if the
+/// that law is elastic, chooses the cell size as above, ignoring the factor of `model`. Takes seconds if the
 /// law needs other surfaces. Errors: those of under_law; kBadInput if both sets of surfaces do not fit in
 /// memory.
-Result<MeasuredCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
+Result<MeasuredCells> measured_under_law(const Model& model, TissueLaw law, std::size_t devices,
                                          const Progress& progress = {});
 
 }  // namespace palpate

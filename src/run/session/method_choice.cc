@@ -45,28 +45,28 @@ MethodChoice::MethodChoice(LiveModel& model, SessionLoop& loop, NewFields new_fi
       new_fields_(std::move(new_fields)),
       more_methods_(std::move(more_methods)),
       wake_(std::move(wake)),
-      choosable_(choosable_methods(model.felt(model.lock()))),
-      first_(model.versions(model.lock()).felt) {}
+      choosable_(choosable_methods(model.current(model.lock()))),
+      first_(model.versions(model.lock()).current) {}
 
-bool MethodChoice::is_available(const LiveModel::Lock& held, ForceMethod method) const {
+bool MethodChoice::is_available(const LiveModel::Lock& lock, ForceMethod method) const {
   if (!is_choosable(method)) return false;
-  const auto& [felt, made] = model_.versions(held);
-  return felt->has(method) && (method == ForceMethod::kProxy || fields_match(*felt, *made));
+  const auto& [current, prepared] = model_.versions(lock);
+  return current->has(method) && (method == ForceMethod::kProxy || fields_match(*current, *prepared));
 }
 
-bool MethodChoice::can_be_prepared(const LiveModel::Lock& held, ForceMethod method) const {
-  const auto& [felt, made] = model_.versions(held);
-  return is_available(held, method) || fields_match(*felt, *made) || can_make_fields(*felt);
+bool MethodChoice::can_be_prepared(const LiveModel::Lock& lock, ForceMethod method) const {
+  const auto& [current, prepared] = model_.versions(lock);
+  return is_available(lock, method) || fields_match(*current, *prepared) || can_make_fields(*current);
 }
 
-Result<void> MethodChoice::choose(const LiveModel::Lock& held, ForceMethod method, AskedBy by) {
+Result<void> MethodChoice::choose(const LiveModel::Lock& lock, ForceMethod method, RequestedBy by) {
   awaited_.reset();
   failure_.reset();
-  if (is_available(held, method)) {
+  if (is_available(lock, method)) {
     change_logged(*loop_.get(), loop_.log(), by, [&](Parameters& parameters) { parameters.method = method; });
     return {};
   }
-  if (auto woken = wake_(held); !woken) return woken;
+  if (auto woken = wake_(lock); !woken) return woken;
   awaited_ = method;
   awaited_by_ = by;
   return {};
@@ -75,14 +75,14 @@ Result<void> MethodChoice::choose(const LiveModel::Lock& held, ForceMethod metho
 void MethodChoice::choose_next() {
   ServoLoop* loop = loop_.get();
   if (!loop) return;
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   const ForceMethod now = awaited_.value_or(loop->parameters().method);
   const auto possible = [&](ForceMethod method) {
-    return is_choosable(method) && can_be_prepared(held, method);
+    return is_choosable(method) && can_be_prepared(lock, method);
   };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
-  if (auto chosen = choose(held, next, {Asker::kKey}); !chosen) give_up(held, next, chosen.error());
+  if (auto chosen = choose(lock, next, {Asker::kKey}); !chosen) abandon(lock, next, chosen.error());
 }
 
 void MethodChoice::follow_script() {
@@ -90,40 +90,40 @@ void MethodChoice::follow_script() {
   if (!loop) return;
   const ForceMethod method = loop->parameters().method;
   // the lock may be contended; the next call follows soon
-  const LiveModel::Lock held = model_.try_lock();
-  if (!held || awaited_ || is_available(held, method) || !first_->has(method)) return;
-  if (!can_be_prepared(held, method))
-    give_up(held, method, made_for_others());
-  else if (failure_ && given_up_ == model_.felt(held).version)
-    give_up(held, method, *failure_);
-  else if (auto chosen = choose(held, method, {Asker::kScript}); !chosen)
-    give_up(held, method, chosen.error());
+  const LiveModel::Lock lock = model_.try_lock();
+  if (!lock || awaited_ || is_available(lock, method) || !first_->has(method)) return;
+  if (!can_be_prepared(lock, method))
+    abandon(lock, method, made_for_others());
+  else if (failure_ && abandoned_ == model_.current(lock).version)
+    abandon(lock, method, *failure_);
+  else if (auto chosen = choose(lock, method, {Asker::kScript}); !chosen)
+    abandon(lock, method, chosen.error());
 }
 
-void MethodChoice::prepare(LiveModel::Lock& held, const Progress& progress) {
-  const ModelVersions of = model_.versions(held);
+void MethodChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
+  const ModelVersions of = model_.versions(lock);
   const ForceMethod method = *awaited_;
   // unlock: a thread waiting for the lock would inherit this thread's low priority as latency
-  held.unlock();
+  lock.unlock();
   const auto ready = fields_for(method, of, progress);
-  held.lock();
+  lock.lock();
   // the model changed meanwhile: another version, and possibly other fields, are needed
-  const bool is_outdated = model_.versions(held).felt != of.felt;
+  const bool is_outdated = model_.versions(lock).current != of.current;
   if (!is_outdated || !awaited_) fields_ = nullptr;
   if (is_outdated) return;
-  auto used = ready ? use_fields(held, *ready) : Result<void>(ready.error());
+  auto used = ready ? use_fields(lock, *ready) : Result<void>(ready.error());
   // another method may have been requested meanwhile
-  if (!used && awaited_ == method) give_up(held, method, used.error());
+  if (!used && awaited_ == method) abandon(lock, method, used.error());
 }
 
 // Returns a model whose fields match the current stiffnesses and that is prepared for `method`. The result of
 // an earlier attempt, fields_, is reused if it matches.
 Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method, const ModelVersions& of,
                                                               const Progress& progress) try {
-  if (!fields_ || !fields_match(*of.felt, *fields_)) {
-    fields_ = of.made;
-    if (!fields_match(*of.felt, *of.made)) {
-      auto made = new_fields_(*of.felt, *of.made, progress);
+  if (!fields_ || !fields_match(*of.current, *fields_)) {
+    fields_ = of.prepared;
+    if (!fields_match(*of.current, *of.prepared)) {
+      auto made = new_fields_(*of.current, *of.prepared, progress);
       if (!made) return made.error();
       fields_ = *std::move(made);
     }
@@ -143,38 +143,39 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
   return not_made(why);
 }
 
-Result<void> MethodChoice::use_fields(const LiveModel::Lock& held, std::shared_ptr<const Model> fields) try {
-  const auto& [felt, made] = model_.versions(held);
-  if (fields_match(*felt, *made)) {
+Result<void> MethodChoice::use_fields(const LiveModel::Lock& lock, std::shared_ptr<const Model> fields) try {
+  const auto& [current, prepared] = model_.versions(lock);
+  if (fields_match(*current, *prepared)) {
     // preparing further methods leaves the haptic properties unchanged, so no new version is needed
-    auto next = std::make_shared<Model>(*felt);
+    auto next = std::make_shared<Model>(*current);
     next->field = fields->field;
     next->methods = fields->methods;
-    model_.set_prepared(held, {std::move(next), std::move(fields)});
+    model_.set_prepared(lock, {std::move(next), std::move(fields)});
   } else {
-    const auto next = with_fields(*felt, *fields);
-    model_.apply(held, {next, next}, {next->version, ModelChange::kFieldsRebuilt}, awaited_by_);
+    const auto next = with_fields(*current, *fields);
+    model_.apply(lock, {next, next}, {next->version, ModelChange::kFieldsRebuilt}, awaited_by_);
   }
-  return awaited_ && is_available(held, *awaited_) ? choose(held, *awaited_, awaited_by_) : Result<void>();
+  return awaited_ && is_available(lock, *awaited_) ? choose(lock, *awaited_, awaited_by_) : Result<void>();
 } catch (const std::exception& why) {
   return not_made(why);
 }
 
 // keeps the current method and reports the error to whoever requested the change
-void MethodChoice::give_up(const LiveModel::Lock& held, ForceMethod method, Error why) {
-  const Model& felt = model_.felt(held);
+void MethodChoice::abandon(const LiveModel::Lock& lock, ForceMethod method, Error why) {
+  const Model& model = model_.current(lock);
   awaited_.reset();
-  given_up_ = felt.version;
+  abandoned_ = model.version;
   why.where = name_of(method);
   failure_ = std::move(why);
   // a script may have selected the method before its fields were generated: fall back to the proxy
   change_logged(*loop_.get(), loop_.log(), {}, [&](Parameters& parameters) {
-    if (parameters.method == method && felt.has(ForceMethod::kProxy)) parameters.method = ForceMethod::kProxy;
+    if (parameters.method == method && model.has(ForceMethod::kProxy))
+      parameters.method = ForceMethod::kProxy;
   });
 }
 
-void MethodChoice::give_up_without_memory(const LiveModel::Lock& held) noexcept {
-  given_up_ = model_.felt(held).version;
+void MethodChoice::abandon_without_memory(const LiveModel::Lock& lock) noexcept {
+  abandoned_ = model_.current(lock).version;
   if (!awaited_) return;
   try {
     failure_.emplace(Error{ErrorKind::kUnavailable, "out of memory", "", ""}).where = name_of(*awaited_);
@@ -185,12 +186,12 @@ void MethodChoice::give_up_without_memory(const LiveModel::Lock& held) noexcept 
 }
 
 std::optional<ForceMethod> MethodChoice::awaited() const {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   return awaited_;
 }
 
 std::optional<Error> MethodChoice::failure() const {
-  const LiveModel::Lock held = model_.lock();
+  const LiveModel::Lock lock = model_.lock();
   return failure_;
 }
 

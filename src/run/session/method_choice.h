@@ -25,13 +25,13 @@ namespace palpate {
 class MethodChoice final : public PreparedChoice {
  public:
   /// Generates fields for changed stiffnesses. May throw.
-  using NewFields = std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
+  using NewFields = std::function<Result<std::shared_ptr<const Model>>(const Model& model, const Model& made,
                                                                        const Progress& progress)>;
   /// Prepares a model for further methods. May throw.
   using MoreMethods = std::function<Result<std::shared_ptr<const Model>>(
       std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>;
   /// Starts or wakes the thread that calls prepare().
-  using Wake = std::function<Result<void>(const LiveModel::Lock& held)>;
+  using Wake = std::function<Result<void>(const LiveModel::Lock& lock)>;
 
   /// @param model, loop  outlive this object
   MethodChoice(LiveModel& model, SessionLoop& loop, NewFields new_fields, MoreMethods more_methods,
@@ -40,10 +40,10 @@ class MethodChoice final : public PreparedChoice {
   /// Whether viewers may choose the method; one that does not suit the volume or the tool is excluded.
   bool is_choosable(ForceMethod method) const { return choosable_[index_of(method)]; }
   /// Whether the method is available or its fields can be generated.
-  bool can_be_prepared(const LiveModel::Lock& held, ForceMethod method) const;
+  bool can_be_prepared(const LiveModel::Lock& lock, ForceMethod method) const;
 
   /// @param method  choosable. Errors: kUnavailable without a thread for the preparation.
-  Result<void> choose(const LiveModel::Lock& held, ForceMethod method, AskedBy by);
+  Result<void> choose(const LiveModel::Lock& lock, ForceMethod method, RequestedBy by);
   /// Chooses the next method in a circle of those that can be prepared.
   void choose_next();
   /// Prepares the direct method that a script has selected, if its fields are missing. Does not block.
@@ -55,18 +55,18 @@ class MethodChoice final : public PreparedChoice {
   /// Why the method requested last is not active.
   std::optional<Error> failure() const;
   /// Fills in the awaited method, and why the last choice failed.
-  void describe(const LiveModel::Lock& held, ViewedState& state) const;
+  void describe(const LiveModel::Lock& lock, ViewedState& state) const;
 
   bool is_pending(const LiveModel::Lock& /*held*/) const override { return awaited_.has_value(); }
-  void prepare(LiveModel::Lock& held, const Progress& progress) override;
-  void give_up_without_memory(const LiveModel::Lock& held) noexcept override;
+  void prepare(LiveModel::Lock& lock, const Progress& progress) override;
+  void abandon_without_memory(const LiveModel::Lock& lock) noexcept override;
 
  private:
-  bool is_available(const LiveModel::Lock& held, ForceMethod method) const;
+  bool is_available(const LiveModel::Lock& lock, ForceMethod method) const;
   Result<std::shared_ptr<const Model>> fields_for(ForceMethod method, const ModelVersions& of,
                                                   const Progress& progress);
-  Result<void> use_fields(const LiveModel::Lock& held, std::shared_ptr<const Model> fields);
-  void give_up(const LiveModel::Lock& held, ForceMethod method, Error why);
+  Result<void> use_fields(const LiveModel::Lock& lock, std::shared_ptr<const Model> fields);
+  void abandon(const LiveModel::Lock& lock, ForceMethod method, Error why);
 
   LiveModel& model_;
   SessionLoop& loop_;
@@ -77,8 +77,8 @@ class MethodChoice final : public PreparedChoice {
   const std::shared_ptr<const Model> first_;  // model that the session began with
 
   std::optional<ForceMethod> awaited_;
-  AskedBy awaited_by_;
-  std::uint32_t given_up_ = 0;  // model version for which fields could not be generated
+  RequestedBy awaited_by_;
+  std::uint32_t abandoned_ = 0;  // model version for which fields could not be generated
   std::optional<Error> failure_;
   std::shared_ptr<const Model> fields_;  // generated for an older version; used by prepare() only
 };

@@ -4,19 +4,19 @@
 
 namespace palpate {
 
-void NearestLine::see(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) {
+void NearestLine::observe(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) {
   for (const RecordingEvent& event : events)
     if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(event);
   for (const TickRecord& tick : ticks) {
     for (; !waiting_.empty() && waiting_.front().tick <= tick.tick; waiting_.pop_front())
-      meter_.see(cut_of(waiting_.front().sweep).sweep);
-    meter_.see(tick);
+      meter_.observe(cut_of(waiting_.front().sweep).sweep);
+    meter_.observe(tick);
     for (const auto& [label, mm] : meter_.nearest_mm()) {
-      double& told_mm =
+      double& reported_mm =
           reported_mm_.try_emplace(label, std::numeric_limits<double>::infinity()).first->second;
-      const bool touches = mm == 0 && told_mm > 0;
-      if (!touches && !(mm <= told_mm - kStep_mm)) continue;
-      told_mm = mm;
+      const bool touches = mm == 0 && reported_mm > 0;
+      if (!touches && !(mm <= reported_mm - kStep_mm)) continue;
+      reported_mm = mm;
       nearer_.push_back({tick.time_s, label, mm});
     }
   }

@@ -17,7 +17,7 @@ class NearestLine {
   explicit NearestLine(const Model& model) : meter_(model) {}
 
   /// Adds the next ticks and the events before them, as a part of a recording has them; either may be empty.
-  void see(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events);
+  void observe(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events);
 
   /// Distance by label; accurate to kStep_mm, never too small.
   std::map<LabelId, double> at(double time_s) const;

@@ -36,17 +36,17 @@ TEST(NearestLine, IsTheSameHoweverARecordingComesInParts) {
   }
 
   const std::span<const TickRecord> all(ticks);
-  const std::span<const RecordingEvent> told(events);
+  const std::span<const RecordingEvent> recorded_events(events);
   NearestLine whole(**ready), before(**ready), apart(**ready);
-  whole.see(all, told);
+  whole.observe(all, recorded_events);
   // all events first, in a part without ticks
-  before.see({}, told);
-  before.see(all, {});
+  before.observe({}, recorded_events);
+  before.observe(all, {});
   // split within parts; some events precede their ticks
-  apart.see(all.first(4), told.first(3));
-  apart.see(all.subspan(4, 3), {});
-  apart.see({}, told.subspan(3));
-  apart.see(all.subspan(7), {});
+  apart.observe(all.first(4), recorded_events.first(3));
+  apart.observe(all.subspan(4, 3), {});
+  apart.observe({}, recorded_events.subspan(3));
+  apart.observe(all.subspan(7), {});
 
   EXPECT_TRUE(whole.at(0.0045).empty());
   ASSERT_EQ(whole.at(0.005).size(), 1u);

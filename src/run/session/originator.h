@@ -6,11 +6,11 @@
 namespace palpate {
 
 /// Originator of a viewer's request.
-inline AskedBy asked_by(const ViewerIdentity& viewer) {
+inline RequestedBy requested_by(const ViewerIdentity& viewer) {
   return {viewer.control ? Asker::kControlViewer : Asker::kLookingViewer, viewer.number};
 }
 /// Originator of a viewer's request to which an operator at this machine has consented.
-inline AskedBy agreed_to(const ViewerIdentity& viewer) {
+inline RequestedBy agreed_to(const ViewerIdentity& viewer) {
   return {Asker::kAgreedViewer, viewer.number};
 }
 

@@ -12,7 +12,7 @@
 
 #include "palpate/base/force_method.h"
 #include "palpate/contact/haptics.h"
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/recorded_model.h"
@@ -94,12 +94,12 @@ struct Edits {
   std::vector<Gone> gone;
   std::uint32_t last_version = 0;
 
-  void hear(const RecordingEvent& event);
+  void on_event(const RecordingEvent& event);
 };
 // an hour of uninterrupted milling; later sweeps are not shown
 constexpr std::size_t kMaxSweeps = 1'000'000;
 
-void Edits::hear(const RecordingEvent& event) {
+void Edits::on_event(const RecordingEvent& event) {
   const bool is_sweep = event.kind == RecordingEvent::Kind::kSweep;
   if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
   // versions ascend, whatever an untrusted file contains
@@ -108,7 +108,7 @@ void Edits::hear(const RecordingEvent& event) {
   if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
   if (is_sweep) return;
   if (event.change.is_of_tissue()) tissues.push_back(event.change);
-  laws.hear(event.change);
+  laws.on_event(event.change);
   if (event.change.is_of_stroke() && is_shown)
     cuts.add(last_version,
              event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
@@ -189,7 +189,7 @@ class Playback final : public PlaybackHost {
     // A solution whose input ticks are in an earlier block is rare enough to be read separately.
     const auto tick_at = [this, source = std::move(recording)](
                              std::uint64_t row, const Progress& progress) -> std::optional<TickRecord> {
-      if (auto kept = blocks_.kept_at(row)) return kept;
+      if (auto stored = blocks_.stored_at(row)) return stored;
       auto read = source.read_at(row, 1, progress);
       return read && !read->empty() ? std::optional(read->front()) : std::nullopt;
     };
@@ -201,14 +201,14 @@ class Playback final : public PlaybackHost {
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override {
     const std::lock_guard lock(mutex_);
     const double at_s = place_.now_s();
-    const int way = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
-    if (auto tick = blocks_.tick_at(at_s, way, place_.from_s())) shown_ = *tick;
-    const bool yields = is_elastic(edits_.laws.at(shown_.model_version));
+    const int direction = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
+    if (auto tick = blocks_.tick_at(at_s, direction, place_.from_s())) shown_ = *tick;
+    const bool is_deformable = is_elastic(edits_.laws.at(shown_.model_version));
     if (yields_ != nullptr) {
       constexpr double kNear_s = 0.25;
       const double speed = place_.playing() ? std::max(1.0, std::abs(place_.speed())) : 1.0;
       const auto near = static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s);
-      yields ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
+      is_deformable ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
     }
     stiffness_N_per_mm = {};
     // a direct method's stiffness depends on the stiffest tissue of the model, so none is reported
@@ -219,7 +219,7 @@ class Playback final : public PlaybackHost {
       const int tissue =
           device.label < model_->tissue_of_label.size() ? model_->tissue_of_label[device.label] : -1;
       if (device.label != 0 && tissue >= 0)
-        stiffness_N_per_mm[d] = yields && model_->tissues[static_cast<std::size_t>(tissue)].elastic
+        stiffness_N_per_mm[d] = is_deformable && model_->tissues[static_cast<std::size_t>(tissue)].elastic
                                     ? yielding_stiffness_N_per_mm(device)
                                     : RenderedStiffness(device).by_proxy(
                                           tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
@@ -229,7 +229,7 @@ class Playback final : public PlaybackHost {
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
     return yields_ != nullptr ? yields_->yielded(device) : nullptr;
   }
-  std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen_labels_.of(*this); }
+  std::shared_ptr<const Bricks<LabelId>> visible_labels() const override { return visible_labels_.of(*this); }
   ViewedHealth health() const override {
     ViewedHealth health;
     health.rate_hz = header_.rate_hz;
@@ -312,7 +312,7 @@ class Playback final : public PlaybackHost {
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
   const Edits edits_;
-  mutable DeformedLabels seen_labels_;
+  mutable DeformedLabels visible_labels_;
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
   const NearestLine nearest_;
@@ -368,15 +368,15 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   const bool yields_first = is_elastic(model->tissue_law);
   auto yields = std::make_unique<YieldIndex>(*model);
   std::uint64_t row = 0;
-  const auto seen = recording.read(
+  const auto observed = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(head.ticks));
-        line.see(part);
-        nearest.see(part.ticks, part.events);
-        for (const RecordingEvent& event : part.events) edits.hear(event);
-        if (yields_first) yields->see(part, row);
+        line.observe(part);
+        nearest.observe(part.ticks, part.events);
+        for (const RecordingEvent& event : part.events) edits.on_event(event);
+        if (yields_first) yields->observe(part, row);
         if (played)
-          if (auto known = played->see(part); !known) return known;
+          if (auto known = played->observe(part); !known) return known;
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
@@ -384,7 +384,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
         return {};
       },
       progress);
-  if (!seen) return seen.error();
+  if (!observed) return observed.error();
   // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
   if (!yields_first && edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();
@@ -392,7 +392,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     row = 0;
     const auto found = recording.read(
         [&](const RecordingPart& part) -> Result<void> {
-          yields->see(part, row);
+          yields->observe(part, row);
           row += part.ticks.size();
           return {};
         },
@@ -411,8 +411,8 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   scene.input = "recording";
   if (played) scene.tasks = {played->task()};
   scene.rate_hz = head.header.rate_hz;
-  for (const RecordingHead::UsedMethod& felt : head.methods)
-    if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
+  for (const RecordingHead::UsedMethod& used : head.methods)
+    if (used.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[used.method].name);
   for (const auto& law : kTissueLaws)
     if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))
       scene.laws.emplace_back(law.name);

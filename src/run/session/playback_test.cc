@@ -83,21 +83,21 @@ TEST(Playback, ShowsTheTickOfEveryPlace) {
   for (int i = 0; i < 40; ++i) rows.push_back(random() % kTicks);
   std::ranges::shuffle(rows, random);
   for (const std::size_t row : rows) {
-    const TickRecord& wanted = recording.ticks[row];
+    const TickRecord& record = recording.ticks[row];
     // at its own time and until the time of the next tick
     for (const double later_s : {0.0, 0.0009}) {
-      ASSERT_TRUE(playback->play(at(wanted.time_s + later_s)));
+      ASSERT_TRUE(playback->play(at(record.time_s + later_s)));
       std::array<double, kMaxDevices> N_per_mm{};
       const TickRecord tick = shown_when(
           *playback, [&](const TickRecord& shown) { return shown.tick == row; }, &N_per_mm);
       ASSERT_EQ(tick.tick, row);
-      EXPECT_EQ(tick.time_s, wanted.time_s);
-      EXPECT_EQ(tick.state_hash, wanted.state_hash);
-      EXPECT_EQ(tick.device[0].tip_patient_mm, wanted.device[0].tip_patient_mm);
+      EXPECT_EQ(tick.time_s, record.time_s);
+      EXPECT_EQ(tick.state_hash, record.state_hash);
+      EXPECT_EQ(tick.device[0].tip_patient_mm, record.device[0].tip_patient_mm);
       // tissue settings as of that tick, limited by the device's stiffness
       const double own = row < 6000 ? loaded_ball().model->tissues[0].stiffness_N_per_mm : 0.125;
       EXPECT_EQ(playback->state().tissues[0].stiffness_N_per_mm, own);
-      EXPECT_EQ(N_per_mm[0], wanted.device[0].label == 0 ? 0 : std::min(own, 1.0));
+      EXPECT_EQ(N_per_mm[0], record.device[0].label == 0 ? 0 : std::min(own, 1.0));
     }
   }
   // positions outside the recording are clamped
@@ -123,14 +123,14 @@ TEST(Playback, ReadsAFileAsWhatItHolds) {
   EXPECT_EQ(playback->scene().recording->ticks, recording->ticks.size());
   EXPECT_EQ(playback->scene().recording->contacts.size(), 1u);
   for (const std::size_t row : {recording->ticks.size() / 2, std::size_t{0}, recording->ticks.size() - 1}) {
-    const TickRecord& wanted = recording->ticks[row];
-    ASSERT_TRUE(playback->play(at(wanted.time_s)));
+    const TickRecord& record = recording->ticks[row];
+    ASSERT_TRUE(playback->play(at(record.time_s)));
     const auto tick =
-        shown_when(*playback, [&](const TickRecord& shown) { return shown.tick == wanted.tick; });
-    EXPECT_EQ(tick.device[0].tip_patient_mm, wanted.device[0].tip_patient_mm);
-    EXPECT_EQ(tick.device[0].force_N, wanted.device[0].force_N);
-    EXPECT_EQ(tick.rotation_felt_wxyz, wanted.rotation_felt_wxyz);
-    EXPECT_EQ(tick.state_hash, wanted.state_hash);
+        shown_when(*playback, [&](const TickRecord& shown) { return shown.tick == record.tick; });
+    EXPECT_EQ(tick.device[0].tip_patient_mm, record.device[0].tip_patient_mm);
+    EXPECT_EQ(tick.device[0].force_N, record.device[0].force_N);
+    EXPECT_EQ(tick.rotation_applied_wxyz, record.rotation_applied_wxyz);
+    EXPECT_EQ(tick.state_hash, record.state_hash);
   }
 }
 

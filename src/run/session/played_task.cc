@@ -17,7 +17,7 @@ PlayedTask::PlayedTask(const PlayedTaskOptions& options, TaskInScene in_scene, c
       reader_(std::move(in_scene), options.ticks),
       trace_(viewed_.forces.size()) {}
 
-Result<void> PlayedTask::see(const RecordingPart& part) {
+Result<void> PlayedTask::observe(const RecordingPart& part) {
   return reader_.take(part, [this](const TickRecord& tick) {
     if (reader_.run().ticks() == 1) {
       ticks_.first = tick.tick;
@@ -25,19 +25,19 @@ Result<void> PlayedTask::see(const RecordingPart& part) {
     }
     ticks_.last = tick.tick;
     end_s_ = tick.time_s;
-    trace_.see(reader_.run());
-    if (kept_.empty() || tick.time_s >= kept_.back().at_s + period_s_) keep(tick.time_s);
+    trace_.observe(reader_.run());
+    if (stored_.empty() || tick.time_s >= stored_.back().at_s + period_s_) keep(tick.time_s);
   });
 }
 
 void PlayedTask::keep(double time_s) {
-  kept_.push_back({time_s, viewed_run(reader_.run(), name_, kOnlyRun)});
-  kept_.back().run.events.clear();
-  if (kept_.size() < kMost) return;
+  stored_.push_back({time_s, viewed_run(reader_.run(), name_, kOnlyRun)});
+  stored_.back().run.events.clear();
+  if (stored_.size() < kMost) return;
   // halve the number of samples and double the period
   std::size_t left = 0;
-  for (std::size_t n = 0; n < kept_.size(); n += 2) kept_[left++] = std::move(kept_[n]);
-  kept_.resize(left);
+  for (std::size_t n = 0; n < stored_.size(); n += 2) stored_[left++] = std::move(stored_[n]);
+  stored_.resize(left);
   period_s_ *= 2;
 }
 
@@ -58,11 +58,11 @@ Result<void> PlayedTask::finish(bool is_whole) {
 
 ViewedTraining PlayedTask::at(double time_s) const {
   if (time_s < begin_s_) return {};
-  const auto after = std::ranges::upper_bound(kept_, time_s, {}, &Kept::at_s);
+  const auto after = std::ranges::upper_bound(stored_, time_s, {}, &Kept::at_s);
   ViewedTraining run = std::prev(after)->run;
   const auto later = std::ranges::upper_bound(score_.events, time_s - begin_s_, {}, &TaskEvent::time_s);
   const bool is_over = time_s >= end_s_;
-  tell_events({score_.events.begin(), later}, is_over ? score_.more_events : 0, run);
+  report_events({score_.events.begin(), later}, is_over ? score_.more_events : 0, run);
   if (is_over) run.phase = ViewedTraining::Phase::kOver;
   return run;
 }

@@ -18,8 +18,8 @@ class PlayedTask {
   /// @param model  at the beginning of the recording, with its surfaces
   PlayedTask(const PlayedTaskOptions& options, TaskInScene in_scene, const Model& model);
 
-  /// Errors: those of TaskEvaluator::see().
-  Result<void> see(const RecordingPart& part);
+  /// Errors: those of TaskEvaluator::observe().
+  Result<void> observe(const RecordingPart& part);
   /// Called after the whole recording was passed to see().
   /// @param is_whole  whether the recording is complete
   /// Errors: kBadInput if no tick belongs to the run.
@@ -46,7 +46,7 @@ class PlayedTask {
     double at_s;  // time in the recording
     ViewedTraining run;
   };
-  std::vector<Kept> kept_;  // without events
+  std::vector<Kept> stored_;  // without events
   double period_s_ = 0.05, begin_s_ = 0, end_s_ = 0;
   TickRange ticks_{0, 0};
   TaskScore score_;

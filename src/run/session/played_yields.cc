@@ -59,21 +59,21 @@ void PlayedYields::run() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kSolverPriority);
   std::unique_lock lock(mutex_);
   while (!ending_) {
-    const std::uint32_t wanted = wanted_;
-    if (wanted == done_) {
+    const std::uint32_t requested = wanted_;
+    if (requested == done_) {
       changed_.wait(lock);
       continue;
     }
     lock.unlock();
     Shown shown;
     try {
-      shown = solve(wanted);
+      shown = solve(requested);
     } catch (const std::bad_alloc&) {
       // out of memory: tissue is shown at rest
     }
     lock.lock();
     shown_ = std::move(shown);
-    done_ = wanted;
+    done_ = requested;
   }
 }
 
@@ -87,14 +87,14 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
   some = some.last(continues ? static_cast<std::size_t>(some.end() - last) - 1
                              : std::min(some.size(), kLeadIn + 1));
   for (const YieldIndex::Solution& solution : some) {
-    const auto felt = tick_at_(solution.row, progress);
-    const auto model = felt && !ending_ ? model_of(felt->model_version) : nullptr;
+    const auto touchable = tick_at_(solution.row, progress);
+    const auto model = touchable && !ending_ ? model_of(touchable->model_version) : nullptr;
     if (model == nullptr) return shown;
     if (solver_.frame().number + 1 != solution.number)
       solver_.go_on(*model, solution.number - 1, index_.boxes(solution));
-    solver_.solve(*model, *felt);
+    solver_.solve(*model, *touchable);
     if (solution.number != number) continue;
-    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_yield(solver_, *felt, d);
+    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_yield(solver_, *touchable, d);
   }
   return shown;
 }
@@ -106,10 +106,10 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
   const TissueLaw law = laws_.at(version);
   const double coarsened = laws_.coarsened_at(version);
-  const auto goes_so = [&](const Model& model) {
+  const auto is_under_law = [&](const Model& model) {
     return model.tissue_law == law && model.tissue_coarsened == coarsened;
   };
-  if (by == cut_by_ && undone_to == undone_to_ && goes_so(*cut_)) return cut_;
+  if (by == cut_by_ && undone_to == undone_to_ && is_under_law(*cut_)) return cut_;
   const bool continues = undone_to == undone_to_ && by > cut_by_;
   const std::shared_ptr<const Model>& from = continues ? cut_ : model_;
   std::vector<Cut> cuts;
@@ -123,9 +123,9 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
     change.tissue = ModelChange::kCut;
     auto changed = next_version({from, from}, change, cuts, Progress({}, &ending_));
     if (!changed) return nullptr;
-    made = changed->felt;
+    made = changed->current;
   }
-  if (!goes_so(*made)) {
+  if (!is_under_law(*made)) {
     auto under = std::make_shared<Model>(displayed_under_law(*made, law));
     under->tissue_coarsened = coarsened;
     made = std::move(under);

@@ -27,16 +27,16 @@ Result<void> PreparationThread::wake(const LiveModel::Lock& /*held*/) try {
 
 void PreparationThread::end() {
   {
-    const LiveModel::Lock held = model_.lock();
+    const LiveModel::Lock lock = model_.lock();
     ending_.store(true);
   }
   woken_.notify_one();
   if (thread_.joinable()) thread_.join();
 }
 
-PreparedChoice* PreparationThread::next_pending(const LiveModel::Lock& held) const {
+PreparedChoice* PreparationThread::next_pending(const LiveModel::Lock& lock) const {
   const auto pending =
-      std::ranges::find_if(choices_, [&](const PreparedChoice* choice) { return choice->is_pending(held); });
+      std::ranges::find_if(choices_, [&](const PreparedChoice* choice) { return choice->is_pending(lock); });
   return pending != choices_.end() ? *pending : nullptr;
 }
 
@@ -44,15 +44,15 @@ void PreparationThread::run() {
   // threads started from here inherit the lowest priority
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
   const Progress progress({}, &ending_);
-  LiveModel::Lock held = model_.lock();
+  LiveModel::Lock lock = model_.lock();
   while (true) try {
       PreparedChoice* pending = nullptr;
-      woken_.wait(held, [&] { return ending_ || (pending = next_pending(held)) != nullptr; });
+      woken_.wait(lock, [&] { return ending_ || (pending = next_pending(lock)) != nullptr; });
       if (ending_) return;
-      pending->prepare(held, progress);
+      pending->prepare(lock, progress);
     } catch (const std::exception&) {
-      if (!held) held.lock();
-      for (PreparedChoice* choice : choices_) choice->give_up_without_memory(held);
+      if (!lock) lock.lock();
+      for (PreparedChoice* choice : choices_) choice->abandon_without_memory(lock);
     }
 }
 

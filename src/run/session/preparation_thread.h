@@ -15,11 +15,11 @@ namespace palpate {
 class PreparedChoice {
  public:
   virtual ~PreparedChoice() = default;
-  virtual bool is_pending(const LiveModel::Lock& held) const = 0;
-  /// Carries out or gives up the pending preparation. Called on the thread; unlocks `held` while it works.
-  virtual void prepare(LiveModel::Lock& held, const Progress& progress) = 0;
+  virtual bool is_pending(const LiveModel::Lock& lock) const = 0;
+  /// Carries out or gives up the pending preparation. Called on the thread; unlocks `lock` while it works.
+  virtual void prepare(LiveModel::Lock& lock, const Progress& progress) = 0;
   /// Gives up the pending preparation, if there is one, because of an exception. Must not throw.
-  virtual void give_up_without_memory(const LiveModel::Lock& held) noexcept = 0;
+  virtual void abandon_without_memory(const LiveModel::Lock& lock) noexcept = 0;
 };
 
 /// Low-priority thread on which a session prepares methods and laws, one after the other. It is started by
@@ -34,15 +34,15 @@ class PreparationThread {
   PreparationThread(const PreparationThread&) = delete;
   PreparationThread& operator=(const PreparationThread&) = delete;
 
-  /// Makes sure that the thread runs and looks for pending choices once `held` is free.
+  /// Makes sure that the thread runs and looks for pending choices once `lock` is free.
   /// Errors: kUnavailable if there is no thread to be had.
-  Result<void> wake(const LiveModel::Lock& held);
+  Result<void> wake(const LiveModel::Lock& lock);
   /// Interrupts the preparation in progress and ends the thread.
   void end();
 
  private:
   void run();
-  PreparedChoice* next_pending(const LiveModel::Lock& held) const;
+  PreparedChoice* next_pending(const LiveModel::Lock& lock) const;
 
   LiveModel& model_;
   const std::vector<PreparedChoice*> choices_;

@@ -86,12 +86,12 @@ RecordingLine::RecordingLine(const RecordingHead& head)
   line_.force_N.resize(std::min<std::size_t>(kForces, static_cast<std::size_t>(head.ticks)));
 }
 
-void RecordingLine::see(const RecordingPart& part) {
-  for (const RecordingEvent& event : part.events) see(event);
-  for (const TickRecord& tick : part.ticks) see(tick);
+void RecordingLine::observe(const RecordingPart& part) {
+  for (const RecordingEvent& event : part.events) observe(event);
+  for (const TickRecord& tick : part.ticks) observe(tick);
 }
 
-void RecordingLine::see(const RecordingEvent& event) {
+void RecordingLine::observe(const RecordingEvent& event) {
   // a burr produces a hundred sweeps per second, each a model version too; tissue produces 64 solutions per
   // second
   const bool cut = event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut;
@@ -105,21 +105,21 @@ void RecordingLine::see(const RecordingEvent& event) {
   events_.emplace_back(event.tick, shown(event));
 }
 
-void RecordingLine::see(const TickRecord& tick) {
-  if (seen_ == 0) line_.begin_s = tick.time_s;
+void RecordingLine::observe(const TickRecord& tick) {
+  if (observed_ == 0) line_.begin_s = tick.time_s;
   line_.end_s = tick.time_s;
   for (; timed_ < events_.size() && events_[timed_].first <= tick.tick; ++timed_)
     events_[timed_].second.time_s = tick.time_s;
 
-  double& most = line_.force_N[static_cast<std::size_t>(seen_ * line_.force_N.size() / line_.ticks)];
+  double& most = line_.force_N[static_cast<std::size_t>(observed_ * line_.force_N.size() / line_.ticks)];
   for (int d = 0; d < devices_; ++d) {
     most = std::max(most, force_N(tick.device[d]));
-    see(d, tick.device[d], tick.time_s);
+    observe(d, tick.device[d], tick.time_s);
   }
-  ++seen_;
+  ++observed_;
 }
 
-void RecordingLine::see(int device, const DeviceTick& tick, double time_s) {
+void RecordingLine::observe(int device, const DeviceTick& tick, double time_s) {
   if (tick.label == 0) return;
   Contact& contact = open_[device];
   if (contact.label != tick.label || time_s - contact.end_s >= kBreak_s) {

@@ -19,14 +19,14 @@ class RecordingLine {
 
   /// @param head  header of the recording whose ticks follow
   explicit RecordingLine(const RecordingHead& head);
-  void see(const RecordingPart& part);
+  void observe(const RecordingPart& part);
   /// Returns the time line, after the last part.
   ViewedRecording take();
 
  private:
-  void see(const TickRecord& tick);
-  void see(const RecordingEvent& event);
-  void see(int device, const DeviceTick& tick, double time_s);
+  void observe(const TickRecord& tick);
+  void observe(const RecordingEvent& event);
+  void observe(int device, const DeviceTick& tick, double time_s);
   void end(ViewedRecording::Contact& contact);
   void drop_short_contacts();
 
@@ -34,7 +34,7 @@ class RecordingLine {
   const int devices_;
   ViewedRecording line_;
   ViewedRecording::Contact open_[kMaxDevices];  // current contact per device; label 0: none yet
-  std::uint64_t seen_ = 0;
+  std::uint64_t observed_ = 0;
   std::vector<std::pair<std::uint64_t, ViewedRecording::Event>>
       events_;             // events with the tick in which they took effect
   std::size_t timed_ = 0;  // number of events whose time is set

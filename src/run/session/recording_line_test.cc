@@ -20,11 +20,11 @@ ViewedRecording line_of(const std::vector<LabelId>& labels, const std::vector<Re
     ticks[i].device[0].force_N = {0, 0, static_cast<double>(labels[i])};
   }
   RecordingLine line(head);
-  line.see({ticks, events});
+  line.observe({ticks, events});
   return line.take();
 }
 
-RecordingEvent event(RecordingEvent::Kind kind, std::uint64_t tick, AskedBy by = {}) {
+RecordingEvent event(RecordingEvent::Kind kind, std::uint64_t tick, RequestedBy by = {}) {
   RecordingEvent event;
   event.kind = kind;
   event.tick = tick;
@@ -69,7 +69,7 @@ TEST(RecordingLine, HasTheContactsOfAllDevices) {
     ticks[i].device[1].force_N = {0, i < 200 ? 3.0 : 0.5, 0};
   }
   RecordingLine recorded(head);
-  recorded.see({ticks, {}});
+  recorded.observe({ticks, {}});
   const ViewedRecording line = recorded.take();
   ASSERT_EQ(line.contacts.size(), 3u);
   EXPECT_EQ(line.contacts[0].device, 0);

@@ -35,20 +35,20 @@ std::string plain_name(std::string name) {
   return name;
 }
 
-std::string consent_part(const SwitchInfo& info, bool wanted, bool /*now*/) {
-  return std::string(info.consent[wanted ? 1 : 0]);
+std::string consent_part(const SwitchInfo& info, bool requested, bool /*now*/) {
+  return std::string(info.consent[requested ? 1 : 0]);
 }
-std::string consent_part(const SettingInfo<ForceMethod, std::string>& /*info*/, const std::string& wanted,
+std::string consent_part(const SettingInfo<ForceMethod, std::string>& /*info*/, const std::string& requested,
                          ForceMethod /*now*/) {
-  return "use the method " + wanted;
+  return "use the method " + requested;
 }
-std::string consent_part(const SettingInfo<double, double>& /*info*/, double wanted_N, double now_N) {
-  return "set the force limit to " + rounded_text(wanted_N) + " N, now " + rounded_text(now_N);
+std::string consent_part(const SettingInfo<double, double>& /*info*/, double target_N, double now_N) {
+  return "set the force limit to " + rounded_text(target_N) + " N, now " + rounded_text(now_N);
 }
 std::string consent_part(const SettingInfo<Eigen::Quaterniond, std::array<double, 4>>& /*info*/,
-                         const std::array<double, 4>& wanted, const Eigen::Quaterniond& now) {
+                         const std::array<double, 4>& requested, const Eigen::Quaterniond& now) {
   constexpr double kDegrees = 180 / std::numbers::pi;
-  const double by = now.angularDistance(quaternion(wanted).normalized());
+  const double by = now.angularDistance(quaternion(requested).normalized());
   return "turn the object by " + rounded_text(std::round(by * kDegrees * 10) / 10) + " degrees";
 }
 
@@ -64,27 +64,27 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, Tissu
                            bool is_method_awaited) {
   const std::optional<std::string> method = request.method;
   visit_settings([&](const auto& setting) {
-    auto& wanted = request.*setting.change;
-    if (wanted && *wanted == message_value(now.*setting.value)) wanted.reset();
+    auto& requested = request.*setting.change;
+    if (requested && *requested == message_value(now.*setting.value)) requested.reset();
   });
   if (is_method_awaited) request.method = method;
   if (!is_law_awaited && request.law == name_of(law, kTissueLaws)) request.law.reset();
   return request;
 }
 
-bool could_increase_force(const SettingsRequest& wanted, const Parameters& now) {
-  return wanted.law || (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) ||
+bool could_increase_force(const SettingsRequest& request, const Parameters& now) {
+  return request.law || (request.max_force_N && *request.max_force_N > now.max_force_N) ||
          std::ranges::any_of(kSwitches,
-                             [&](const SwitchInfo& info) { return wanted.*info.change == info.restricted; });
+                             [&](const SwitchInfo& info) { return request.*info.change == info.restricted; });
 }
 
-std::string consent_text(const SettingsRequest& wanted, const Parameters& now) {
+std::string consent_text(const SettingsRequest& request, const Parameters& now) {
   Words words;
   visit_settings([&](const auto& setting) {
-    if (const auto& change = wanted.*setting.change)
+    if (const auto& change = request.*setting.change)
       words.add(consent_part(setting, *change, now.*setting.value));
   });
-  if (wanted.law) words.add("use the soft-tissue law " + *wanted.law);
+  if (request.law) words.add("use the soft-tissue law " + *request.law);
   return words.text();
 }
 

@@ -18,10 +18,10 @@ std::string rounded_text(double value);
 SettingsRequest changes_of(SettingsRequest request, const Parameters& now, TissueLaw law, bool is_law_awaited,
                            bool is_method_awaited);
 /// Whether a setting could increase the force or release a restriction once the force is re-armed.
-bool could_increase_force(const SettingsRequest& wanted, const Parameters& now);
+bool could_increase_force(const SettingsRequest& request, const Parameters& now);
 
 /// "pause the force, and turn the object by 20 degrees"; empty if nothing changes.
-std::string consent_text(const SettingsRequest& wanted, const Parameters& now);
+std::string consent_text(const SettingsRequest& request, const Parameters& now);
 /// "change cartilage's stiffness from 1 to 2 N/mm".
 /// @param tissue  name, from a file
 std::string consent_text(const std::string& tissue, const ContactProperties& before,

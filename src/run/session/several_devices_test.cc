@@ -22,13 +22,13 @@ using ::testing::HasSubstr;
 // vendor's device with a clock of its own, held by a stiff simulated hand that presses it into the ball
 class HeldArm final : public DeviceDriver {
  public:
-  struct Told {
+  struct Reported {
     std::atomic<bool> lost{false};
     std::atomic<double> largest_N{0};
     std::atomic<int> updates{0};
   };
-  HeldArm(Told& told, double rate_hz, bool simulated, const Point<Device>& at)
-      : told_(told),
+  HeldArm(Reported& reported, double rate_hz, bool simulated, const Point<Device>& at)
+      : reported_(reported),
         period_(1 / rate_hz),
         plant_(*find_plant_device("touch"), *find_plant_hand("firm-grip")) {
     plant_.reset(at);
@@ -54,21 +54,21 @@ class HeldArm final : public DeviceDriver {
       plant_.advance(command, period_.count());
       DeviceSample sample = plant_.read();
       sample.taken_ns = monotonic_ns();
-      sample.fault = told_.lost;
+      sample.fault = reported_.lost;
       servo.update({&sample, 1}, {&command, 1});
-      told_.largest_N = std::max(told_.largest_N.load(), command.force_N.norm());
-      ++told_.updates;
+      reported_.largest_N = std::max(reported_.largest_N.load(), command.force_N.norm());
+      ++reported_.updates;
     }
   }
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
   std::optional<Error> trouble() const override {
-    if (!told_.lost) return std::nullopt;
+    if (!reported_.lost) return std::nullopt;
     return Error{ErrorKind::kUnavailable, "its cable is out", info_.name, "plug it in"};
   }
 
  private:
-  Told& told_;
+  Reported& reported_;
   const std::chrono::duration<double> period_;
   SimulatedDevice plant_;
   DeviceInfo info_;
@@ -99,7 +99,7 @@ class SeveralDevices : public ::testing::Test {
     options.seconds = 60;
     options.known.add({"arm", "an arm",
                        [this, rate_hz, simulated] {
-                         return std::make_unique<HeldArm>(told_, rate_hz, simulated,
+                         return std::make_unique<HeldArm>(reported_, rate_hz, simulated,
                                                           Point<Device>(testing::kBoneRadius_mm - 2, 0, 0));
                        },
                        [] { return DeviceReport(); }});
@@ -130,7 +130,7 @@ class SeveralDevices : public ::testing::Test {
 
   test::TemporaryFolder folder_;
   LoadedScene loaded_ = testing::loaded_ball();
-  HeldArm::Told told_;
+  HeldArm::Reported reported_;
   std::atomic<bool> stop_{false};
   std::optional<ExploreResult> result_;
 };
@@ -166,11 +166,11 @@ TEST_F(SeveralDevices, OfTwoRatesAreRecordedAndReplayed) {
 }
 
 TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
-  std::string told;
+  std::string reported;
   ExploreOptions options = with_arm({kSimulatedHand, "arm"}, 500);
   const Recording recording =
-      run(options, touch(), [&](const ExploreStatus& status) { told = status.careful_bounds; });
-  EXPECT_THAT(told, HasSubstr("how stiff held arm may be made is not known"));
+      run(options, touch(), [&](const ExploreStatus& status) { reported = status.careful_bounds; });
+  EXPECT_THAT(reported, HasSubstr("how stiff held arm may be made is not known"));
   EXPECT_THAT(result_->trouble.front() + result_->trouble.back(), HasSubstr("held arm"));
   DeviceInfo info;
   info.rate_hz = 500;
@@ -179,9 +179,9 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
     ASSERT_EQ(tick.device[1].max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
     ASSERT_EQ(tick.device[1].max_damping_N_s_per_mm, careful.damping_N_s_per_mm);
   }
-  EXPECT_GT(told_.largest_N, 0);
+  EXPECT_GT(reported_.largest_N, 0);
   // two millimetres deep at most, and less because the hand is pushed back
-  EXPECT_LT(told_.largest_N, 3 * careful.stiffness_N_per_mm);
+  EXPECT_LT(reported_.largest_N, 3 * careful.stiffness_N_per_mm);
   EXPECT_EQ(result_->threads[0].device, "held arm") << "its thread ticks";
   EXPECT_LE(recording.ticks[0].max_force_N, 0.88) << "its continuous force";
 }
@@ -194,7 +194,7 @@ TEST_F(SeveralDevices, OneThatIsAloneIsHeldByAPerson) {
   EXPECT_EQ(recording.header.device, "arm");
   EXPECT_FALSE(recording.header.simulated);
   EXPECT_EQ(recording.header.rate_hz, 500) << "its clock's";
-  EXPECT_GT(told_.updates, 0);
+  EXPECT_GT(reported_.updates, 0);
   EXPECT_GT(result_->max_force_N, 0);
 }
 
@@ -202,22 +202,22 @@ TEST_F(SeveralDevices, TroubleIsToldAndTheSessionKept) {
   ExploreOptions options = with_arm({"arm"}, 500);
   options.seconds = 60;
   enum { kWell, kLost, kBack } part = kWell;
-  bool told_gone = false;
+  bool reported_gone = false;
   run(options, Script(), [&](const ExploreStatus& status) {
     if (part == kWell && status.force_N > 0) {
-      told_.lost = true;
+      reported_.lost = true;
       part = kLost;
     } else if (part == kLost && status.device_trouble && status.force_N == 0) {
       EXPECT_EQ(status.device_trouble->message(), "held arm: its cable is out\n  plug it in");
       EXPECT_TRUE(status.flags & kFlagDeviceFault);
-      told_.lost = false;
+      reported_.lost = false;
       part = kBack;
     } else if (part == kBack && !status.device_trouble && status.force_N > 0) {
-      told_gone = true;
+      reported_gone = true;
       stop_.store(true);
     }
   });
-  EXPECT_TRUE(told_gone);
+  EXPECT_TRUE(reported_gone);
   EXPECT_FALSE(result_->device_lost);
 }
 

@@ -26,33 +26,33 @@ Point<Patient> point_of(const std::array<double, 3>& place) {
 }
 
 // regions refer to trajectories by index
-Result<void> remove_trajectory(PlanFile& plan, std::size_t place) {
+Result<void> remove_trajectory(PlanFile& plan, std::size_t index) {
   for (PlanRegion& region : plan.regions) {
     if (region.shape == PlanShape::kStructures) continue;
-    if (region.trajectory == place)
+    if (region.trajectory == index)
       return cannot_change("the region \"" + region.name + "\" lies on this trajectory", "trajectory",
                            "remove the region from the plan's file first");
-    if (region.trajectory > place) --region.trajectory;
+    if (region.trajectory > index) --region.trajectory;
   }
-  plan.trajectories.erase(plan.trajectories.begin() + static_cast<std::ptrdiff_t>(place));
+  plan.trajectories.erase(plan.trajectories.begin() + static_cast<std::ptrdiff_t>(index));
   return {};
 }
 
 Result<PlanFile> changed_plan(PlanFile plan, const PlanRequest& request) {
-  const std::size_t place = *request.trajectory;
+  const std::size_t index = *request.trajectory;
   const std::size_t count = plan.trajectories.size();
-  if (place > count || (request.remove && place == count))
+  if (index > count || (request.remove && index == count))
     return cannot_change("the plan has no such trajectory", "trajectory", "reload the plan");
   if (request.remove) {
-    if (auto removed = remove_trajectory(plan, place); !removed) return removed.error();
+    if (auto removed = remove_trajectory(plan, index); !removed) return removed.error();
   } else {
-    if (place == count) {
+    if (index == count) {
       if (!request.name || !request.entry_mm || !request.target_mm)
         return cannot_change("a new trajectory needs a name, an entry and a target", "trajectory",
                              "give all three");
       plan.trajectories.emplace_back();
     }
-    PlanTrajectory& trajectory = plan.trajectories[place];
+    PlanTrajectory& trajectory = plan.trajectories[index];
     if (request.name) trajectory.name = *request.name;
     if (request.entry_mm) trajectory.entry = point_of(*request.entry_mm);
     if (request.target_mm) trajectory.target = point_of(*request.target_mm);
@@ -140,8 +140,8 @@ Result<void> SharedPlan::change(const PlanRequest& request) {
 }
 
 Result<PlanFile> SharedPlan::as_it_was(std::uint32_t version) const {
-  const auto kept = std::ranges::find(before_, version, &std::pair<std::uint32_t, PlanFile>::first);
-  if (kept != before_.end()) return kept->second;
+  const auto stored = std::ranges::find(before_, version, &std::pair<std::uint32_t, PlanFile>::first);
+  if (stored != before_.end()) return stored->second;
   return cannot_change("that version of the plan is not stored", "back_to", "change it by hand");
 }
 

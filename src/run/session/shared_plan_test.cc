@@ -158,9 +158,9 @@ TEST(SharedPlan, WhatNoPlanCanBeIsRefusedAndNothingOfItIsDone) {
   used.remove = true;
   refused(used, ErrorKind::kUsage);  // a region depends on it
   // with a recording, every edit is refused
-  const OpenPlan looked(kPlan, false);
-  EXPECT_FALSE(looked.plan->change(looked.add("third")).ok());
-  EXPECT_FALSE(looked.plan->viewed()->can_change);
+  const OpenPlan found(kPlan, false);
+  EXPECT_FALSE(found.plan->change(found.add("third")).ok());
+  EXPECT_FALSE(found.plan->viewed()->can_change);
 }
 
 TEST(SharedPlan, AFileThatWasChangedMeanwhileIsLeftAsItIs) {

@@ -53,7 +53,7 @@ Parameters campaign_parameters() {
 // a viewer and its last observation of the session
 struct Onlooker {
   ViewerIdentity identity;
-  std::uint32_t seen_stop = 0;
+  std::uint32_t observed_stop = 0;
 };
 
 /// Session whose ticks the test calls.
@@ -87,7 +87,7 @@ class CampaignSession {
   void tick();
   void replay_it();
 
-  int stops = 0, rearms = 0, rearmed = 0, pushed = 0, asked = 0, agreed = 0;
+  int stops = 0, rearms = 0, rearmed = 0, pushed = 0, requested = 0, agreed = 0;
 
  private:
   int below(int n) { return static_cast<int>(random_() % static_cast<unsigned>(n)); }
@@ -157,7 +157,7 @@ void CampaignSession::rearm() {
   const std::uint32_t names = below(4) == 0   ? static_cast<std::uint32_t>(below(40))
                               : below(2) == 0 ? holds
                               : here          ? shown_
-                                              : who.seen_stop;
+                                              : who.observed_stop;
   const bool was_free = free();
   const bool done = here ? live_.rearm_here(names).ok() : live_.rearm({names, who.identity}).ok();
   if (!done) return;
@@ -181,7 +181,7 @@ void CampaignSession::change() {
   const Parameters before = loop_.parameters();
   const auto granted = live_.set(request);
   if (!granted || *granted == Grant::kDone) return;
-  ++asked;
+  ++requested;
   EXPECT_TRUE(physical_);
   const Parameters after = loop_.parameters();
   EXPECT_EQ(after.rotation_target.coeffs(), before.rotation_target.coeffs());
@@ -196,7 +196,7 @@ void CampaignSession::come_or_go() {
     return;
   }
   if (viewers_.size() < 5) viewers_.push_back({{++greeted_, below(3) != 0}});
-  viewers_.back().seen_stop = live_.state().stop.value_or(0);
+  viewers_.back().observed_stop = live_.state().stop.value_or(0);
 }
 
 void CampaignSession::act() {
@@ -219,7 +219,7 @@ void CampaignSession::act() {
     case 8:
       return change();
     case 9:
-      somebody().seen_stop = live_.state().stop.value_or(0);
+      somebody().observed_stop = live_.state().stop.value_or(0);
       shown_ = live_.current_stop().value_or(0);
       question_ = live_.question().value_or(ConsentQuestion{}).number;
       return;
@@ -251,13 +251,13 @@ void CampaignSession::replay_it() {
 
 TEST(StopCampaign, AStopNeverRaisesForceAndTheNextTickSendsNone) {
   // the full campaign is PALPATE_TEST_STOPS=10000
-  const char* wanted = std::getenv("PALPATE_TEST_STOPS");
-  const int sequences = wanted != nullptr ? std::atoi(wanted) : 1000;
+  const char* requested = std::getenv("PALPATE_TEST_STOPS");
+  const int sequences = requested != nullptr ? std::atoi(requested) : 1000;
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937_64 random(seed);
   const auto model = campaign_model();
-  int stops = 0, rearms = 0, rearmed = 0, pushed = 0, asked = 0, agreed = 0;
+  int stops = 0, rearms = 0, rearmed = 0, pushed = 0, requested = 0, agreed = 0;
   for (int sequence = 0; sequence < sequences; ++sequence) {
     SCOPED_TRACE("sequence " + std::to_string(sequence));
     campaign_ns = 1'000'000'000;
@@ -272,15 +272,15 @@ TEST(StopCampaign, AStopNeverRaisesForceAndTheNextTickSendsNone) {
     rearms += session.rearms;
     rearmed += session.rearmed;
     pushed += session.pushed;
-    asked += session.asked;
+    requested += session.requested;
     agreed += session.agreed;
   }
   std::printf(
       "%d sequences: %d stops, %d of %d rearms done, %d ticks with a force; %d asked for, %d agreed to\n",
-      sequences, stops, rearmed, rearms, pushed, asked, agreed);
+      sequences, stops, rearmed, rearms, pushed, requested, agreed);
   EXPECT_GT(rearmed, sequences / 4);
   EXPECT_GT(pushed, sequences);
-  EXPECT_GT(asked, 0);
+  EXPECT_GT(requested, 0);
   EXPECT_GT(agreed, 0);
 }
 

@@ -29,7 +29,7 @@ void StopSwitch::begin() {
   if (stopped_early_.load()) stop_logged(*loop_.get(), loop_.log(), originator_);
 }
 
-void StopSwitch::stop(AskedBy by) {
+void StopSwitch::stop(RequestedBy by) {
   const std::lock_guard lock(mutex_);
   originator_ = by;
   if (ServoLoop* loop = loop_.get()) return stop_logged(*loop, loop_.log(), by);
@@ -57,10 +57,10 @@ Result<void> StopSwitch::rearm(const RearmRequest& request) {
   if (physical_ && !arming_code_.take(request.stop, request.code))
     return refusal("the code differs from the one shown at the terminal of palpate", "code",
                    "each code is valid once, for a minute and for the last stop: enter the current one");
-  return rearm(request.stop, asked_by(request.by));
+  return rearm(request.stop, requested_by(request.by));
 }
 
-Result<void> StopSwitch::rearm(std::uint32_t stop, AskedBy by) {
+Result<void> StopSwitch::rearm(std::uint32_t stop, RequestedBy by) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
   switch (rearm_logged(*loop, loop_.log(), by, stop)) {

@@ -29,7 +29,7 @@ class StopSwitch {
   /// Passes on a stop that was requested before the loop was connected.
   void begin();
 
-  void stop(AskedBy by);
+  void stop(RequestedBy by);
   /// Number of the stop in effect; empty if there is none.
   std::optional<std::uint32_t> current() const;
   /// Fills in the stop in effect, its originator, and whether a device is armed.
@@ -40,7 +40,7 @@ class StopSwitch {
   Result<void> rearm(const RearmRequest& request);
   /// Re-arms for an operator at this machine. Errors: the same, apart from the code.
   /// @param stop  number of the stop that was displayed to the operator
-  Result<void> rearm(std::uint32_t stop, AskedBy by);
+  Result<void> rearm(std::uint32_t stop, RequestedBy by);
   /// Code by which the page can re-arm a physical device after the current stop. It is accepted from the
   /// first call on. Empty if nothing is stopped, no device is physical, or too many wrong codes were entered.
   std::string arming_code();
@@ -50,7 +50,7 @@ class StopSwitch {
   const bool physical_;
   ArmingCode arming_code_;
   mutable std::mutex mutex_;  // guards originator_, and stops requested before there is a loop
-  AskedBy originator_;        // asker of the last stop
+  RequestedBy originator_;    // asker of the last stop
   std::atomic<bool> stopped_early_{false};
 };
 

@@ -17,29 +17,29 @@ TickBlocks::~TickBlocks() {
   ending_ = true;
   {
     const std::lock_guard lock(mutex_);
-    wanted_changed_.notify_all();
+    requested_changed_.notify_all();
   }
   reader_.join();
 }
 
-std::optional<TickRecord> TickBlocks::tick_at(double at_s, int way, double from_s) {
+std::optional<TickRecord> TickBlocks::tick_at(double at_s, int direction, double from_s) {
   const std::size_t block = block_at(at_s);
   const std::lock_guard lock(mutex_);
-  if (block != wanted_ || way != way_) {
+  if (block != wanted_ || direction != path_) {
     wanted_ = block;
-    way_ = way;
-    wanted_changed_.notify_all();
+    path_ = direction;
+    requested_changed_.notify_all();
   }
   const Block* ticks = find(block);
-  if (ticks == nullptr) return nearest_played(block, way, block_at(from_s));
+  if (ticks == nullptr) return nearest_played(block, direction, block_at(from_s));
   const auto next = std::ranges::upper_bound(*ticks, at_s, {}, &TickRecord::time_s);
   return *(next == ticks->begin() ? next : next - 1);
 }
 
-std::optional<TickRecord> TickBlocks::kept_at(std::uint64_t row) const {
+std::optional<TickRecord> TickBlocks::stored_at(std::uint64_t row) const {
   const std::lock_guard lock(mutex_);
-  const auto found = std::ranges::find(kept_, row / kTicks, &Kept::number);
-  if (found == kept_.end() || row % kTicks >= found->ticks.size()) return std::nullopt;
+  const auto found = std::ranges::find(stored_, row / kTicks, &Kept::number);
+  if (found == stored_.end() || row % kTicks >= found->ticks.size()) return std::nullopt;
   return found->ticks[row % kTicks];
 }
 
@@ -51,7 +51,7 @@ std::optional<Error> TickBlocks::failure() const {
 void TickBlocks::try_again() {
   const std::lock_guard lock(mutex_);
   failure_.reset();
-  wanted_changed_.notify_all();
+  requested_changed_.notify_all();
 }
 
 std::size_t TickBlocks::block_at(double at_s) const {
@@ -60,34 +60,36 @@ std::size_t TickBlocks::block_at(double at_s) const {
 }
 
 const TickBlocks::Block* TickBlocks::find(std::size_t block) {
-  const auto found = std::ranges::find(kept_, block, &Kept::number);
-  if (found == kept_.end()) return nullptr;
-  kept_.splice(kept_.begin(), kept_, found);
-  return &kept_.front().ticks;
+  const auto found = std::ranges::find(stored_, block, &Kept::number);
+  if (found == stored_.end()) return nullptr;
+  stored_.splice(stored_.begin(), stored_, found);
+  return &stored_.front().ticks;
 }
 
-bool TickBlocks::is_kept(std::size_t block) const {
-  return std::ranges::find(kept_, block, &Kept::number) != kept_.end();
+bool TickBlocks::is_stored(std::size_t block) const {
+  return std::ranges::find(stored_, block, &Kept::number) != stored_.end();
 }
 
-std::optional<TickRecord> TickBlocks::nearest_played(std::size_t block, int way, std::size_t from) const {
+std::optional<TickRecord> TickBlocks::nearest_played(std::size_t block, int direction,
+                                                     std::size_t from) const {
   const Kept* nearest = nullptr;
-  for (const Kept& kept : kept_) {
-    const bool played = way > 0   ? kept.number >= from && kept.number < block
-                        : way < 0 ? kept.number <= from && kept.number > block
-                                  : false;
-    if (played && (nearest == nullptr || (kept.number > nearest->number) == (way > 0))) nearest = &kept;
+  for (const Kept& stored : stored_) {
+    const bool played = direction > 0   ? stored.number >= from && stored.number < block
+                        : direction < 0 ? stored.number <= from && stored.number > block
+                                        : false;
+    if (played && (nearest == nullptr || (stored.number > nearest->number) == (direction > 0)))
+      nearest = &stored;
   }
   if (nearest == nullptr) return std::nullopt;
-  return way > 0 ? nearest->ticks.back() : nearest->ticks.front();
+  return direction > 0 ? nearest->ticks.back() : nearest->ticks.front();
 }
 
 // with the mutex locked
 std::optional<std::size_t> TickBlocks::missing() const {
   if (failure_) return std::nullopt;
-  if (!is_kept(wanted_)) return wanted_;
-  if (way_ > 0 && wanted_ + 1 < begins_s_.size() && !is_kept(wanted_ + 1)) return wanted_ + 1;
-  if (way_ < 0 && wanted_ > 0 && !is_kept(wanted_ - 1)) return wanted_ - 1;
+  if (!is_stored(wanted_)) return wanted_;
+  if (path_ > 0 && wanted_ + 1 < begins_s_.size() && !is_stored(wanted_ + 1)) return wanted_ + 1;
+  if (path_ < 0 && wanted_ > 0 && !is_stored(wanted_ - 1)) return wanted_ - 1;
   return std::nullopt;
 }
 
@@ -97,7 +99,7 @@ void TickBlocks::read() {
   while (!ending_) {
     const auto block = missing();
     if (!block) {
-      wanted_changed_.wait(lock);
+      requested_changed_.wait(lock);
       continue;
     }
     lock.unlock();
@@ -114,8 +116,8 @@ void TickBlocks::read() {
                        "open it again when no program writes to it"};
       continue;
     }
-    kept_.push_front({*block, *std::move(ticks)});
-    if (kept_.size() > kMaxKept) kept_.pop_back();
+    stored_.push_front({*block, *std::move(ticks)});
+    if (stored_.size() > kMaxStored) stored_.pop_back();
   }
 }
 

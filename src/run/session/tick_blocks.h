@@ -26,7 +26,7 @@ class TickBlocks {
 
   /// Ticks per block and number of cached blocks: about 40 MB.
   static constexpr std::uint64_t kTicks = 4096;
-  static constexpr std::size_t kMaxKept = 4;
+  static constexpr std::size_t kMaxStored = 4;
 
   /// @param begins_s  time of each block's first tick, ascending; not empty
   /// @throws std::system_error  if no thread can be created
@@ -38,11 +38,11 @@ class TickBlocks {
   /// Last tick not after `at_s`, if its block has been read; the block is read with priority from now on.
   /// Until then, during playback, a tick of the nearest cached block between `from_s` and `at_s`: if reading
   /// is slower than playback the picture still advances.
-  /// @param way     1: forwards, -1: backwards, 0: paused
+  /// @param direction     1: forwards, -1: backwards, 0: paused
   /// @param from_s  position at which playback began
-  std::optional<TickRecord> tick_at(double at_s, int way, double from_s);
+  std::optional<TickRecord> tick_at(double at_s, int direction, double from_s);
   /// Tick in a row, if its block is cached.
-  std::optional<TickRecord> kept_at(std::uint64_t row) const;
+  std::optional<TickRecord> stored_at(std::uint64_t row) const;
   /// Reason why reading has stopped.
   std::optional<Error> failure() const;
   /// Retries after a failure: a busy machine may temporarily be unable to start a reader process.
@@ -56,8 +56,8 @@ class TickBlocks {
 
   std::size_t block_at(double at_s) const;
   const Block* find(std::size_t block);
-  bool is_kept(std::size_t block) const;
-  std::optional<TickRecord> nearest_played(std::size_t block, int way, std::size_t from) const;
+  bool is_stored(std::size_t block) const;
+  std::optional<TickRecord> nearest_played(std::size_t block, int direction, std::size_t from) const;
   std::optional<std::size_t> missing() const;
   void read();
 
@@ -65,10 +65,10 @@ class TickBlocks {
   const std::vector<double> begins_s_;
 
   mutable std::mutex mutex_;  // guards the members below
-  std::condition_variable wanted_changed_;
-  std::list<Kept> kept_;  // most recently wanted first
+  std::condition_variable requested_changed_;
+  std::list<Kept> stored_;  // most recently wanted first
   std::size_t wanted_ = 0;
-  int way_ = 0;
+  int path_ = 0;
   std::optional<Error> failure_;
 
   std::atomic<bool> ending_{false};

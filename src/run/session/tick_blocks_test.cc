@@ -33,11 +33,11 @@ class TickBlocksReadSlowly : public ::testing::Test {
  protected:
   ~TickBlocksReadSlowly() override {
     ended_ = true;
-    told_.release(2);
+    reported_.release(2);
   }
   // number of the tick shown, if any
-  std::optional<std::uint64_t> shown_at(double at_s, int way, double from_s) {
-    const auto tick = blocks_.tick_at(at_s, way, from_s);
+  std::optional<std::uint64_t> shown_at(double at_s, int direction, double from_s) {
+    const auto tick = blocks_.tick_at(at_s, direction, from_s);
     return tick ? std::optional(tick->tick) : std::nullopt;
   }
   // waits until the reader is about to read `block`
@@ -46,7 +46,7 @@ class TickBlocksReadSlowly : public ::testing::Test {
   }
   void read_one() {
     const int before = read_;
-    told_.release();
+    reported_.release();
     ASSERT_TRUE(testing::soon([&] { return read_ > before; }));
   }
 
@@ -54,12 +54,12 @@ class TickBlocksReadSlowly : public ::testing::Test {
   std::atomic<bool> ended_{false};
   std::atomic<int> read_{0};
   std::atomic<std::size_t> reading_{kBlocks};
-  std::counting_semaphore<> told_{0};
+  std::counting_semaphore<> reported_{0};
 
  protected:
   TickBlocks blocks_{[this](std::size_t block, const Progress&) -> Result<TickBlocks::Block> {
                        reading_ = block;
-                       told_.acquire();
+                       reported_.acquire();
                        if (ended_) return Progress::interrupted();
                        ++read_;
                        return block_of(block);

@@ -16,7 +16,7 @@ class ScriptSource final : public TipSource {
       : model_(setup.model),
         workspace_(setup.workspace),
         plant_(setup.script.device),
-        asked_(hand.asked()),
+        requested_(hand.requested()),
         planned_(std::move(hand)),
         driver_(resting_at(setup, planned_->start())),
         repeat_(repeat) {}
@@ -24,9 +24,9 @@ class ScriptSource final : public TipSource {
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
   std::string devices() const override { return plant_; }
-  std::vector<HoldAsked> asked() const override { return asked_; }
-  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) override {
-    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(edits), repeat_);
+  std::vector<HoldRequest> requested() const override { return requested_; }
+  Result<void> begin(ServoLoop& loop, EventLog& log, ScriptEdits edits) override {
+    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, log, std::move(edits), repeat_);
     return hand_->begin();
   }
   bool done() const override { return hand_->done(); }
@@ -49,7 +49,7 @@ class ScriptSource final : public TipSource {
   const std::shared_ptr<const Model> model_;
   const WorkspaceSettings workspace_;
   const std::string plant_;
-  const std::vector<HoldAsked> asked_;
+  const std::vector<HoldRequest> requested_;
   std::optional<ScriptedHand> planned_;
   SimulatedDriver driver_;
   const bool repeat_;
@@ -57,17 +57,17 @@ class ScriptSource final : public TipSource {
 };
 
 // no target forces are requested
-std::vector<HoldAsked> all_touched(const Model& model) {
-  std::vector<HoldAsked> asked;
-  for (const LabelId structure : model.label_of_surface) asked.push_back({structure, {}});
-  return asked;
+std::vector<HoldRequest> all_touched(const Model& model) {
+  std::vector<HoldRequest> holds;
+  for (const LabelId structure : model.label_of_surface) holds.push_back({structure, {}});
+  return holds;
 }
 
 /// Tip led by a person, locally or remotely: it needs no start and is never done.
 class LedSource : public TipSource {
  public:
-  explicit LedSource(const RunSetup& setup) : asked_(all_touched(*setup.model)) {}
-  std::vector<HoldAsked> asked() const override { return asked_; }
+  explicit LedSource(const RunSetup& setup) : requested_(all_touched(*setup.model)) {}
+  std::vector<HoldRequest> requested() const override { return requested_; }
   Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptEdits /*edits*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
@@ -76,7 +76,7 @@ class LedSource : public TipSource {
   std::vector<TouchFigure> touches() const override { return {}; }
 
  private:
-  const std::vector<HoldAsked> asked_;
+  const std::vector<HoldRequest> requested_;
 };
 
 class PointerSource final : public LedSource {
@@ -133,14 +133,14 @@ class CombinedSources final : public TipSource {
     return all;
   }
   std::vector<TickingThread> followers() const override { return driver_.followers(); }
-  std::vector<HoldAsked> asked() const override { return sources_[0]->asked(); }
+  std::vector<HoldRequest> requested() const override { return sources_[0]->requested(); }
   PointerDriver* pointer() override {
     for (const auto& source : sources_)
       if (PointerDriver* pointer = source->pointer()) return pointer;
     return nullptr;
   }
-  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) override {
-    return sources_[0]->begin(loop, told, std::move(edits));
+  Result<void> begin(ServoLoop& loop, EventLog& log, ScriptEdits edits) override {
+    return sources_[0]->begin(loop, log, std::move(edits));
   }
   bool done() const override { return sources_[0]->done(); }
   double progress() const override { return sources_[0]->progress(); }
@@ -188,7 +188,7 @@ Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunS
 
 // applies the devices' limits to the session
 void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& options, RunSetup& setup,
-                  std::string& told) {
+                  std::string& reported) {
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const DeviceInfo& info = devices[d];
     // the stiffness limit of a hand with the simulated device is known more precisely
@@ -199,7 +199,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
       setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
     if (const std::string careful = careful_bound_message(info); !careful.empty()) {
       setup.trouble.push_back(careful);
-      told += (told.empty() ? "" : "\n") + careful;
+      reported += (reported.empty() ? "" : "\n") + careful;
     }
   }
   setup.limit_N = std::min(setup.limit_N, setup.parameters.max_force_N);
@@ -209,7 +209,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
 
 std::vector<std::string> device_names(const DeviceRegistry& known) {
   std::vector<std::string> names{kSimulatedHand, kPointer};
-  for (const DeviceVendor& maker : known.all()) names.push_back(maker.name);
+  for (const DeviceVendor& vendor : known.all()) names.push_back(vendor.name);
   return names;
 }
 
@@ -239,7 +239,7 @@ Result<void> check_devices(const std::vector<std::string>& names, const DeviceRe
 }
 
 Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
-                                                  const Progress& progress, std::string& told) {
+                                                  const Progress& progress, std::string& reported) {
   std::vector<std::unique_ptr<TipSource>> sources;
   for (const std::string& name : options.devices) {
     auto source = source_of(name, setup, options, progress);
@@ -264,7 +264,7 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
   const DeviceInfo& clock = devices[driver.clock_owner()];
   if (options.devices[0] != kSimulatedHand && clock.drive != DeviceInfo::Drive::kPulled && clock.rate_hz)
     setup.script.rate_hz = std::clamp(*clock.rate_hz, kMinRate_hz, kMaxRate_hz);
-  learn_limits(devices, options, setup, told);
+  learn_limits(devices, options, setup, reported);
   return all;
 }
 

@@ -24,14 +24,14 @@ class TipSource {
   virtual std::vector<TickingThread> followers() const { return {}; }
 
   /// Structures whose holds are measured.
-  virtual std::vector<HoldAsked> asked() const = 0;
+  virtual std::vector<HoldRequest> requested() const = 0;
   /// Driver of a viewer's pointer; null if there is none.
   virtual PointerDriver* pointer() { return nullptr; }
 
   /// Called when the loop runs.
-  /// @param told  log of the commands to the loop, such as a script's; outlives the tip source
+  /// @param log  log of the commands to the loop, such as a script's; outlives the tip source
   /// Errors: those of HandThread::begin().
-  virtual Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) = 0;
+  virtual Result<void> begin(ServoLoop& loop, EventLog& log, ScriptEdits edits) = 0;
   virtual bool done() const = 0;
   virtual double progress() const = 0;
   /// Ends the source's threads; the tip stays where it is.
@@ -44,9 +44,9 @@ class TipSource {
 
 /// Creates the devices of a session and opens those that are physical: a single source, or several combined.
 /// @param setup  receives each device's limits and, in its trouble, the conservative bounds among them
-/// @param told   receives these bounds again, one per line
+/// @param reported   receives these bounds again, one per line
 /// Errors: those of check_devices(), of ScriptedHand::create() and of opening a driver.
 Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
-                                                  const Progress& progress, std::string& told);
+                                                  const Progress& progress, std::string& reported);
 
 }  // namespace palpate

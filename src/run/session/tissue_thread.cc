@@ -48,25 +48,25 @@ std::shared_ptr<ViewedYield> viewed_field(const ElasticBox& box, const ElasticLa
 
 }  // namespace
 
-std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
+std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& tick,
                                                 std::size_t device) {
   YieldField field;
-  if (device >= static_cast<std::size_t>(felt.devices) || felt.device[device].contact_label[0] == 0 ||
+  if (device >= static_cast<std::size_t>(tick.devices) || tick.device[device].contact_label[0] == 0 ||
       !solver.field_of(device, field))
     return nullptr;
   auto viewed = viewed_field(*field.box, *field.layout, *field.unit_mm,
-                             solver.displacing_force_N(device, felt.device[device]));
+                             solver.displacing_force_N(device, tick.device[device]));
   viewed->frame = solver.frame().number;
   return viewed;
 }
 
-void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& felt) {
-  solver.solve(model, felt);
+void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& tick) {
+  solver.solve(model, tick);
 }
 
-TissueThread::TissueThread(ServoLoop& loop, EventLog& told,
-                           std::function<std::shared_ptr<const Model>()> felt, Solve solve)
-    : loop_(loop), told_(told), felt_(std::move(felt)), solve_(std::move(solve)), thread_([this] {
+TissueThread::TissueThread(ServoLoop& loop, EventLog& log,
+                           std::function<std::shared_ptr<const Model>()> model, Solve solve)
+    : loop_(loop), reported_(log), model_(std::move(model)), solve_(std::move(solve)), thread_([this] {
         run();
       }) {}
 
@@ -117,36 +117,36 @@ void TissueThread::start_afresh() noexcept {
 // passes the frame that could not be solved to the loop, if there is one
 void TissueThread::publish_unsolved() {
   if (solver_.frame().number == published_) return;
-  set_unsolved_logged(loop_, told_, solver_.frame(), last_input_);
+  set_unsolved_logged(loop_, reported_, solver_.frame(), last_input_);
   published_ = solver_.frame().number;
 }
 
 void TissueThread::solve_next() {
   publish_unsolved();
-  const TickRecord felt = loop_.snapshot();
+  const TickRecord tick = loop_.snapshot();
   // no tick since the last one
-  if (felt.state_hash == 0 || (any_ && felt.tick <= last_input_)) return;
+  if (tick.state_hash == 0 || (any_ && tick.tick <= last_input_)) return;
   // a replay solves with the model of the tick
-  const std::shared_ptr<const Model> model = felt_();
-  if (model->version != felt.model_version) return;
+  const std::shared_ptr<const Model> model = model_();
+  if (model->version != tick.model_version) return;
   any_ = true;
-  last_input_ = felt.tick;
+  last_input_ = tick.tick;
   if (!is_moving(model->tissue_law)) {
     rest();
   } else if (model->tissue_law == TissueLaw::kChainMail) {
-    move_mail(*model, felt);
+    move_mail(*model, tick);
   } else {
-    solve_(solver_, *model, felt);
-    set_yield_logged(loop_, told_, solver_.frame(), felt.tick);
+    solve_(solver_, *model, tick);
+    set_yield_logged(loop_, reported_, solver_.frame(), tick.tick);
     published_ = solver_.frame().number;
-    show(felt);
+    show(tick);
   }
   is_out_of_memory_ = false;
 }
 
 // chain mail does not affect the force, so no input tick is recorded
-void TissueThread::move_mail(const Model& model, const TickRecord& felt) {
-  mail_->advance(model, felt);
+void TissueThread::move_mail(const Model& model, const TickRecord& tick) {
+  mail_->advance(model, tick);
   ++mail_frame_;
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     const ChainMail* const mail = mail_->of(d);
@@ -165,9 +165,9 @@ void TissueThread::rest() {
   shown_ = {};
 }
 
-void TissueThread::show(const TickRecord& felt) {
+void TissueThread::show(const TickRecord& tick) {
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
-    auto viewed = viewed_yield(solver_, felt, d);
+    auto viewed = viewed_yield(solver_, tick, d);
     const std::lock_guard lock(mutex_);
     shown_[d] = std::move(viewed);
   }

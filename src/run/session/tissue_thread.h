@@ -30,11 +30,11 @@ class TissueThread {
  public:
   static constexpr std::chrono::seconds kRetry{1};
   /// Solves the next frame. May throw std::bad_alloc.
-  using Solve = std::function<void(YieldSolver& solver, const Model& model, const TickRecord& felt)>;
+  using Solve = std::function<void(YieldSolver& solver, const Model& model, const TickRecord& tick)>;
 
-  /// @param felt   returns the current model version; called on this thread
+  /// @param model   returns the current model version; called on this thread
   /// @param solve  replaced in tests only
-  TissueThread(ServoLoop& loop, EventLog& told, std::function<std::shared_ptr<const Model>()> felt,
+  TissueThread(ServoLoop& loop, EventLog& log, std::function<std::shared_ptr<const Model>()> model,
                Solve solve);
   ~TissueThread();
   TissueThread(const TissueThread&) = delete;
@@ -53,12 +53,12 @@ class TissueThread {
   void publish_unsolved();
   void start_afresh() noexcept;
   void rest();
-  void move_mail(const Model& model, const TickRecord& felt);
-  void show(const TickRecord& felt);
+  void move_mail(const Model& model, const TickRecord& tick);
+  void show(const TickRecord& tick);
 
   ServoLoop& loop_;
-  EventLog& told_;
-  const std::function<std::shared_ptr<const Model>()> felt_;
+  EventLog& reported_;
+  const std::function<std::shared_ptr<const Model>()> model_;
   const Solve solve_;
   YieldSolver solver_;
   std::uint32_t published_ = 0;  // number of the last frame passed to the loop
@@ -76,11 +76,11 @@ class TissueThread {
 };
 
 /// Default of TissueThread::Solve: YieldSolver::solve.
-void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& felt);
+void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& tick);
 
 /// Deformation field around a device's tool under the force with which it pressed in that tick; null if there
 /// is none.
-std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
+std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& tick,
                                                 std::size_t device);
 
 }  // namespace palpate

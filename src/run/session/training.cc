@@ -48,7 +48,7 @@ Training::Training(TrainingOptions options, std::vector<TaskInScene> in_scene, s
     : options_(std::move(options)), in_scene_(std::move(in_scene)), viewed_(std::move(viewed)) {
   lesson_.learner = options_.learner;
   for (const TaskInScene& task : in_scene_)
-    if (task.plan) gone_ = task.plan->untouched;
+    if (task.plan) removed_ = task.plan->untouched;
   keeper_ = std::thread([this] { keep(); });
 }
 
@@ -111,10 +111,10 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
                         "start that one, or ask a teacher for this one");
   if (learner.empty()) live->learner = lesson_.learner;
   if (in_scene_[place].plan) {
-    if (!gone_->removed().by_label_mm3().empty())
+    if (!removed_->removed().by_label_mm3().empty())
       return cannot_train("tissue has already been removed", "begin",
                           "undo the strokes, or start a new session");
-    live->evaluator.set_initial_removal(*gone_);
+    live->evaluator.set_initial_removal(*removed_);
   }
   if (tip_holder_) note_holder(*tip_holder_, *live);
   live->number = ++runs_;
@@ -149,7 +149,7 @@ std::optional<Error> Training::not_own(const Live& live) const {
 Result<void> Training::end_run() {
   const std::lock_guard lock(mutex_);
   if (!live_) return cannot_train("no run is in progress", "end", "");
-  over(RunEnd::kAsked);
+  over(RunEnd::kRequested);
   return {};
 }
 
@@ -158,7 +158,7 @@ Result<void> Training::begin_or_end() {
   {
     const std::lock_guard lock(mutex_);
     if (live_) {
-      over(RunEnd::kAsked);
+      over(RunEnd::kRequested);
       return {};
     }
     if (options_.tasks.empty())
@@ -187,20 +187,20 @@ ViewedState::Lesson Training::lesson() const {
   return lesson_;
 }
 
-void Training::see(const TickRecord& tick, std::span<const RecordingEvent> told) noexcept {
+void Training::observe(const TickRecord& tick, std::span<const RecordingEvent> events) noexcept {
   const std::lock_guard lock(mutex_);
   try {
-    for (const RecordingEvent& event : gone_ ? told : std::span<const RecordingEvent>()) {
-      gone_->hear(event);
-      if (live_) live_->evaluator.hear(event);
+    for (const RecordingEvent& event : removed_ ? events : std::span<const RecordingEvent>()) {
+      removed_->on_event(event);
+      if (live_) live_->evaluator.on_event(event);
     }
     if (!live_) return;
     Live& live = *live_;
     if (live.evaluator.ticks() == 0) live.ticks.first = tick.tick;
-    if (!live.evaluator.see(tick)) return over(RunEnd::kTrouble);
+    if (!live.evaluator.observe(tick)) return over(RunEnd::kTrouble);
     live.ticks.last = tick.tick;
     live.run_hash = mix_run_hash(live.run_hash, tick.state_hash);
-    live.trace.see(live.evaluator);
+    live.trace.observe(live.evaluator);
     if (live.evaluator.ended()) over(RunEnd::kTask);
   } catch (const std::exception&) {
     // Out of memory: the run ends with kTrouble, or is dropped if even that fails.
@@ -255,7 +255,7 @@ void Training::keep() {
     std::optional<Error> refused = not_own(*over.live);
     lock.unlock();
     FinishedRun finished{over.run, {}};
-    std::shared_ptr<const ViewedDebriefing> told;
+    std::shared_ptr<const ViewedDebriefing> debriefing;
     try {
       runs.push_back(over.run);
       finished.history = history_of(task, runs);
@@ -263,20 +263,20 @@ void Training::keep() {
       if (!keeps(over.run.learner) || over.run.score.ticks == 0) {
         // nothing to store
       } else if (refused) {
-        finished.history.not_kept = std::move(refused);
+        finished.history.not_stored = std::move(refused);
       } else {
         const RunHistory history = options_.over(task, over.run);
         if (history.runs > 0) finished.history = history;
         finished.history.kept = history.kept;
-        finished.history.not_kept = history.not_kept;
+        finished.history.not_stored = history.not_stored;
       }
     } catch (const std::exception& why) {
-      finished.history.not_kept = Error{
+      finished.history.not_stored = Error{
           ErrorKind::kUnavailable, std::string("the run could not be stored: ") + reason_of(why), "", ""};
     }
     try {
       finished.history.best.resize(task.metrics.size(), kNotKnown);
-      told = std::make_shared<const ViewedDebriefing>(
+      debriefing = std::make_shared<const ViewedDebriefing>(
           debriefed(over.live->evaluator, over.live->trace, finished));
       std::vector<TaskEvent>& events = finished.run.score.events;
       if (events.size() > ViewedDebriefing::kMaxEvents) {
@@ -288,7 +288,7 @@ void Training::keep() {
     }
     lock.lock();
     finished_.push_back(std::move(finished));
-    debriefing_ = std::move(told);
+    debriefing_ = std::move(debriefing);
     keeping_ = !over_.empty();
     if (!keeping_) state_.phase = ViewedTraining::Phase::kOver;
     changed_.notify_all();

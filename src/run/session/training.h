@@ -36,7 +36,7 @@ class Training {
   /// Called before the first tick.
   void begin_session(const RecordingHeader& header);
   /// Processes a tick and the events that took effect with it. Does not throw.
-  void see(const TickRecord& tick, std::span<const RecordingEvent> told = {}) noexcept;
+  void observe(const TickRecord& tick, std::span<const RecordingEvent> events = {}) noexcept;
   /// Sets the viewer that moves the tip; empty: nobody does. Call it before the first run of a session whose
   /// tip is moved by viewers: a run is then stored only if its learner, and nobody else, held the tip during
   /// it.
@@ -59,7 +59,7 @@ class Training {
   Result<void> teach(const LessonRequest& request);
   ViewedState::Lesson lesson() const;
   /// Learning curves, by TrainingOptions::curves.
-  bool keeps_runs() const { return static_cast<bool>(options_.curves); }
+  bool stores_runs() const { return static_cast<bool>(options_.curves); }
   Result<std::string> curves(const std::string& learner) const { return options_.curves(learner); }
 
   ViewedTraining state() const;
@@ -94,7 +94,7 @@ class Training {
   mutable std::mutex mutex_;  // guards the members below, except keeper_
   std::condition_variable changed_;
   std::shared_ptr<const RecordingHeader> header_;
-  std::optional<RemovalFollower> gone_;  // removed volume; set if a task has a plan
+  std::optional<RemovalFollower> removed_;  // removed volume; set if a task has a plan
   std::unique_ptr<Live> live_;
   struct Over {
     std::unique_ptr<Live> live;

@@ -169,8 +169,8 @@ TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
   TrainingOptions training;
   training.tasks = {{"other", task}, {"ball", task}};
   std::vector<std::string> refusals;
-  const auto refusal = [&](const Result<void>& asked) {
-    refusals.push_back(asked ? "" : asked.error().message());
+  const auto refusal = [&](const Result<void>& requested) {
+    refusals.push_back(requested ? "" : requested.error().message());
   };
   const ExploreResult result = run(training, [&](LiveHost& host) {
     EXPECT_EQ(host.scene().tasks.size(), 2u);
@@ -205,7 +205,7 @@ TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
     EXPECT_GT(finished.run.score.ticks, 0u);
     expect_same(finished.run.score, scored(task, finished.run.ticks));
   }
-  EXPECT_EQ(result.runs[0].run.end, RunEnd::kAsked);
+  EXPECT_EQ(result.runs[0].run.end, RunEnd::kRequested);
   EXPECT_EQ(result.runs[1].run.end, RunEnd::kSession);
   EXPECT_LT(result.runs[0].run.ticks.last, result.runs[1].run.ticks.first);
 }
@@ -304,7 +304,7 @@ class HandMade : public ::testing::Test {
     tick.device[0].force_N = {0, 0, 1.1 * force_N};  // with friction
     return tick;
   }
-  static void wait_until_kept(const Training& training) {
+  static void wait_until_stored(const Training& training) {
     ASSERT_TRUE(testing::soon([&] { return training.state().phase == Phase::kOver; }));
   }
 };
@@ -312,9 +312,9 @@ class HandMade : public ::testing::Test {
 TEST_F(HandMade, IsToldAsItGoes) {
   const auto training = this->training();
   EXPECT_EQ(training->state().run, 0u);
-  training->see(tick(0, 0));
+  training->observe(tick(0, 0));
   ASSERT_TRUE(training->begin("ball").ok());
-  for (std::uint64_t n = 100; n < 200; ++n) training->see(tick(n, 0.4));
+  for (std::uint64_t n = 100; n < 200; ++n) training->observe(tick(n, 0.4));
   ViewedTraining now = training->state();
   EXPECT_EQ(now.phase, Phase::kRunning);
   EXPECT_EQ(now.task, "ball");
@@ -325,7 +325,7 @@ TEST_F(HandMade, IsToldAsItGoes) {
   EXPECT_NEAR(now.share[0], 0.099 / 0.2, 1e-9);
   ASSERT_EQ(now.events.size(), 1u) << "what is protected was touched";
   EXPECT_STREQ(now.events[0].kind, "protected");
-  for (std::uint64_t n = 200; n < 400; ++n) training->see(tick(n, n % 2 ? 0.6 : 0.4));
+  for (std::uint64_t n = 200; n < 400; ++n) training->observe(tick(n, n % 2 ? 0.6 : 0.4));
   now = training->state();
   EXPECT_TRUE(now.done[0]);
   EXPECT_EQ(now.events.size(), ViewedTraining::kMaxEvents) << "the last ones";
@@ -338,10 +338,10 @@ TEST_F(HandMade, ADroppedTickIsToldAndSuchARunDoesNotPass) {
     const auto training = this->training();
     ASSERT_TRUE(training->begin("ball").ok());
     for (std::uint64_t n = 0; n < 500; ++n)
-      if (!(drops && n == 300)) training->see(tick(n, 0.4));
+      if (!(drops && n == 300)) training->observe(tick(n, 0.4));
     EXPECT_NEAR(training->state().missing_s, drops ? 0.002 : 0, 1e-9);
     ASSERT_TRUE(training->end_run().ok());
-    wait_until_kept(*training);
+    wait_until_stored(*training);
     EXPECT_EQ(training->finished()[0].run.score.in_band, !drops);
     EXPECT_EQ(training->debriefing()->in_band, !drops);
     EXPECT_NEAR(training->debriefing()->missing_s, drops ? 0.002 : 0, 1e-9);
@@ -351,8 +351,8 @@ TEST_F(HandMade, ADroppedTickIsToldAndSuchARunDoesNotPass) {
 TEST_F(HandMade, AClockThatGoesBackEndsIt) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin("ball").ok());
-  for (const std::uint64_t n : {5u, 6u, 3u, 7u}) training->see(tick(n, 0.4));
-  wait_until_kept(*training);
+  for (const std::uint64_t n : {5u, 6u, 3u, 7u}) training->observe(tick(n, 0.4));
+  wait_until_stored(*training);
   EXPECT_EQ(training->finished()[0].run.end, RunEnd::kTrouble);
   EXPECT_FALSE(training->finished()[0].run.score.in_band);
   EXPECT_EQ(training->finished()[0].run.ticks.last, 6u);
@@ -362,9 +362,10 @@ TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin("ball").ok());
   // 40 s at 1 kHz with a peak of one tick each second and one in the very last tick
-  for (std::uint64_t n = 0; n < 40001; ++n) training->see(tick(n, n % 1000 == 500 || n == 40000 ? 0.9 : 0.3));
+  for (std::uint64_t n = 0; n < 40001; ++n)
+    training->observe(tick(n, n % 1000 == 500 || n == 40000 ? 0.9 : 0.3));
   ASSERT_TRUE(training->end_run().ok());
-  wait_until_kept(*training);
+  wait_until_stored(*training);
   const auto debriefing = training->debriefing();
   const auto& samples = debriefing->samples;
   EXPECT_LE(samples.size(), RunTrace::kMost + 1);
@@ -384,16 +385,16 @@ TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
 
 TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   TrainingOptions options;
-  std::vector<std::uint32_t> kept;
+  std::vector<std::uint32_t> stored;
   std::atomic<bool> may_go{true};
   options.learner = "L042";
   options.over = [&](const TaskFile& task, const TaskRun& run) {
     while (!may_go.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    kept.push_back(run.number);
+    stored.push_back(run.number);
     RunHistory history;
     // the second run could not be stored
     if (run.number == 2) {
-      history.not_kept = Error{ErrorKind::kUnavailable, "the disk is full", "", ""};
+      history.not_stored = Error{ErrorKind::kUnavailable, "the disk is full", "", ""};
       return history;
     }
     history.runs = 7;
@@ -405,7 +406,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   std::uint64_t n = 0;
   const auto do_run = [&](double force_N) {
     ASSERT_TRUE(training->begin("ball").ok());
-    for (const std::uint64_t end = n + 400; n < end; ++n) training->see(tick(n, force_N));
+    for (const std::uint64_t end = n + 400; n < end; ++n) training->observe(tick(n, force_N));
     ASSERT_TRUE(training->end_run().ok());
   };
   may_go = false;
@@ -413,42 +414,42 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   EXPECT_EQ(training->state().phase, Phase::kKeeping);
   EXPECT_THAT(training->begin("ball").error().message(), HasSubstr("still being stored"));
   may_go = true;
-  wait_until_kept(*training);
+  wait_until_stored(*training);
   EXPECT_EQ(training->debriefing()->runs, 7);
   EXPECT_EQ(training->debriefing()->kept, 41);
   EXPECT_EQ(training->debriefing()->metrics[0].best, 0.5);
   do_run(0.3);
-  wait_until_kept(*training);
+  wait_until_stored(*training);
   EXPECT_EQ(training->debriefing()->runs, 2);
   EXPECT_EQ(training->debriefing()->in_a_row, 2);
   EXPECT_EQ(training->debriefing()->metrics[0].best, 0.4) << "the peak of the run before";
   EXPECT_EQ(training->debriefing()->metrics[0].value, 0.3);
-  EXPECT_TRUE(training->debriefing()->not_kept);
+  EXPECT_TRUE(training->debriefing()->not_stored);
   // a run without ticks does not count
   ASSERT_TRUE(training->begin("ball").ok());
   ASSERT_TRUE(training->end_run().ok());
-  wait_until_kept(*training);
+  wait_until_stored(*training);
   EXPECT_FALSE(training->debriefing()->in_band);
   training->end();
-  EXPECT_EQ(kept, (std::vector<std::uint32_t>{1, 2}));
+  EXPECT_EQ(stored, (std::vector<std::uint32_t>{1, 2}));
   EXPECT_FALSE(training->begin("ball").ok());
 }
 
 TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   TrainingOptions options;
-  std::vector<std::string> kept;
+  std::vector<std::string> stored;
   options.over = [&](const TaskFile&, const TaskRun& run) {
-    kept.push_back(run.learner);
+    stored.push_back(run.learner);
     return RunHistory{};
   };
   const auto training = this->training(options);
   std::uint64_t n = 0;
   const auto do_run = [&](const std::string& learner) {
     ASSERT_TRUE(training->begin("ball", learner).ok());
-    for (const std::uint64_t end = n + 400; n < end; ++n) training->see(tick(n, 0.4));
+    for (const std::uint64_t end = n + 400; n < end; ++n) training->observe(tick(n, 0.4));
     EXPECT_FALSE(training->teach({.learner = "L043"}).ok()) << "not in the middle of a run";
     ASSERT_TRUE(training->end_run().ok());
-    wait_until_kept(*training);
+    wait_until_stored(*training);
   };
   // a run without a learner is not stored, and every learner has a separate history
   do_run("");
@@ -467,7 +468,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   do_run("");
   ASSERT_TRUE(training->teach({.learner = ""}).ok());
   do_run("");
-  EXPECT_EQ(kept, (std::vector<std::string>{"L007", "L042", "L007", "L042"}));
+  EXPECT_EQ(stored, (std::vector<std::string>{"L007", "L042", "L007", "L042"}));
   // and the task that may be begun
   EXPECT_EQ(training->teach({.task = "none"}).error().where, "task");
   EXPECT_EQ(training->teach({.learner = "two\nlines"}).error().kind, ErrorKind::kBadInput);
@@ -490,7 +491,7 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
   const auto training = this->training(options);
   std::uint64_t n = 0;
   const auto see_some = [&] {
-    for (const std::uint64_t end = n + 50; n < end; ++n) training->see(tick(n, 0.4));
+    for (const std::uint64_t end = n + 50; n < end; ++n) training->observe(tick(n, 0.4));
   };
   using Holders = std::vector<std::optional<ViewerIdentity>>;
   // the holders of a run one after the other, of which the first one had the tip before it began
@@ -503,10 +504,10 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
       see_some();
     }
     EXPECT_TRUE(training->end_run().ok());
-    wait_until_kept(*training);
+    wait_until_stored(*training);
     const RunHistory history = training->finished().back().history;
-    EXPECT_EQ(history.kept.has_value(), !history.not_kept);
-    return history.not_kept ? history.not_kept->what : std::string();
+    EXPECT_EQ(history.kept.has_value(), !history.not_stored);
+    return history.not_stored ? history.not_stored->what : std::string();
   };
   const ViewerIdentity own{1, true, "L042"}, other{2, true, "L007"}, teacher{3, true, "", true},
       at_the_desk{4, true};
@@ -522,20 +523,20 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
   // a session whose tip no viewer moves stores every run
   const auto led_by_device = this->training(options);
   EXPECT_TRUE(led_by_device->begin("ball").ok());
-  led_by_device->see(tick(0, 0.4));
+  led_by_device->observe(tick(0, 0.4));
   EXPECT_TRUE(led_by_device->end_run().ok());
-  wait_until_kept(*led_by_device);
+  wait_until_stored(*led_by_device);
   EXPECT_EQ(stored.size(), 4u);
 }
 
 TEST_F(HandMade, AKeyBeginsAndEnds) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin_or_end().ok());
-  training->see(tick(1, 0.4));
+  training->observe(tick(1, 0.4));
   EXPECT_EQ(training->state().phase, Phase::kRunning);
   ASSERT_TRUE(training->begin_or_end().ok());
-  wait_until_kept(*training);
-  EXPECT_EQ(training->finished()[0].run.end, RunEnd::kAsked);
+  wait_until_stored(*training);
+  EXPECT_EQ(training->finished()[0].run.end, RunEnd::kRequested);
 }
 
 // ---- a scope on a second device
@@ -601,7 +602,7 @@ TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {
       tick.device[0].contact_patient_mm = {0, z_mm, 0};
       // World's z is anterior: the scope looks posterior, at the ball's front
       tick.device[1].tip_patient_mm = {0, -40, 0};
-      (*training)->see(tick);
+      (*training)->observe(tick);
     }
   };
   touch_for(100, 15);
@@ -639,12 +640,12 @@ class TakeOffLive : public ::testing::Test {
     training_ = *std::move(started);
     training_->begin_session({});
   }
-  void ticks(int count, const std::vector<RecordingEvent>& told = {}) {
+  void ticks(int count, const std::vector<RecordingEvent>& events = {}) {
     for (int i = 0; i < count; ++i) {
       TickRecord tick;
       tick.tick = n_;
       tick.time_s = static_cast<double>(n_++) / 1000;
-      training_->see(tick, i == 0 ? std::span(told) : std::span<const RecordingEvent>());
+      training_->observe(tick, i == 0 ? std::span(events) : std::span<const RecordingEvent>());
     }
   }
   std::vector<RecordingEvent> cut() {

@@ -57,7 +57,7 @@ class TwoToolsRun : public ::testing::Test {
       devices[1].tip = above(3.5 - in_mm, 1e-4 * n);
       if (n % 20 == 0) model = cut(model, state);
       tick(*model, parameters, devices, 1e-3, state, wrenches, ticks_.emplace_back());
-      summary_.see(ticks_.back());
+      summary_.observe(ticks_.back());
     }
   }
   // cuts as a session does, recording each sweep

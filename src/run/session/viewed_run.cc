@@ -36,7 +36,7 @@ const char* end_text(RunEnd end) {
   switch (end) {
     case RunEnd::kTask:
       return "task";
-    case RunEnd::kAsked:
+    case RunEnd::kRequested:
       return "asked";
     case RunEnd::kSession:
       return "session";
@@ -115,7 +115,7 @@ ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, 
   return task;
 }
 
-void RunTrace::see(const TaskEvaluator& run) {
+void RunTrace::observe(const TaskEvaluator& run) {
   coming_.touch_N = std::max(coming_.touch_N, run.touch_N());
   for (std::size_t n = 0; n < forces_; ++n)
     coming_.forces_N[n] = std::max(coming_.forces_N[n], run.force_N(n));
@@ -138,16 +138,16 @@ void RunTrace::finish(const TaskEvaluator& run) {
 // halves the number of samples and doubles the period; a merged sample takes the later position and the
 // larger forces
 void RunTrace::thin_out() {
-  std::vector<ViewedDebriefing::Sample> kept;
-  kept.reserve(kMost);
-  kept.push_back(samples_.front());
+  std::vector<ViewedDebriefing::Sample> stored;
+  stored.reserve(kMost);
+  stored.push_back(samples_.front());
   for (std::size_t n = 2; n < samples_.size(); n += 2) {
     const ViewedDebriefing::Sample& before = samples_[n - 1];
     ViewedDebriefing::Sample sample = samples_[n];
     sample.touch_N = std::max(sample.touch_N, before.touch_N);
     for (std::size_t f = 0; f < forces_; ++f)
       sample.forces_N[f] = std::max(sample.forces_N[f], before.forces_N[f]);
-    kept.push_back(sample);
+    stored.push_back(sample);
   }
   // an unpaired last sample is merged into the sample being accumulated
   if (samples_.size() % 2 == 0) {
@@ -155,12 +155,12 @@ void RunTrace::thin_out() {
     for (std::size_t f = 0; f < forces_; ++f)
       coming_.forces_N[f] = std::max(coming_.forces_N[f], samples_.back().forces_N[f]);
   }
-  samples_ = std::move(kept);
+  samples_ = std::move(stored);
   period_s_ *= 2;
   next_s_ = samples_.back().time_s + period_s_;
 }
 
-void tell_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to) {
+void report_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to) {
   const auto last = events.last(std::min(events.size(), ViewedTraining::kMaxEvents));
   to.events.clear();
   for (const TaskEvent& event : last) to.events.push_back(viewed_event(event));
@@ -181,7 +181,7 @@ ViewedTraining viewed_run(const TaskEvaluator& run, const std::string& name, std
   state.touch_N = run.touch_N();
   state.unseen = run.touches_invisible();
   state.missing_s = run.missing_s();
-  tell_events(run.events(), run.more_events(), state);
+  report_events(run.events(), run.more_events(), state);
   return state;
 }
 
@@ -189,25 +189,25 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
                            const FinishedRun& finished) {
   const TaskRun& run = finished.run;
   const TaskScore& score = run.score;
-  ViewedDebriefing told;
-  told.run = run.number;
-  told.learner = run.learner;
-  told.task = run.task;
-  told.end = end_text(run.end);
-  told.in_band = score.in_band;
-  told.time_s = score.time_s;
-  told.missing_s = score.missing_s;
-  told.ticks = score.ticks;
-  told.first_tick = run.ticks.first;
-  told.last_tick = run.ticks.last;
+  ViewedDebriefing debriefing;
+  debriefing.run = run.number;
+  debriefing.learner = run.learner;
+  debriefing.task = run.task;
+  debriefing.end = end_text(run.end);
+  debriefing.in_band = score.in_band;
+  debriefing.time_s = score.time_s;
+  debriefing.missing_s = score.missing_s;
+  debriefing.ticks = score.ticks;
+  debriefing.first_tick = run.ticks.first;
+  debriefing.last_tick = run.ticks.last;
   for (const MetricValue& value : score.metrics)
-    told.metrics.push_back({value.value, finished.history.best[value.part], value.in_band});
-  told.done = score.done;
+    debriefing.metrics.push_back({value.value, finished.history.best[value.part], value.in_band});
+  debriefing.done = score.done;
   const std::size_t events = std::min(score.events.size(), ViewedDebriefing::kMaxEvents);
-  for (std::size_t n = 0; n < events; ++n) told.events.push_back(viewed_event(score.events[n]));
-  told.more_events = score.events.size() - events + score.more_events;
-  told.forces = std::min(evaluator.task().file.forces.size(), ViewedDebriefing::kMaxForces);
-  told.samples = trace.samples();
+  for (std::size_t n = 0; n < events; ++n) debriefing.events.push_back(viewed_event(score.events[n]));
+  debriefing.more_events = score.events.size() - events + score.more_events;
+  debriefing.forces = std::min(evaluator.task().file.forces.size(), ViewedDebriefing::kMaxForces);
+  debriefing.samples = trace.samples();
 
   // subsample the patches if there are too many
   std::vector<SurfacePatches::Patch> patches;
@@ -216,16 +216,16 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
   const std::size_t step =
       (patches.size() + ViewedDebriefing::kMaxPatches - 1) / ViewedDebriefing::kMaxPatches;
   for (std::size_t n = 0; n < patches.size(); n += step)
-    told.patches.push_back({numbers_of(patches[n].middle_mm), patches[n].covered});
-  told.patches_left_out = patches.size() - told.patches.size();
+    debriefing.patches.push_back({numbers_of(patches[n].middle_mm), patches[n].covered});
+  debriefing.patches_left_out = patches.size() - debriefing.patches.size();
 
-  if (const auto answer = evaluator.answer()) told.answer_mm = numbers_of(answer->place_mm);
-  if (const auto& middle = evaluator.task().answer_mm) told.to_find_mm = numbers_of(*middle);
-  told.runs = finished.history.runs;
-  told.in_a_row = finished.history.in_a_row;
-  told.kept = finished.history.kept;
-  told.not_kept = finished.history.not_kept;
-  return told;
+  if (const auto answer = evaluator.answer()) debriefing.answer_mm = numbers_of(answer->place_mm);
+  if (const auto& middle = evaluator.task().answer_mm) debriefing.to_find_mm = numbers_of(*middle);
+  debriefing.runs = finished.history.runs;
+  debriefing.in_a_row = finished.history.in_a_row;
+  debriefing.kept = finished.history.kept;
+  debriefing.not_stored = finished.history.not_stored;
+  return debriefing;
 }
 
 }  // namespace palpate

@@ -18,7 +18,7 @@ class RunTrace {
   static constexpr std::size_t kMost = 1200;  ///< Maximum number of samples, not counting the last one
 
   explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMaxForces)) {}
-  void see(const TaskEvaluator& run);
+  void observe(const TaskEvaluator& run);
   /// Adds the last tick as the last sample.
   void finish(const TaskEvaluator& run);
   const std::vector<ViewedDebriefing::Sample>& samples() const { return samples_; }
@@ -37,7 +37,7 @@ class RunTrace {
 ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, const Model& model);
 ViewedTaskEvent viewed_event(const TaskEvent& event);
 /// Publishes the most recent events and the number of earlier ones.
-void tell_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to);
+void report_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to);
 
 /// Progress of a run that is under way.
 /// @param name  OfferedTask::name

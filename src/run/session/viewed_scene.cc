@@ -15,8 +15,8 @@ constexpr std::array kCaveatKinds{Word<CaveatKind>{CaveatKind::kPlacement, "plac
                                   Word<CaveatKind>{CaveatKind::kForce, "force"}};
 
 // declared modality; if unknown, inferred from the scan's values
-Modality modality_of(Modality said, const Volume<float>* scan) {
-  if (said != Modality::kUnknown || !scan) return said;
+Modality modality_of(Modality stated, const Volume<float>* scan) {
+  if (stated != Modality::kUnknown || !scan) return stated;
   const auto& voxels = scan->voxels();
   const bool air = std::any_of(voxels.begin(), voxels.end(), [](float v) { return v <= kOnlyHounsfield; });
   return air ? Modality::kCt : Modality::kUnknown;
@@ -82,13 +82,13 @@ ViewedNoGo viewed_no_go(const NoGoRegion& region) {
 
 }  // namespace
 
-ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said) {
+ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality stated) {
   ViewedScene scene;
   scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
   for (const Caveat& caveat : model.caveats)
     scene.caveats.push_back({std::string(name_of(caveat.kind, kCaveatKinds)), caveat.text});
-  scene.modality = name_of(modality_of(said, model.scan.get()), kModalities);
+  scene.modality = name_of(modality_of(stated, model.scan.get()), kModalities);
   scene.content_hash = hash_of_voxels(model);
   scene.scan = model.scan;
   scene.labels = model.labels;
@@ -107,7 +107,7 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
   }
   for (std::size_t t = 0; t < model.tissues.size(); ++t) {
     const Tissue& tissue = model.tissues[t];
-    scene.tissues.push_back({tissue.name, tissue.felt, colour_of_tissue(model, t), tissue.opacity,
+    scene.tissues.push_back({tissue.name, tissue.touchable, colour_of_tissue(model, t), tissue.opacity,
                              tissue.rests_on, name_of(tissue.protection)});
   }
   for (std::size_t d = 0; d < devices; ++d) scene.tools.push_back(viewed_tool(model.tool_of(d)));
@@ -121,8 +121,8 @@ std::vector<ContactProperties> viewed_tissues(const Model& model) {
   return {model.tissues.begin(), model.tissues.end()};
 }
 
-double yielding_stiffness_N_per_mm(const DeviceTick& felt) {
-  return felt.depth_mm > 0 ? felt.unclamped_force_N * felt.scale / felt.depth_mm : 0;
+double yielding_stiffness_N_per_mm(const DeviceTick& device) {
+  return device.depth_mm > 0 ? device.unclamped_force_N * device.scale / device.depth_mm : 0;
 }
 
 }  // namespace palpate

@@ -6,19 +6,19 @@
 
 namespace palpate {
 
-void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
+void YieldIndex::observe(const RecordingPart& part, std::uint64_t row) {
   for (const RecordingEvent& event : part.events) {
-    if (event.kind == RecordingEvent::Kind::kModel) laws_.hear(event.change);
-    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMaxPending)
-      told_.push_back({event.number, event.input_tick, event.frame_hash != RecordingEvent::kUnsolved});
+    if (event.kind == RecordingEvent::Kind::kModel) laws_.on_event(event.change);
+    if (event.kind == RecordingEvent::Kind::kYield && reported_.size() < kMaxPending)
+      reported_.push_back({event.number, event.input_tick, event.frame_hash != RecordingEvent::kUnsolved});
   }
   // a solution is reported with ticks that follow its input tick
   const auto take_from = [&](std::span<const TickRecord> ticks, std::uint64_t first_row) {
-    std::erase_if(told_, [&](const Told& told) {
-      const auto found = std::ranges::lower_bound(ticks, told.input_tick, {}, &TickRecord::tick);
+    std::erase_if(reported_, [&](const Reported& reported) {
+      const auto found = std::ranges::lower_bound(ticks, reported.input_tick, {}, &TickRecord::tick);
       if (found == ticks.end()) return false;
-      if (found->tick == told.input_tick)
-        take(told, *found, first_row + static_cast<std::uint64_t>(found - ticks.begin()));
+      if (found->tick == reported.input_tick)
+        take(reported, *found, first_row + static_cast<std::uint64_t>(found - ticks.begin()));
       return true;
     });
   };
@@ -29,12 +29,12 @@ void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
   before_row_ = row;
 }
 
-void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t row) {
+void YieldIndex::take(const Reported& reported, const TickRecord& input, std::uint64_t row) {
   const bool rises =
-      solutions_.empty() || (told.number > solutions_.back().number && row > solutions_.back().row);
+      solutions_.empty() || (reported.number > solutions_.back().number && row > solutions_.back().row);
   if (!rises || solutions_.size() >= kMaxSolutions) return;
   // the solver starts afresh after a frame that it could not solve, which is shown at rest
-  if (!told.is_solved) {
+  if (!reported.is_solved) {
     boxes_.push_back({});
     return;
   }
@@ -44,7 +44,7 @@ void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t r
   const Model& model = model_of(input.model_version);
   for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_yield_box(model, input.device[d], boxes[d]);
   if (boxes_.empty() || boxes_.back() != boxes) boxes_.push_back(boxes);
-  solutions_.push_back({told.number, static_cast<std::uint32_t>(boxes_.size() - 1), row});
+  solutions_.push_back({reported.number, static_cast<std::uint32_t>(boxes_.size() - 1), row});
 }
 
 // model that the solver used in that version; where the outermost surfaces lie does not depend on the law

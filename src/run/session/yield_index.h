@@ -34,7 +34,7 @@ class YieldIndex {
 
   /// Adds the next part of the recording.
   /// @param row  row of its first tick
-  void see(const RecordingPart& part, std::uint64_t row);
+  void observe(const RecordingPart& part, std::uint64_t row);
 
   bool empty() const { return solutions_.empty(); }
   /// Solution `number` and up to `most` solutions before it; empty if that solution is not indexed or its
@@ -46,12 +46,12 @@ class YieldIndex {
  private:
   // bound on pending solutions; a few are normal
   static constexpr std::size_t kMaxPending = 10'000;
-  struct Told {
+  struct Reported {
     std::uint32_t number;
     std::uint64_t input_tick;
     bool is_solved;
   };
-  void take(const Told& told, const TickRecord& input, std::uint64_t row);
+  void take(const Reported& reported, const TickRecord& input, std::uint64_t row);
   const Model& model_of(std::uint32_t version);
 
   const Model* model_;
@@ -60,7 +60,7 @@ class YieldIndex {
   std::vector<Solution> solutions_;
   std::vector<Boxes> boxes_;
   // solutions whose input tick is still to come, and the preceding ticks, among which it may be
-  std::vector<Told> told_;
+  std::vector<Reported> reported_;
   std::vector<TickRecord> before_;
   std::uint64_t before_row_ = 0;
 };

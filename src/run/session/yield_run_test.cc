@@ -55,10 +55,10 @@ class YieldRun : public ::testing::Test {
     recording_ = *std::move(read);
   }
   std::vector<std::size_t> solutions() const {
-    std::vector<std::size_t> places;
+    std::vector<std::size_t> indices;
     for (std::size_t n = 0; n < recording_.events.size(); ++n)
-      if (recording_.events[n].kind == EventKind::kYield) places.push_back(n);
-    return places;
+      if (recording_.events[n].kind == EventKind::kYield) indices.push_back(n);
+    return indices;
   }
 
   std::shared_ptr<const Model> ready_model() const {
@@ -90,21 +90,21 @@ class YieldRun : public ::testing::Test {
       PlayRequest request;
       request.at_s = tick.time_s;
       EXPECT_TRUE(playback.play(request));
-      const ViewedYield* const wanted = tick.yield_frame > 0 ? live[tick.yield_frame - 1].get() : nullptr;
+      const ViewedYield* const requested = tick.yield_frame > 0 ? live[tick.yield_frame - 1].get() : nullptr;
       std::shared_ptr<const ViewedYield> shown;
       EXPECT_TRUE(testing::soon([&] {
         const bool is_there = playback.snapshot(N_per_mm).tick == tick.tick;
         shown = playback.yielded(0);
-        return is_there &&
-               (wanted == nullptr ? shown == nullptr : shown != nullptr && shown->frame == wanted->frame);
+        return is_there && (requested == nullptr ? shown == nullptr
+                                                 : shown != nullptr && shown->frame == requested->frame);
       }));
-      if (wanted == nullptr || shown == nullptr) continue;
-      EXPECT_EQ(shown->nodes, wanted->nodes);
-      EXPECT_EQ(shown->first_patient_mm, wanted->first_patient_mm);
+      if (requested == nullptr || shown == nullptr) continue;
+      EXPECT_EQ(shown->nodes, requested->nodes);
+      EXPECT_EQ(shown->first_patient_mm, requested->first_patient_mm);
       double off_mm = 0, max_mm = 0;
-      for (std::size_t n = 0; n < wanted->moved_mm.size() && n < shown->moved_mm.size(); ++n) {
-        off_mm = std::max(off_mm, static_cast<double>(std::abs(shown->moved_mm[n] - wanted->moved_mm[n])));
-        max_mm = std::max(max_mm, static_cast<double>(std::abs(wanted->moved_mm[n])));
+      for (std::size_t n = 0; n < requested->moved_mm.size() && n < shown->moved_mm.size(); ++n) {
+        off_mm = std::max(off_mm, static_cast<double>(std::abs(shown->moved_mm[n] - requested->moved_mm[n])));
+        max_mm = std::max(max_mm, static_cast<double>(std::abs(requested->moved_mm[n])));
       }
       EXPECT_GT(max_mm, 0);
       EXPECT_LT(off_mm, 0.01 * max_mm);
@@ -114,7 +114,7 @@ class YieldRun : public ::testing::Test {
     return worst;
   }
   // explores the scene and reads the recording; returns the largest displacement that viewers received
-  double seen_moving_mm(const LoadedScene& loaded) {
+  double observed_motion_mm(const LoadedScene& loaded) {
     LiveHost* host = nullptr;
     double moved_mm = 0;
     ExploreOptions options;
@@ -372,7 +372,7 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   recording_ = read_recording(folder_ / "run.h5").value();
   LawHistory laws(TissueLaw::kLayers);
   for (const RecordingEvent& event : recording_.events)
-    if (event.kind == EventKind::kModel) laws.hear(event.change);
+    if (event.kind == EventKind::kModel) laws.on_event(event.change);
   const std::vector<TickRecord>& ticks = recording_.ticks;
   EXPECT_EQ(ticks.back().model_version, 5u);
   EXPECT_EQ(laws.at(4), TissueLaw::kNeoHookean);
@@ -409,11 +409,12 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
     PlayRequest request;
     request.at_s = last->time_s;
     ASSERT_TRUE((*playback)->play(request));
-    const bool yields = is_elastic(laws.at(version));
+    const bool is_deformable = is_elastic(laws.at(version));
     EXPECT_TRUE(testing::soon([&] {
       const bool is_there = (*playback)->snapshot(N_per_mm).tick == last->tick;
       const auto shown = (*playback)->yielded(0);
-      return is_there && (yields ? shown != nullptr && shown->frame == last->yield_frame : shown == nullptr);
+      return is_there &&
+             (is_deformable ? shown != nullptr && shown->frame == last->yield_frame : shown == nullptr);
     }));
     EXPECT_EQ((*playback)->state().law, name_of(laws.at(version), kTissueLaws));
   }
@@ -462,7 +463,7 @@ TEST_F(YieldRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
 TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   LiveHost* host = nullptr;
-  bool asked = false, seen = false, seen_before = false;
+  bool requested = false, seen = false, observed_before = false;
   ExploreOptions options;
   options.loop.realtime = false;
   options.loop.ring_s = 30;
@@ -472,8 +473,8 @@ TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   };
   options.request = [&] {
     const bool moved = host->yielded(0) != nullptr;
-    (asked ? seen : seen_before) |= moved;
-    if (!std::exchange(asked, true)) {
+    (requested ? seen : observed_before) |= moved;
+    if (!std::exchange(requested, true)) {
       EXPECT_THAT(host->scene().laws,
                   ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));
       EXPECT_EQ(host->state().law, "layers");
@@ -488,7 +489,7 @@ TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   };
   const auto explored = explore(layers, palpating(), options, folder_ / "live.h5");
   ASSERT_TRUE(explored.ok()) << explored.error().message();
-  EXPECT_FALSE(seen_before);
+  EXPECT_FALSE(observed_before);
   EXPECT_TRUE(seen);
   recording_ = read_recording(folder_ / "live.h5").value();
   const auto result = replay(recording_, layers.model);
@@ -525,7 +526,7 @@ TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   Model coarser = *loaded_.model;
   coarser.tissue_coarsened = 1.25;
   slow.model = std::make_shared<const Model>(std::move(coarser));
-  const double moved_mm = seen_moving_mm(slow);
+  const double moved_mm = observed_motion_mm(slow);
   EXPECT_GT(moved_mm, 0.5);
   EXPECT_LT(moved_mm, 8);
   EXPECT_GT(solutions().size(), 20u);
@@ -537,7 +538,7 @@ TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
 
 TEST_F(YieldRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
   const LoadedScene mail = soft_ball(TissueLaw::kChainMail);
-  const double moved_mm = seen_moving_mm(mail);
+  const double moved_mm = observed_motion_mm(mail);
   // 0.8 mm deep, and viewers receive every second node
   EXPECT_GT(moved_mm, 0.2);
   EXPECT_LT(moved_mm, 2);
@@ -583,7 +584,7 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   const Cut cuts[] = {cut_of(sweep.sweep)};
   const auto less = next_version({whole, whole}, cut.change, cuts);
   ASSERT_TRUE(less) << less.error().message();
-  const auto live = live_yields([&](std::uint32_t version) { return version == 2 ? less->felt : whole; });
+  const auto live = live_yields([&](std::uint32_t version) { return version == 2 ? less->current : whole; });
   const auto uncut = live_yields([&](std::uint32_t) { return whole; });
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();

@@ -15,7 +15,7 @@ constexpr double kSpeedUp_s = 0.6, kEven_s = 0.1;
 constexpr double kPress_s = 0.05;
 
 // displacement after t divided by the final speed; the speed rises as a raised cosine
-double sped_up_way_s(double t_s) {
+double accelerated_path_s(double t_s) {
   if (t_s >= kSpeedUp_s) return t_s - kSpeedUp_s / 2;
   const double pi = std::numbers::pi;
   return (t_s - kSpeedUp_s / pi * std::sin(pi * t_s / kSpeedUp_s)) / 2;
@@ -30,12 +30,12 @@ WallHold::WallHold(const StabilityCase& held, double stiffness_N_per_mm, double 
   const double hand_N_per_mm = held.hand.stiffness_N_per_m * 1e-3;
   const double depth_mm = kHold_N / stiffness_N_per_mm + kHold_N / hand_N_per_mm;
   const double speed_mm_s = impact_m_s > 0 ? impact_m_s * 1e3 : depth_mm / kPress_s;
-  const double start_mm = impact_m_s > 0 ? speed_mm_s * sped_up_way_s(kSpeedUp_s + kEven_s) : 0;
+  const double start_mm = impact_m_s > 0 ? speed_mm_s * accelerated_path_s(kSpeedUp_s + kEven_s) : 0;
 
   device_.reset(Point<Device>(start_mm, 0, 0));
   for (double t_s = dt_s_; intended_mm_ > -depth_mm; t_s += dt_s_) {
-    const double way_s = impact_m_s > 0 ? sped_up_way_s(t_s) : t_s;
-    intended_mm_ = std::max(-depth_mm, start_mm - speed_mm_s * way_s);
+    const double path_s = impact_m_s > 0 ? accelerated_path_s(t_s) : t_s;
+    intended_mm_ = std::max(-depth_mm, start_mm - speed_mm_s * path_s);
     tick();
   }
 }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "palpate/device/felt_stiffness.h"
+#include "palpate/device/rendered_stiffness.h"
 #include "palpate/servo/servo.h"
 #include "palpate/stability/critical_stiffness.h"
 
@@ -23,7 +23,7 @@ double held_by_theory(const PlantDevice& device, double rate_hz, double delay_s)
 
 const Tissue& stiffest_of(const Model& model) {
   return *std::max_element(model.tissues.begin(), model.tissues.end(), [](const Tissue& a, const Tissue& b) {
-    return (a.felt ? a.stiffness_N_per_mm : 0) < (b.felt ? b.stiffness_N_per_mm : 0);
+    return (a.touchable ? a.stiffness_N_per_mm : 0) < (b.touchable ? b.stiffness_N_per_mm : 0);
   });
 }
 
@@ -51,7 +51,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   const double one_point = RenderedStiffness(workspace).at_device(stiffest.stiffness_N_per_mm);
   const double all_points = one_point * static_cast<double>(model.tool_of(0).points_mm.size());
   HeldStiffness held;
-  held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
+  held.requested_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
   const double vouched = bound_of_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
   double by_hand = held_by_theory(device, rate_hz, delay_s);
   // beyond the vendor's specification no stability is needed
@@ -63,14 +63,14 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
     by_hand = *most;
   }
   held.max_N_per_mm = std::min(by_hand, vouched);
-  if (held.asked_N_per_mm <= held.max_N_per_mm) return held;
+  if (held.requested_N_per_mm <= held.max_N_per_mm) return held;
 
-  const auto points = static_cast<int>(std::lround(held.asked_N_per_mm / one_point));
+  const auto points = static_cast<int>(std::lround(held.requested_N_per_mm / one_point));
   char text[400];
   std::snprintf(text, sizeof text,
                 "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): "
                 "limited to %.3g, the maximum that %s",
-                stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
+                stiffest.name.c_str(), held.requested_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
                 workspace.force_gain, points, points == 1 ? "" : "s", held.max_N_per_mm,
                 (vouched < by_hand ? "the vendor of " + device.name + " guarantees"
                                    : held_by_hand(device, rate_hz, delay_s))
@@ -84,20 +84,20 @@ HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace,
   HeldDamping held;
   held.max_N_s_per_mm = recommended_damping_N_s_per_mm(device, rate_hz, delay_s);
   std::string of = "the proxy's coupling";
-  double asked_N_s_per_mm = model.method_settings.coupling_damping_N_s_per_mm;
+  double requested_N_s_per_mm = model.method_settings.coupling_damping_N_s_per_mm;
   for (const Tissue& tissue : model.tissues)
-    if (tissue.felt && tissue.viscosity_N_s_per_mm > asked_N_s_per_mm) {
+    if (tissue.touchable && tissue.viscosity_N_s_per_mm > requested_N_s_per_mm) {
       of = "'" + tissue.name + "'";
-      asked_N_s_per_mm = tissue.viscosity_N_s_per_mm;
+      requested_N_s_per_mm = tissue.viscosity_N_s_per_mm;
     }
-  const double felt_N_s_per_mm = RenderedStiffness(workspace).at_device(asked_N_s_per_mm);
-  if (felt_N_s_per_mm <= held.max_N_s_per_mm) return held;
+  const double rendered_N_s_per_mm = RenderedStiffness(workspace).at_device(requested_N_s_per_mm);
+  if (rendered_N_s_per_mm <= held.max_N_s_per_mm) return held;
 
   char text[400];
   std::snprintf(text, sizeof text,
                 "%s asks for %.3g N s/mm of damping (%.3g x scale %.3g x force gain %.3g): limited to %.2g, "
                 "the maximum for %s%s, %.1f of the damping at which it starts to oscillate by itself",
-                of.c_str(), felt_N_s_per_mm, asked_N_s_per_mm, workspace.scale, workspace.force_gain,
+                of.c_str(), rendered_N_s_per_mm, requested_N_s_per_mm, workspace.scale, workspace.force_gain,
                 held.max_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
                 kStiffnessMargin);
   held.clamped = text;

@@ -22,7 +22,7 @@ TEST(HeldStiffness, OfASoftSceneIsNotClamped) {
   const auto held =
       held_stiffness(*ball_of(1).model, {}, ForceMethod::kProxy, *find_plant_device("premium-1.5"), 1000, 0);
   ASSERT_TRUE(held.ok());
-  EXPECT_EQ(held->asked_N_per_mm, 1);
+  EXPECT_EQ(held->requested_N_per_mm, 1);
   EXPECT_GT(held->max_N_per_mm, 1);
   EXPECT_EQ(held->clamped, "");
 }
@@ -34,7 +34,7 @@ TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) 
   workspace.force_gain = 0.5;
   const auto held = held_stiffness(*ball_of(6).model, workspace, ForceMethod::kProxy, premium, 1000, 1e-3);
   ASSERT_TRUE(held.ok());
-  EXPECT_EQ(held->asked_N_per_mm, 6);
+  EXPECT_EQ(held->requested_N_per_mm, 6);
   EXPECT_EQ(held->max_N_per_mm, *recommended_stiffness_N_per_mm(premium, 1000, 1e-3));
   for (const char* part : {"'bone' asks for 6 N/mm", "scale 2 x force gain 0.5", "limited to 0.713",
                            "premium-1.5 at 1000 Hz with 1 ms of delay", "any hand: 0.01"})
@@ -48,9 +48,9 @@ TEST(HeldStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
   const auto directly = held_stiffness(model, {}, ForceMethod::kTrilinear, premium, 1000, 0);
   const auto by_proxy = held_stiffness(model, {}, ForceMethod::kProxy, premium, 1000, 0);
   ASSERT_TRUE(directly.ok() && by_proxy.ok());
-  EXPECT_EQ(directly->asked_N_per_mm, 6);
+  EXPECT_EQ(directly->requested_N_per_mm, 6);
   EXPECT_NE(directly->clamped.find("4 points): limited to 2.04"), std::string::npos) << directly->clamped;
-  EXPECT_EQ(by_proxy->asked_N_per_mm, 1.5);
+  EXPECT_EQ(by_proxy->requested_N_per_mm, 1.5);
   EXPECT_EQ(by_proxy->clamped, "");
   EXPECT_EQ(by_proxy->max_N_per_mm, directly->max_N_per_mm) << "the method may change";
 }
@@ -60,7 +60,7 @@ TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
   const double by_hand = *recommended_stiffness_N_per_mm(premium, 1000, 1e-3);
   ASSERT_GT(by_hand, 0.5);
   struct Case {
-    double vouched, asked, most;
+    double vouched, requested, most;
     const char* says;
   };
   for (const Case& one :
@@ -71,7 +71,7 @@ TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
     SCOPED_TRACE(one.vouched);
     premium.stiffness_N_per_mm = one.vouched;
     for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
-      const auto held = held_stiffness(*ball_of(one.asked).model, {}, method, premium, 1000, 1e-3);
+      const auto held = held_stiffness(*ball_of(one.requested).model, {}, method, premium, 1000, 1e-3);
       ASSERT_TRUE(held.ok());
       EXPECT_LE(held->max_N_per_mm, one.most);
       if (one.says == nullptr) {
@@ -107,7 +107,7 @@ TEST(HeldDamping, IsWhatADeviceBearsByItselfAndSaysSoWithTheNumbers) {
   for (const char* part : {"'bone' asks for 0.1 N s/mm", "0.05 x scale 2 x force gain 1", "limited to 0.014",
                            "the maximum for premium-1.5 at 1000 Hz with 1 ms of delay"})
     EXPECT_NE(held().clamped.find(part), std::string::npos) << held().clamped;
-  model.tissues[0].felt = false;
+  model.tissues[0].touchable = false;
   EXPECT_EQ(held().clamped, "") << "what is not felt";
   model.method_settings.coupling_damping_N_s_per_mm = 0.06;
   EXPECT_NE(held().clamped.find("the proxy's coupling asks for 0.12"), std::string::npos) << held().clamped;

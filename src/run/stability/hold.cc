@@ -43,11 +43,11 @@ class Loop {
   }
 
   /// Runs a tick and returns the commanded force.
-  Vector<Device> tick_once(const Point<Patient>& wanted) {
+  Vector<Device> tick_once(const Point<Patient>& requested) {
     const DeviceState sensed = mapping_.to_world(plant_.read(), 0);
     tick(model_, parameters_, {&sensed, 1}, dt_s_, state_, {&sent_, 1}, record_);
     const DeviceCommand command = mapping_.to_device(sent_);
-    plant_.intend(on_device(wanted));
+    plant_.intend(on_device(requested));
     plant_.advance(command, dt_s_);
     return command.force_N;
   }
@@ -103,8 +103,8 @@ Result<HeldTip> hold_tip(const Model& model, const Hold& hold, const Progress& p
   for (long n = 0; n < lead + rest; ++n) {
     if (n % kTicksBetweenLooks == 0 && progress.stopped()) return Progress::interrupted();
     if (n >= lead) tip_mm.push_back((loop.plant().true_tip() - zero).eigen());
-    const double way = std::min(1.0, static_cast<double>(n + 1) / static_cast<double>(lead));
-    sent_N.push_back(loop.tick_once(hold.from + way * (hold.at - hold.from)).eigen());
+    const double distance = std::min(1.0, static_cast<double>(n + 1) / static_cast<double>(lead));
+    sent_N.push_back(loop.tick_once(hold.from + distance * (hold.at - hold.from)).eigen());
   }
   tip_mm.push_back((loop.plant().true_tip() - zero).eigen());
   held.inside = (loop.flags() & kFlagInside) != 0;

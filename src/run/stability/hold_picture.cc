@@ -37,7 +37,7 @@ std::string format(const char* pattern, Values... values) {
 /// Displacement of a tip along a line, mm relative to the middle of its range in the last second.
 struct Trace {
   const HeldTip* held;
-  std::vector<double> way_mm;
+  std::vector<double> distance_mm;
 };
 
 // first principal axis of the positions of the tip with the largest motion
@@ -60,11 +60,11 @@ Vector<Patient> direction_of_most(std::span<const HeldTip> tips) {
 
 Trace trace_of(const HeldTip& held, const Vector<Patient>& along) {
   Trace trace{&held, {}};
-  for (const Point<Patient>& tip : held.tip) trace.way_mm.push_back(along.eigen().dot(tip.eigen()));
-  const auto second = trace.way_mm.end() - static_cast<std::ptrdiff_t>(std::lround(held.rate_hz)) - 1;
-  const auto [low, high] = std::minmax_element(second, trace.way_mm.end());
+  for (const Point<Patient>& tip : held.tip) trace.distance_mm.push_back(along.eigen().dot(tip.eigen()));
+  const auto second = trace.distance_mm.end() - static_cast<std::ptrdiff_t>(std::lround(held.rate_hz)) - 1;
+  const auto [low, high] = std::minmax_element(second, trace.distance_mm.end());
   const double middle_mm = 0.5 * (*low + *high);
-  for (double& way_mm : trace.way_mm) way_mm -= middle_mm;
+  for (double& distance_mm : trace.distance_mm) distance_mm -= middle_mm;
   return trace;
 }
 
@@ -79,7 +79,7 @@ double round_up(double value) {
 double scale_of(std::span<const Trace> traces) {
   double max_mm = kMinSteps * 1e-3 * traces.front().held->encoder_step_um;
   for (const Trace& trace : traces)
-    for (const double way_mm : trace.way_mm) max_mm = std::max(max_mm, std::abs(way_mm));
+    for (const double distance_mm : trace.distance_mm) max_mm = std::max(max_mm, std::abs(distance_mm));
   return round_up(max_mm);
 }
 
@@ -91,16 +91,17 @@ std::string length_text(double length_mm) {
 // minimum and maximum per half pixel column, which looks the same as the full polyline
 std::string line_of(const Trace& trace, double top_px, double scale_mm) {
   constexpr int kColumns = 2 * static_cast<int>(kPlot_px);
-  const auto count = trace.way_mm.size();
+  const auto count = trace.distance_mm.size();
   const double middle_px = top_px + 0.5 * kPanel_px;
   std::string data;
   for (int column = 0; column < kColumns; ++column) {
     const std::size_t begin = count * static_cast<std::size_t>(column) / kColumns;
     const std::size_t end = std::max(begin + 1, count * static_cast<std::size_t>(column + 1) / kColumns);
-    const auto [low, high] = std::minmax_element(trace.way_mm.begin() + static_cast<std::ptrdiff_t>(begin),
-                                                 trace.way_mm.begin() + static_cast<std::ptrdiff_t>(end));
+    const auto [low, high] =
+        std::minmax_element(trace.distance_mm.begin() + static_cast<std::ptrdiff_t>(begin),
+                            trace.distance_mm.begin() + static_cast<std::ptrdiff_t>(end));
     const double x = kLeft_px + 0.5 * column;
-    const auto y = [&](double way_mm) { return middle_px - 0.5 * kPanel_px * way_mm / scale_mm; };
+    const auto y = [&](double distance_mm) { return middle_px - 0.5 * kPanel_px * distance_mm / scale_mm; };
     data += (data.empty() ? "M" : "L") + pair({x, y(*low)});
     if (*low != *high) data += "L" + pair({x, y(*high)});
   }

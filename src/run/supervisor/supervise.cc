@@ -116,17 +116,17 @@ class RecordWriter {
     std::array<char, 256> line{};
     const int length = std::snprintf(
         line.data(), line.size(),
-        R"({"kind": "%s", "last_beat_ns": %lld, "seen_ns": %lld, "halted_ns": %lld, "session": %d, "utc": "%s"})"
+        R"({"kind": "%s", "last_beat_ns": %lld, "observed_ns": %lld, "halted_ns": %lld, "session": %d, "utc": "%s"})"
         "\n",
         name_of(event.kind), static_cast<long long>(event.last_beat_ns),
-        static_cast<long long>(event.seen_ns), static_cast<long long>(event.halted_ns), session_,
+        static_cast<long long>(event.observed_ns), static_cast<long long>(event.halted_ns), session_,
         time.data());
     struct stat before {};
-    const bool kept_size = ::fstat(file_, &before) == 0 && S_ISREG(before.st_mode);
+    const bool stored_size = ::fstat(file_, &before) == 0 && S_ISREG(before.st_mode);
     const ssize_t written = ::write(file_, line.data(), static_cast<std::size_t>(length));
     if (written == length) return;
     fail(written < 0 ? errno : ENOSPC);
-    if (written > 0 && kept_size) [[maybe_unused]]
+    if (written > 0 && stored_size) [[maybe_unused]]
       const int cut = ::ftruncate(file_, before.st_size);
   }
 
@@ -151,12 +151,12 @@ class Supervision {
   // false: the session is over
   bool look() {
     pollfd session{kSessionFile, POLLIN, 0};
-    const bool gone = ::ppoll(&session, 1, &kLook, nullptr) > 0;
+    const bool removed = ::ppoll(&session, 1, &kLook, nullptr) > 0;
     const std::int64_t now_ns = monotonic_ns();
     if (block_.ended.load(std::memory_order_acquire)) return false;
-    if (gone) {
+    if (removed) {
       // if a halt file is full, closing it signals the halt: no writer is left
-      tell(Heartbeat::kHaltForGood);
+      publish_halt(Heartbeat::kHaltForGood);
       note(SupervisorEvent::Kind::kDeath, now_ns, monotonic_ns());
       return false;
     }
@@ -167,15 +167,15 @@ class Supervision {
 
  private:
   // writes a halt to every file that has not received it
-  void tell(std::uint64_t halt) {
+  void publish_halt(std::uint64_t halt) {
     for (int n = 0; n < halt_files_; ++n) {
-      std::uint64_t& told = told_[static_cast<std::size_t>(n)];
-      if (told != halt && ::write(kFirstHaltFile + n, &halt, sizeof halt) == sizeof halt) told = halt;
+      std::uint64_t& reported = reported_[static_cast<std::size_t>(n)];
+      if (reported != halt && ::write(kFirstHaltFile + n, &halt, sizeof halt) == sizeof halt) reported = halt;
     }
   }
 
-  void note(SupervisorEvent::Kind kind, std::int64_t seen_ns, std::int64_t halted_ns) {
-    block_.add({kind, block_.heartbeat.beat_ns.load(), seen_ns, halted_ns});
+  void note(SupervisorEvent::Kind kind, std::int64_t observed_ns, std::int64_t halted_ns) {
+    block_.add({kind, block_.heartbeat.beat_ns.load(), observed_ns, halted_ns});
   }
 
   void check_heartbeat(std::int64_t now_ns) {
@@ -185,20 +185,21 @@ class Supervision {
     const std::uint64_t halts = heartbeat.halts.load();
     const bool halted = halts != heartbeat.halts_that_ended.load();
     // repeated if a file was full, or another supervisor died before writing
-    if (halted) tell(halts);
+    if (halted) publish_halt(halts);
     if (!stalled || halted) return;
     // counted before it is written: the loop knows of every halt that a device has received, and can end it
     heartbeat.halts.store(halts + 1);
-    tell(halts + 1);
+    publish_halt(halts + 1);
     note(SupervisorEvent::Kind::kStall, now_ns, monotonic_ns());
   }
 
   void check_frozen(std::int64_t now_ns) {
     const std::int64_t passed_ns = last_look_ns_ == 0 ? 0 : now_ns - last_look_ns_;
     last_look_ns_ = now_ns;
-    const std::int64_t seen_ns = std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.looked_ns.load());
-    const bool lives = seen_ns == Heartbeat::kResting || seen_ns != last_seen_ns_;
-    last_seen_ns_ = seen_ns;
+    const std::int64_t observed_ns =
+        std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.looked_ns.load());
+    const bool lives = observed_ns == Heartbeat::kResting || observed_ns != last_observed_ns_;
+    last_observed_ns_ = observed_ns;
     still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMaxPerLook_ns);
     if (still_ns_ < kFrozen_ns) return;
     ::syscall(SYS_pidfd_send_signal, kSessionFile, SIGKILL, nullptr, 0);
@@ -209,8 +210,8 @@ class Supervision {
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_;
-  std::array<std::uint64_t, kMaxHaltFiles> told_{};  // last halt written to each file
-  std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
+  std::array<std::uint64_t, kMaxHaltFiles> reported_{};  // last halt written to each file
+  std::int64_t last_look_ns_ = 0, last_observed_ns_ = 0, still_ns_ = 0;
 };
 
 SharedBlock* shared_block() {

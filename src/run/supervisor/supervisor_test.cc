@@ -60,10 +60,10 @@ class Pressing {
         ::mmap(nullptr, sizeof(TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file_, 0);
     PALPATE_CHECK(room != MAP_FAILED);
     device_ = new (room) TestDeviceMemory;
-    int halt[2], orders[2], said[2], record[2];
-    for (int* pipe : {halt, orders, said, record}) PALPATE_CHECK(::pipe2(pipe, O_CLOEXEC) == 0);
+    int halt[2], orders[2], stated[2], record[2];
+    for (int* pipe : {halt, orders, stated, record}) PALPATE_CHECK(::pipe2(pipe, O_CLOEXEC) == 0);
     orders_ = orders[1];
-    said_ = said[0];
+    stated_ = stated[0];
     record_ = record[0];
     record_in_ = record[1];
 
@@ -71,14 +71,14 @@ class Pressing {
     if (device_process_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       // close the other ends, so that a reader is not kept waiting by writers that do not exist
-      for (const int file : {halt[1], orders[0], orders[1], said[0], said[1], record[0], record[1]})
+      for (const int file : {halt[1], orders[0], orders[1], stated[0], stated[1], record[0], record[1]})
         ::close(file);
       testing::be_test_device(*device_, halt[0]);
     }
     session_ = ::fork();
     if (session_ == 0) {
       ::dup2(orders[0], STDIN_FILENO);
-      ::dup2(said[1], STDOUT_FILENO);
+      ::dup2(stated[1], STDOUT_FILENO);
       // a test running in the background ignores some signals
       for (int signal = 1; signal < SIGRTMIN; ++signal) ::signal(signal, SIG_DFL);
       const rlimit none{0, 0};
@@ -96,14 +96,14 @@ class Pressing {
       ::_exit(127);
     }
     halts_ = halt[0];
-    for (const int file : {halt[1], orders[0], said[1]}) ::close(file);
+    for (const int file : {halt[1], orders[0], stated[1]}) ::close(file);
   }
   ~Pressing() {
     for (const pid_t process : {session_, device_process_}) {
       ::kill(process, SIGKILL);
       ::waitpid(process, nullptr, 0);
     }
-    for (const int file : {orders_, said_, record_, record_in_, memory_file_, halts_})
+    for (const int file : {orders_, stated_, record_, record_in_, memory_file_, halts_})
       if (file >= 0) ::close(file);
     ::munmap(device_, sizeof *device_);
   }
@@ -113,7 +113,7 @@ class Pressing {
   /// Waits until the force is fully on; false: the process died.
   bool presses() const {
     char byte = 0;
-    return ::read(said_, &byte, 1) == 1;
+    return ::read(stated_, &byte, 1) == 1;
   }
   void order(char letter) const { PALPATE_CHECK(::write(orders_, &letter, 1) == 1); }
   void signal(int signal) const { ::kill(session_, signal); }
@@ -146,8 +146,8 @@ class Pressing {
     ::close(std::exchange(record_in_, -1));
     std::string text;
     std::array<char, 256> part{};
-    for (ssize_t got = 0; (got = ::read(record_, part.data(), part.size())) > 0;)
-      text.append(part.data(), static_cast<std::size_t>(got));
+    for (ssize_t received = 0; (received = ::read(record_, part.data(), part.size())) > 0;)
+      text.append(part.data(), static_cast<std::size_t>(received));
     std::vector<std::string> lines;
     std::istringstream in(text);
     for (std::string line; std::getline(in, line);)
@@ -187,7 +187,7 @@ class Pressing {
   const TestDeviceMemory& device() const { return *device_; }
 
  private:
-  int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1, halts_ = -1;
+  int memory_file_ = -1, orders_ = -1, stated_ = -1, record_ = -1, halts_ = -1;
   mutable int record_in_ = -1;  // kept open until record() waits for the end of all writers
   TestDeviceMemory* device_ = nullptr;
   pid_t device_process_ = -1, session_ = -1;
@@ -207,15 +207,15 @@ class BareThreads {
     PALPATE_CHECK(::sched_getaffinity(0, sizeof set, &set) == 0);
     for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
       if (!CPU_ISSET(static_cast<unsigned>(cpu), &set)) continue;
-      std::atomic<std::int64_t>& asked_ns = asked_ns_.emplace_back(monotonic_ns());
-      threads_.emplace_back([this, priority, cpu, &asked_ns] {
+      std::atomic<std::int64_t>& requested_ns = requested_ns_.emplace_back(monotonic_ns());
+      threads_.emplace_back([this, priority, cpu, &requested_ns] {
         make_this_thread_realtime({.fifo = true,
                                    .priority = priority,
                                    .lock_memory = false,
                                    .cpu = cpu,
                                    .priorities_above = 0,
                                    .name = "bare"});
-        look(asked_ns);
+        look(requested_ns);
       });
     }
   }
@@ -228,18 +228,18 @@ class BareThreads {
 
   /// Maximum latency so far, including threads that are still waiting for a CPU.
   double latest_ms() {
-    for (const auto& asked_ns : asked_ns_) count(monotonic_ns() - asked_ns);
+    for (const auto& requested_ns : requested_ns_) count(monotonic_ns() - requested_ns);
     return ms(latest_ns_);
   }
 
  private:
   static constexpr std::int64_t kSleep_ns = 1'000'000;
 
-  void look(std::atomic<std::int64_t>& asked_ns) {
+  void look(std::atomic<std::int64_t>& requested_ns) {
     while (!end_) {
-      asked_ns = monotonic_ns();
+      requested_ns = monotonic_ns();
       std::this_thread::sleep_for(std::chrono::nanoseconds(kSleep_ns));
-      count(monotonic_ns() - asked_ns);
+      count(monotonic_ns() - requested_ns);
     }
   }
   void count(std::int64_t slept_ns) {
@@ -250,7 +250,7 @@ class BareThreads {
 
   std::atomic<bool> end_{false};
   std::atomic<std::int64_t> latest_ns_{0};
-  std::deque<std::atomic<std::int64_t>> asked_ns_;  // per thread
+  std::deque<std::atomic<std::int64_t>> requested_ns_;  // per thread
   std::vector<std::thread> threads_;
 };
 
@@ -300,8 +300,8 @@ constexpr End kEnds[] = {{"SIGKILL", SIGKILL, 0},
 
 // one trial each by default, twenty with PALPATE_TEST_DEATHS=all, the full campaign
 int trials() {
-  const char* asked = std::getenv("PALPATE_TEST_DEATHS");
-  return asked != nullptr && std::string(asked) == "all" ? 20 : 1;
+  const char* value = std::getenv("PALPATE_TEST_DEATHS");
+  return value != nullptr && std::string(value) == "all" ? 20 : 1;
 }
 
 void print(const char* what, std::vector<double> figures_ms) {
@@ -383,8 +383,8 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
       // the force did not return before the process was gone
       EXPECT_EQ(session.rest_after(then_ns), rest_ns) << end.name;
       EXPECT_NE(record.back().find("\"death\""), std::string::npos) << end.name << ": " << record.back();
-      EXPECT_GE(number_in(record.back(), "halted_ns"), number_in(record.back(), "seen_ns"));
-      EXPECT_GE(number_in(record.back(), "seen_ns"), number_in(record.back(), "last_beat_ns"));
+      EXPECT_GE(number_in(record.back(), "halted_ns"), number_in(record.back(), "observed_ns"));
+      EXPECT_GE(number_in(record.back(), "observed_ns"), number_in(record.back(), "last_beat_ns"));
       since_tick_ms.push_back(ms_from(number_in(record.back(), "last_beat_ns"), rest_ns));
       beyond_ms.push_back(since_tick_ms.back() - bare_ms.back());
       if (beyond_ms.back() > kPromise_ms) {
@@ -445,9 +445,9 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
   std::size_t late = 0;
   for (std::size_t n = 0; n < bare_ms.size(); ++n) {
     const auto stall = std::ranges::find_if(
-        record, [&](const std::string& line) { return number_in(line, "seen_ns") > stopped_ns[n]; });
+        record, [&](const std::string& line) { return number_in(line, "observed_ns") > stopped_ns[n]; });
     // a process that had waited long for a CPU was halted already
-    if (stall == record.end() || number_in(*stall, "seen_ns") > rested_ns[n]) continue;
+    if (stall == record.end() || number_in(*stall, "observed_ns") > rested_ns[n]) continue;
     since_tick_ms.push_back(ms_from(number_in(*stall, "last_beat_ns"), rested_ns[n]));
     beyond_ms.push_back(since_tick_ms.back() - bare_ms[n]);
     late += since_tick_ms.back() > kPromise_ms + 2 * (bare_ms[n] + 1);
@@ -687,22 +687,22 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   auto supervisor =
       Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {halt[1]}});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
-  const auto told = [&] {
+  const auto reported = [&] {
     std::uint64_t number = 0;
     EXPECT_EQ(::read(halt[0], &number, sizeof number), static_cast<ssize_t>(sizeof number));
     return number;
   };
   (*supervisor)->heartbeat().halts = 7;
-  EXPECT_EQ(told(), 7u);
+  EXPECT_EQ(reported(), 7u);
   ::kill(supervisor_of(::getpid()), SIGKILL);
   ASSERT_TRUE(testing::soon([&] { return !(*supervisor)->watching(); }));
   const auto again = (*supervisor)->watch_again();
   ASSERT_TRUE(again.ok()) << again.error().message();
-  EXPECT_EQ(told(), 7u);
+  EXPECT_EQ(reported(), 7u);
   // a halt that has ended is not written again
   (*supervisor)->heartbeat().halts_that_ended = 7;
   (*supervisor)->heartbeat().beat_ns = monotonic_ns() - 2 * kSupervisedStall_ns;
-  EXPECT_EQ(told(), 8u);
+  EXPECT_EQ(reported(), 8u);
   supervisor->reset();
   for (const int file : halt) ::close(file);
 }
@@ -778,10 +778,10 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   ASSERT_EQ(::waitpid(session, &status, 0), session);
   ASSERT_TRUE(WIFSIGNALED(status)) << "no supervisor";
   // the supervisor holds the last descriptor of the pipe
-  std::string said;
-  for (char byte = 0; ::read(over[0], &byte, 1) == 1;) said += byte;
+  std::string stated;
+  for (char byte = 0; ::read(over[0], &byte, 1) == 1;) stated += byte;
   ::close(over[0]);
-  EXPECT_NE(said.find("lacks events"), std::string::npos) << said;
+  EXPECT_NE(stated.find("lacks events"), std::string::npos) << stated;
   EXPECT_EQ(std::filesystem::file_size(file), 0u);
   ::close(record);
 }
@@ -809,10 +809,10 @@ TEST(Supervisor, WhereNoProcessIsToBeHadItSaysSo) {
     if (!test::forbid_processes()) return;
     const auto supervisor =
         Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
-    const bool told = !supervisor.ok() && supervisor.error().kind == ErrorKind::kUnavailable &&
-                      supervisor.error().what.find("no supervisor") != std::string::npos &&
-                      supervisor.error().remedy.find("ulimit -u") != std::string::npos;
-    if (!told) ::_exit(1);
+    const bool reported = !supervisor.ok() && supervisor.error().kind == ErrorKind::kUnavailable &&
+                          supervisor.error().what.find("no supervisor") != std::string::npos &&
+                          supervisor.error().remedy.find("ulimit -u") != std::string::npos;
+    if (!reported) ::_exit(1);
   });
   EXPECT_TRUE(child.finished());
 }
@@ -827,9 +827,9 @@ TEST(Supervisor, AProgramThatIsNoneIsAnError) {
 }
 
 /// A simulated device and the halts that it receives.
-class ToldDevice {
+class ReportedDevice {
  public:
-  ToldDevice() {
+  ReportedDevice() {
     PALPATE_CHECK(::pipe2(halt_, O_CLOEXEC | O_NONBLOCK) == 0);
     memory_->force_N = 1;
     device_.emplace([this] {
@@ -838,12 +838,12 @@ class ToldDevice {
     });
     driver_.emplace(*memory_, halt_[1], Point<Device>(0, 0, 0));
   }
-  ~ToldDevice() {
+  ~ReportedDevice() {
     device_.reset();
     for (const int file : halt_) ::close(file);
   }
-  ToldDevice(const ToldDevice&) = delete;
-  ToldDevice& operator=(const ToldDevice&) = delete;
+  ReportedDevice(const ReportedDevice&) = delete;
+  ReportedDevice& operator=(const ReportedDevice&) = delete;
 
   void halt(std::uint64_t number) const {
     PALPATE_CHECK(::write(halt_[1], &number, sizeof number) == sizeof number);
@@ -869,7 +869,7 @@ class ToldDevice {
 };
 
 TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
-  ToldDevice device;
+  ReportedDevice device;
   ASSERT_TRUE(device.comes_to(true));
   device.process().stop();
   device.halt(1);
@@ -888,7 +888,7 @@ TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
 }
 
 TEST(TestDevice, HearsOfAnEndBeforeItsHaltAndGoesOn) {
-  ToldDevice device;
+  ReportedDevice device;
   ASSERT_TRUE(device.comes_to(true));
   device.driver().resume(1);
   device.halt(1);
@@ -898,7 +898,7 @@ TEST(TestDevice, HearsOfAnEndBeforeItsHaltAndGoesOn) {
 }
 
 TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
-  ToldDevice device;
+  ReportedDevice device;
   ASSERT_TRUE(device.comes_to(true));
   device.process().stop();
   const std::uint32_t changes = device.memory().change_count;
@@ -915,7 +915,7 @@ TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
 // When all writers are gone, or a writer does not follow the protocol.
 TEST(TestDevice, NothingEndsAHaltForGood) {
   for (const bool number : {true, false}) {
-    ToldDevice device;
+    ReportedDevice device;
     ASSERT_TRUE(device.comes_to(true));
     if (number)
       device.halt(Heartbeat::kHaltForGood);

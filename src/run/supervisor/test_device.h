@@ -129,9 +129,9 @@ class HaltFile {
     // a closed pipe is always readable: do not wait again, and do not spin
     while (::ppoll(&file_, newest_ == Heartbeat::kHaltForGood ? 0 : 1, &wait, nullptr) > 0) {
       std::array<std::uint64_t, 64> halts{};
-      const ssize_t got = ::read(file_.fd, halts.data(), sizeof halts);
+      const ssize_t received = ::read(file_.fd, halts.data(), sizeof halts);
       // no writer is left, or the writer does not follow the protocol
-      const bool whole = got > 0 && static_cast<std::size_t>(got) % sizeof halts[0] == 0;
+      const bool whole = received > 0 && static_cast<std::size_t>(received) % sizeof halts[0] == 0;
       newest_ = whole ? std::max(newest_, std::ranges::max(halts)) : Heartbeat::kHaltForGood;
       wait = {};
     }

@@ -21,7 +21,7 @@ CaseResult example_result() {
   femur.volume_mm3 = 12345.678901;
   femur.components = 2;
   femur.gaps = 3;
-  femur.felt = true;
+  femur.touchable = true;
   femur.held_s = 0.7;
   femur.mean_force_N = 1.0 / 3;
   femur.peak_force_N = 2;

@@ -45,9 +45,9 @@ std::optional<std::string> data_named_in(const fs::path& header) {
   if (!file) return std::nullopt;
   // the readers accept longer headers, but those consist mostly of comments
   std::string front(std::size_t{1} << 18, '\0');
-  const auto got = file->read_at(0, std::as_writable_bytes(std::span(front)));
-  if (!got) return std::nullopt;
-  front.resize(*got);
+  const auto received = file->read_at(0, std::as_writable_bytes(std::span(front)));
+  if (!received) return std::nullopt;
+  front.resize(*received);
   std::string_view rest = front;
   while (!rest.empty()) {
     const auto end = rest.find('\n');
@@ -302,11 +302,11 @@ std::string without_names(std::string text, const CohortCase& one, const fs::pat
   for (const std::string& name : names)
     for (std::size_t at = text.find(name); at != text.npos; at = text.find(name, at)) {
       const std::size_t end = at + name.size();
-      const bool within = (at > 0 && is_name_letter(text[at - 1]) && is_name_letter(name.front()) &&
-                           !std::string_view(text).substr(0, at).ends_with(kGap)) ||
-                          (end < text.size() && is_name_letter(text[end]) && is_name_letter(name.back()) &&
-                           !std::string_view(text).substr(end).starts_with(kGap));
-      if (within) {
+      const bool is_inside = (at > 0 && is_name_letter(text[at - 1]) && is_name_letter(name.front()) &&
+                              !std::string_view(text).substr(0, at).ends_with(kGap)) ||
+                             (end < text.size() && is_name_letter(text[end]) && is_name_letter(name.back()) &&
+                              !std::string_view(text).substr(end).starts_with(kGap));
+      if (is_inside) {
         at = end;
         continue;
       }
@@ -315,7 +315,7 @@ std::string without_names(std::string text, const CohortCase& one, const fs::pat
     }
   // remaining paths and file names belong to unknown files; a path may contain spaces, so the text between
   // two of its pieces is removed as well
-  std::string kept;
+  std::string stored;
   std::size_t first = text.npos, last = 0;
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t word = text.find_first_not_of(" \t\n", begin);

@@ -30,7 +30,7 @@ std::string case_json(const CaseResult& result) {
                                   {"components", s.components},
                                   {"thinnest_mm", maybe(s.thinnest_mm)},
                                   {"gaps", s.gaps},
-                                  {"felt", s.felt},
+                                  {"touchable", s.touchable},
                                   {"held_s", maybe(s.held_s)},
                                   {"mean_force_N", maybe(s.mean_force_N)},
                                   {"peak_force_N", maybe(s.peak_force_N)}});
@@ -66,7 +66,7 @@ std::optional<CaseResult> parse_case_json(std::string_view text) try {
     one.components = s.at("components").get<int>();
     one.thinnest_mm = maybe(s.at("thinnest_mm"));
     one.gaps = s.at("gaps").get<std::size_t>();
-    one.felt = s.at("felt").get<bool>();
+    one.touchable = s.at("touchable").get<bool>();
     one.held_s = maybe(s.at("held_s"));
     one.mean_force_N = maybe(s.at("mean_force_N"));
     one.peak_force_N = maybe(s.at("peak_force_N"));

@@ -22,7 +22,7 @@ TEST(Processes, SayHowTheyEnded) {
   ASSERT_TRUE(failed);
   EXPECT_EQ(failed->exit_code, 3);
   EXPECT_EQ(failed->signal, 0);
-  EXPECT_EQ(failed->said, "why\n");
+  EXPECT_EQ(failed->stated, "why\n");
   const auto killed = run_process({"sh", "-c", "kill -9 $$"});
   ASSERT_TRUE(killed);
   EXPECT_EQ(killed->exit_code, -1);
@@ -43,7 +43,7 @@ TEST(RunLocally, EachNumberOnceAndSomeAtATime) {
         ended.push_back(number);
         EXPECT_EQ(how.signal, number == 3 ? 9 : 0) << number;
         EXPECT_EQ(how.exit_code, number == 3 ? -1 : number == 4 ? 4 : 0) << number;
-        EXPECT_EQ(how.said, number == 4 ? "why\n" : "") << number;
+        EXPECT_EQ(how.stated, number == 4 ? "why\n" : "") << number;
       }));
   std::ranges::sort(ended);
   // a killed and a failed process do not affect the others

@@ -36,8 +36,8 @@ std::string MemoryFile::tail(std::size_t most) const {
   if (size <= 0) return "";
   const auto count = std::min(most, static_cast<std::size_t>(size));
   std::string text(count, '\0');
-  const ssize_t got = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
-  text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+  const ssize_t received = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
+  text.resize(received > 0 ? static_cast<std::size_t>(received) : 0);
   return text;
 }
 
@@ -66,12 +66,12 @@ Result<pid_t> start(const std::vector<std::string>& command, int in, int out, in
 
 bool has_ended(pid_t id, Ended& how) {
   int status = 0;
-  const pid_t got = ::waitpid(id, &status, WNOHANG);
-  if (got == 0 || (got < 0 && errno == EINTR)) return false;
+  const pid_t received = ::waitpid(id, &status, WNOHANG);
+  if (received == 0 || (received < 0 && errno == EINTR)) return false;
   how = {};
-  if (got < 0 || WIFSIGNALED(status)) {
+  if (received < 0 || WIFSIGNALED(status)) {
     how.exit_code = -1;
-    how.signal = got < 0 ? 0 : WTERMSIG(status);
+    how.signal = received < 0 ? 0 : WTERMSIG(status);
   } else {
     how.exit_code = WEXITSTATUS(status);
   }
@@ -111,8 +111,8 @@ namespace palpate {
 
 Result<EndedProcess> run_process(const std::vector<std::string>& command, const Progress& progress) {
   using namespace cohort;
-  MemoryFile said;
-  const auto id = start(command, -1, -1, said.descriptor());
+  MemoryFile stated;
+  const auto id = start(command, -1, -1, stated.descriptor());
   if (!id) return id.error();
   Ended how;
   while (!has_ended(*id, how)) {
@@ -122,7 +122,7 @@ Result<EndedProcess> run_process(const std::vector<std::string>& command, const 
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  return EndedProcess{how.exit_code, how.signal, said.tail(kRetainedOutput)};
+  return EndedProcess{how.exit_code, how.signal, stated.tail(kRetainedOutput)};
 }
 
 }  // namespace palpate

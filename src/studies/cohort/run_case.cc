@@ -45,10 +45,11 @@ Result<void> check_structures(const Model& model, CaseResult& result, const Prog
     segment.value = segment.id;
   }
   const auto statistics = segment_statistics(map);
-  std::vector<LabelId> felt;
+  std::vector<LabelId> touchable;
   for (const SegmentStatistics& s : statistics)
-    if (const Tissue* tissue = model.tissue_of(s.id); tissue != nullptr && tissue->felt) felt.push_back(s.id);
-  const auto leaks = find_leaks(*model.labels, felt, 0, progress);
+    if (const Tissue* tissue = model.tissue_of(s.id); tissue != nullptr && tissue->touchable)
+      touchable.push_back(s.id);
+  const auto leaks = find_leaks(*model.labels, touchable, 0, progress);
   if (!leaks) return leaks.error();
   for (const SegmentStatistics& s : statistics) {
     if (progress.stopped()) return Progress::interrupted();
@@ -60,7 +61,7 @@ Result<void> check_structures(const Model& model, CaseResult& result, const Prog
       structure.thinnest_mm = thin->thickness_mm;
     for (const Leaks& leak : *leaks)
       if (leak.label == s.id) structure.gaps = leak.joints;
-    structure.felt = std::ranges::find(felt, s.id) != felt.end();
+    structure.touchable = std::ranges::find(touchable, s.id) != touchable.end();
     result.structures.push_back(std::move(structure));
   }
   return {};
@@ -167,7 +168,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     }
     times.picture_s = clock.lap();
 
-    if (auto felt = require_touchable_tissue(*loaded); !felt) return failed(felt.error());
+    if (auto touchable = require_touchable_tissue(*loaded); !touchable) return failed(touchable.error());
     std::optional<Script> script;
     if (one.script) {
       auto read = load_script(*one.script);

@@ -39,7 +39,7 @@ Cells cells_of_case(const CaseResult& result) {
     parts += s.components;
     gaps += static_cast<double>(s.gaps);
     // touchable structures only
-    if (s.felt && !std::isnan(s.thinnest_mm) && !(s.thinnest_mm >= thinnest)) thinnest = s.thinnest_mm;
+    if (s.touchable && !std::isnan(s.thinnest_mm) && !(s.thinnest_mm >= thinnest)) thinnest = s.thinnest_mm;
     if (!std::isnan(s.mean_force_N)) force += s.mean_force_N, ++forces;
   }
   const bool ran = result.ticks > 0;

@@ -174,9 +174,9 @@ class GridBench {
                const Quantity& quantity) {
     std::vector<double> direction, error;
     for (std::size_t n = 0; n < truth_.shape.points.size(); ++n) {
-      const FieldSample felt = sample(truth_.shape.points[n]);
-      direction.push_back(degrees_between(-felt.gradient.eigen(), truth_.normals[n]));
-      if (n < values.size()) error.push_back(quantity.scale * std::abs(felt.value - values[n]));
+      const FieldSample field_sample = sample(truth_.shape.points[n]);
+      direction.push_back(degrees_between(-field_sample.gradient.eigen(), truth_.normals[n]));
+      if (n < values.size()) error.push_back(quantity.scale * std::abs(field_sample.value - values[n]));
     }
     add_spread(figures_, path + "/direction", "deg", std::move(direction));
     add_spread(figures_, path + "/" + quantity.name, quantity.unit, std::move(error));
@@ -187,11 +187,13 @@ class GridBench {
   void add_choppiness(const std::string& path, const Sampler& sample, ForceMethod method) {
     const Transform<Voxel, Patient> X_VoxelPatient = grid_.X_PatientVoxel().inverse();
     std::vector<double> all, at_half_voxels, between;
-    for (const auto& way : truth_.paths) {
-      const std::vector<double> changes = force_changes_percent(sample, way);
+    for (const auto& axis_name : truth_.paths) {
+      const std::vector<double> changes = force_changes_percent(sample, axis_name);
       for (std::size_t n = 0; n < changes.size(); ++n) {
         all.push_back(changes[n]);
-        (same_nearest_voxel(X_VoxelPatient * way[n], X_VoxelPatient * way[n + 1]) ? between : at_half_voxels)
+        (same_nearest_voxel(X_VoxelPatient * axis_name[n], X_VoxelPatient * axis_name[n + 1])
+             ? between
+             : at_half_voxels)
             .push_back(changes[n]);
       }
     }
@@ -212,8 +214,8 @@ class GridBench {
 
 }  // namespace
 
-ShapeTruth::ShapeTruth(AccuracyCase felt)
-    : shape(std::move(felt)),
+ShapeTruth::ShapeTruth(AccuracyCase accuracy_case)
+    : shape(std::move(accuracy_case)),
       paths(paths_on(shape)),
       wide(truth_of(shape, kSigma_mm)),
       narrow(truth_of(shape, kNarrowSigma_mm)) {

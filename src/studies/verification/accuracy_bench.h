@@ -20,7 +20,7 @@ struct SmoothedTruth {
 
 /// Reference values of one shape, for all grids.
 struct ShapeTruth {
-  explicit ShapeTruth(AccuracyCase felt);
+  explicit ShapeTruth(AccuracyCase accuracy_case);
 
   AccuracyCase shape;
   std::vector<Eigen::Vector3d> normals;            ///< Exact surface normals at the points

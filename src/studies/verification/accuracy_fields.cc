@@ -37,9 +37,9 @@ Result<Model> VoxelisedSolid::prepared(double sigma_mm, int bytes_per_voxel) con
     model.field = std::make_shared<const Field>(*std::forward<decltype(smoothed)>(smoothed));
     return {};
   };
-  const auto kept = bytes_per_voxel == 1 ? keep(gaussian_smooth(binary, {.sigma_mm = sigma_mm}))
-                                         : keep(gaussian_smooth_16(binary, {.sigma_mm = sigma_mm}));
-  if (!kept) return kept.error();
+  const auto stored = bytes_per_voxel == 1 ? keep(gaussian_smooth(binary, {.sigma_mm = sigma_mm}))
+                                           : keep(gaussian_smooth_16(binary, {.sigma_mm = sigma_mm}));
+  if (!stored) return stored.error();
   model.labels = labels_;
   model.tissues = {Tissue{}};
   model.tissue_of_label = {-1, 0};

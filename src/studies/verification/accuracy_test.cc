@@ -65,13 +65,13 @@ void expect_every_method_measured() {
                 value(founding(method, shape, "choppiness/max")));
 }
 
-void expect_limits_kept() {
+void expect_limits_met() {
   for (const auto& [name, figure] : figures())
     EXPECT_TRUE(figure.ok()) << name << " " << figure.value << " > " << figure.limit.value_or(0);
 }
 
 // Requirements of the project, independent of the measured values.
-void expect_limits_as_asked() {
+void expect_limits_as_requested() {
   const std::string exact = founding("b-spline-exact-int16", "sphere-20mm", "direction/");
   EXPECT_LE(accuracy_limit(exact + "mean").value(), 0.05);
   EXPECT_LE(accuracy_limit(exact + "p99").value(), 0.2);
@@ -191,8 +191,8 @@ void expect_gaussian_sphere_to_jump_at_half_voxels_alone() {
 // a single test, because the figures take seconds
 TEST(Accuracy, FiguresKeepTheirLimitsAndAreAsPhysicsSays) {
   expect_every_method_measured();
-  expect_limits_kept();
-  expect_limits_as_asked();
+  expect_limits_met();
+  expect_limits_as_requested();
   expect_exact_plane_turned_by_differences_alone();
   expect_exact_plane_errs_by_interpolation_alone();
   expect_exact_distances_of_a_plane_off_by_half_a_step();

@@ -12,11 +12,11 @@ constexpr double kFlat_per_mm = 1e-6;
 
 // trilinear interpolation at a point in voxel coordinates; 0 outside
 template <class T>
-double value_at(const Bricks<T>& voxels, const Eigen::Vector3d& place) {
+double value_at(const Bricks<T>& voxels, const Eigen::Vector3d& position) {
   std::array<int, 3> first{};
   std::array<double, 3> part{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double at = place[static_cast<Eigen::Index>(axis)];
+    const double at = position[static_cast<Eigen::Index>(axis)];
     if (!(at > -1 && at < voxels.geometry().dims[axis])) return 0;
     first[axis] = static_cast<int>(std::floor(at));
     part[axis] = at - first[axis];
@@ -34,16 +34,16 @@ double value_at(const Bricks<T>& voxels, const Eigen::Vector3d& place) {
 template <class T>
 Vector<Patient> force_at(const Field& field, const Bricks<T>& voxels, double full_force_N,
                          const Point<Patient>& tip) {
-  const Eigen::Vector3d place = (field.X_VoxelPatient() * tip).eigen();
+  const Eigen::Vector3d position = (field.X_VoxelPatient() * tip).eigen();
   Eigen::Vector3d slope;
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d step = Eigen::Vector3d::Unit(axis);
-    slope[axis] = 0.5 * (value_at(voxels, place + step) - value_at(voxels, place - step));
+    slope[axis] = 0.5 * (value_at(voxels, position + step) - value_at(voxels, position - step));
   }
   const Eigen::Vector3d gradient = field.gradient_map() * slope;
   const double length = gradient.norm();
   if (!(length > kFlat_per_mm)) return {};
-  return Vector<Patient>(gradient * (-full_force_N * value_at(voxels, place) / length));
+  return Vector<Patient>(gradient * (-full_force_N * value_at(voxels, position) / length));
 }
 
 }  // namespace

@@ -146,16 +146,17 @@ Result<TiltedPlane> tilted_plane(const Eigen::Vector3d& spacing_mm, double tilt_
 // 16 mm in the direction of steepest ascent, at a depth of 1 mm
 Terrace terrace(const TiltedPlane& plane, double radius_mm) {
   Led tool(plane.surfaces, radius_mm);
-  constexpr double kHalfWay_mm = 8, kBefore_mm = 1;
+  constexpr double kHalfPath_mm = 8, kBefore_mm = 1;
   const Eigen::Vector3d begin =
-      plane.middle + plane.up * (radius_mm - kDeep_mm) - plane.along * (kHalfWay_mm + kBefore_mm);
+      plane.middle + plane.up * (radius_mm - kDeep_mm) - plane.along * (kHalfPath_mm + kBefore_mm);
   tool.at(begin + plane.up * 3);
   tool.to(begin + plane.up * 3, begin);
   tool.to(begin, begin + plane.along * kBefore_mm);
   std::vector<double> force_N, angle_deg;
   double away_mm = 0, drag_N = 0;
-  for (double way_mm = kBefore_mm; way_mm < kBefore_mm + 2 * kHalfWay_mm; way_mm += kTick_mm) {
-    const Eigen::Vector3d force = tool.at(begin + plane.along * way_mm).force_N.eigen();
+  for (double distance_mm = kBefore_mm; distance_mm < kBefore_mm + 2 * kHalfPath_mm;
+       distance_mm += kTick_mm) {
+    const Eigen::Vector3d force = tool.at(begin + plane.along * distance_mm).force_N.eigen();
     force_N.push_back(force.norm());
     angle_deg.push_back(std::atan2(force.cross(plane.up).norm(), force.dot(plane.up)) * 180 /
                         std::numbers::pi);
@@ -244,8 +245,8 @@ Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
           tool.at(begin + Eigen::Vector3d(0, 0, 3));
           Vector<Patient> before_N = tool.to(begin + Eigen::Vector3d(0, 0, 3), begin).force_N;
           std::vector<double> height_mm;
-          for (double way_mm = 0; way_mm < 8; way_mm += kTick_mm, ++n) {
-            const Vector<Patient> force_N = tool.at(begin + along * way_mm).force_N;
+          for (double distance_mm = 0; distance_mm < 8; distance_mm += kTick_mm, ++n) {
+            const Vector<Patient> force_N = tool.at(begin + along * distance_mm).force_N;
             drag_N = std::max(drag_N, std::hypot(force_N.x(), force_N.y()));
             jump_N = std::max(jump_N, (force_N - before_N).norm() - kTick_mm);
             height_mm.push_back(tool.proxy().z());
@@ -300,11 +301,12 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
         const double soft_N = soft.soft_N_per_mm * in_soft_mm, bone_N = kBone_N_per_mm * in_bone_mm;
         off_percent = std::max(off_percent, 100 * std::abs(result.force_N.norm() / (soft_N + bone_N) - 1));
         // surface 0 is label 1
-        double told = 0;
+        double reported = 0;
         for (int part = 0; part < result.path_segments; ++part)
           if (result.path[static_cast<std::size_t>(part)].structure == 0)
-            told = result.path[static_cast<std::size_t>(part)].share;
-        share_off_percent = std::max(share_off_percent, 100 * std::abs(told - soft_N / (soft_N + bone_N)));
+            reported = result.path[static_cast<std::size_t>(part)].share;
+        share_off_percent =
+            std::max(share_off_percent, 100 * std::abs(reported - soft_N / (soft_N + bone_N)));
         ++n;
       }
     }
@@ -331,13 +333,13 @@ Result<void> add_sheets(const LabelContactEffort& effort, const Progress& progre
           effort.presses, kLabelContactSeed + static_cast<std::uint64_t>(n));
       if (!one) return one.error();
       all.presses += one->presses;
-      all.felt += one->felt;
+      all.detected += one->detected;
       all.through += one->through;
     }
     const std::string path = "contact/sheets/" + number_of(voxels) + "-voxel/";
     const auto n = static_cast<std::uint64_t>(all.presses);
     figures.push_back({path + "through", static_cast<double>(all.through), "presses", n, 0});
-    figures.push_back({path + "not-felt", static_cast<double>(all.presses - all.felt), "presses", n, 0});
+    figures.push_back({path + "not-felt", static_cast<double>(all.presses - all.detected), "presses", n, 0});
   }
   return {};
 }
@@ -369,20 +371,20 @@ Result<SheetPresses> press_sheet(const Sheet& sheet, int presses, std::uint64_t 
     const Eigen::Vector3d askew =
         right * random.between(-0.35, 0.35) + ahead * random.between(-0.35, 0.35) - sheet.up;
     // displacement per millisecond
-    const Eigen::Vector3d way = askew.normalized() * random.between(0.1, 0.5);
+    const Eigen::Vector3d displacement = askew.normalized() * random.between(0.1, 0.5);
     const int timing = static_cast<int>(random.between(0, 3));
     Eigen::Vector3d tip =
         right * random.between(-2, 2) + ahead * random.between(-2, 2) + sheet.up * (sheet.thick_mm + 1.5);
     Led tool(*surfaces, 0);
-    bool felt = false, through = false;
+    bool touchable = false, through = false;
     while (!through && sheet.up.dot(tip) > -4) {
       const double dt_ms = timing == 0 ? 1 : timing == 1 ? 4 : random.between(0.5, 1.5);
-      felt = tool.at(tip, 1e-3 * dt_ms).force_N.norm() > 0.05 || felt;
+      touchable = tool.at(tip, 1e-3 * dt_ms).force_N.norm() > 0.05 || touchable;
       through = sheet.up.dot(tool.proxy()) < -1;
-      tip += way * dt_ms;
+      tip += displacement * dt_ms;
     }
     ++counted.presses;
-    counted.felt += felt;
+    counted.detected += touchable;
     counted.through += through;
   }
   return counted;

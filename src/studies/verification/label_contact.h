@@ -47,7 +47,7 @@ struct Sheet {
 Sheet sheet(const Eigen::Vector3d& spacing_mm, const Eigen::Vector3d& up, int voxels, Joined joined);
 
 struct SheetPresses {
-  int presses = 0, felt = 0, through = 0;
+  int presses = 0, detected = 0, through = 0;
 };
 /// Presses a point tool through a sheet in oblique directions at 0.1 to 0.5 m/s, at 1 kHz, at 250 Hz, or with
 /// tick lengths that vary by half, up to 4 mm beyond the sheet or until it is through. Deterministic for a

@@ -30,8 +30,8 @@ TEST(LabelContact, CanBeInterrupted) {
 
 // number of presses on sheets; overridden by PALPATE_TEST_PRESSES
 int sheet_presses(int usually) {
-  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
-  return asked != nullptr ? std::atoi(asked) : usually;
+  const char* value = std::getenv("PALPATE_TEST_PRESSES");
+  return value != nullptr ? std::atoi(value) : usually;
 }
 
 struct PressedSheets {
@@ -52,7 +52,7 @@ PressedSheets press_sheets(int voxels, label_contact::Joined joined, int presses
     EXPECT_TRUE(pressed.ok() && leaks.ok());
     if (!pressed.ok() || !leaks.ok()) return all;
     all.presses.presses += pressed->presses;
-    all.presses.felt += pressed->felt;
+    all.presses.detected += pressed->detected;
     all.presses.through += pressed->through;
     const bool open = pressed->through > 0;
     all.leaky += !leaks->empty();
@@ -62,7 +62,7 @@ PressedSheets press_sheets(int voxels, label_contact::Joined joined, int presses
   std::printf(
       "%d voxels thick, joined by %s: %d presses, %d felt, %d through; of %d sheets %d leaky, %d open\n",
       voxels, joined == label_contact::Joined::kByFaces ? "faces" : "edges", all.presses.presses,
-      all.presses.felt, all.presses.through, all.sheets, all.leaky, all.open);
+      all.presses.detected, all.presses.through, all.sheets, all.leaky, all.open);
   return all;
 }
 
@@ -70,7 +70,7 @@ TEST(Sheets, JoinedByFacesLetNothingThrough) {
   for (const int voxels : {1, 2}) {
     const PressedSheets all = press_sheets(voxels, label_contact::Joined::kByFaces, sheet_presses(600));
     EXPECT_EQ(all.presses.through, 0);
-    EXPECT_EQ(all.presses.felt, all.presses.presses);
+    EXPECT_EQ(all.presses.detected, all.presses.presses);
     EXPECT_EQ(all.leaky, 0);
   }
 }

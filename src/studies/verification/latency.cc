@@ -75,7 +75,7 @@ Result<PaceFigures> measure_pace(std::shared_ptr<const Model> model, const Palpa
 }
 
 // the field of the direct methods does not change when a burr removes tissue
-bool can_be_felt_by(ForceMethod method, const Model& model) {
+bool is_rendered_by(ForceMethod method, const Model& model) {
   if (method == ForceMethod::kProxy) return true;
   return !model.cuts() && check_force_field(model, method).ok();
 }
@@ -85,7 +85,7 @@ Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, cons
                                                  const Progress& progress) {
   std::vector<Figure> figures;
   for (const ForceMethodInfo& info : kForceMethods) {
-    if (!can_be_felt_by(info.method, *loaded.model)) continue;
+    if (!is_rendered_by(info.method, *loaded.model)) continue;
     const auto model = ready_for(loaded.model, {&info.method, 1}, progress);
     if (!model) return model.error();
     const std::string name(info.name);
@@ -173,7 +173,7 @@ Result<SuiteReport> run_latency(const SuiteOptions& options, const Progress& pro
   if (auto error = out_of_range(options)) return *error;
   const auto loaded = load_scene_or_data_set({options.scene.value_or("knee-phantom")}, progress, warn);
   if (!loaded) return loaded.error();
-  if (auto felt = require_touchable_tissue(*loaded); !felt) return felt.error();
+  if (auto touchable = require_touchable_tissue(*loaded); !touchable) return touchable.error();
   return measure_latency(*loaded, options, progress);
 }
 

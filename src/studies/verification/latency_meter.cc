@@ -59,7 +59,7 @@ class Stroke {
     while (monotonic_ns() < end_ns) {
       if (progress.stopped()) return false;
       const std::int64_t at_ns = monotonic_ns() + ns_of(kAhead_s);
-      driver_.intend(mapping_.to_device(wanted_at(at_ns)), at_ns);
+      driver_.intend(mapping_.to_device(requested_at(at_ns)), at_ns);
       std::this_thread::sleep_for(kMeterPoll);
     }
     return true;
@@ -70,13 +70,13 @@ class Stroke {
     return std::min(path.touch_begin, static_cast<std::size_t>(kLeadIn_s * path.rate_hz));
   }
 
-  Point<World> wanted_at(std::int64_t time_ns) const {
+  Point<World> requested_at(std::int64_t time_ns) const {
     const std::size_t length = path_.touch_end - path_.touch_begin, lead = lead_in(path_);
     const auto passed =
         static_cast<std::size_t>(static_cast<double>(time_ns - start_ns_) * 1e-9 * path_.rate_hz);
     if (passed < lead) return path_.intended[path_.touch_begin - lead + passed];
-    const std::size_t way = (passed - lead) % (2 * length);
-    return path_.intended[path_.touch_begin + (way < length ? way : 2 * length - 1 - way)];
+    const std::size_t direction = (passed - lead) % (2 * length);
+    return path_.intended[path_.touch_begin + (direction < length ? direction : 2 * length - 1 - direction)];
   }
 
   const PalpationPath& path_;
@@ -97,7 +97,7 @@ class Meter final : public PaceMeter {
   PaceFigures figures() const override;
 
  private:
-  void see(const TickRecord& record);
+  void observe(const TickRecord& record);
   void pair_blocks();
   void add_health(const LoopHealth& health);
 
@@ -137,7 +137,7 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   servo_block_.clear();
   auto recorder =
       Recorder::start(loop.ring(), "", header,
-                      [this](const TickRecord& record, std::span<const RecordingEvent>) { see(record); });
+                      [this](const TickRecord& record, std::span<const RecordingEvent>) { observe(record); });
   if (!recorder) return recorder.error();
 
   Stroke stroke(path_, driver, mapping);
@@ -158,7 +158,7 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
 }
 
 // called on the recorder's thread
-void Meter::see(const TickRecord& record) {
+void Meter::observe(const TickRecord& record) {
   if (!counting_) return;
   compute_.add(ns_of(record.compute_s));
   servo_block_.add(ns_of(record.lateness_s));

@@ -30,7 +30,7 @@ Script stroking(const Script& script) {
 // finds the longest run of ticks in contact
 class LongestTouch {
  public:
-  void see(bool contact, std::size_t tick) {
+  void observe(bool contact, std::size_t tick) {
     if (!contact)
       began_ = tick + 1;
     else if (tick + 1 - began_ > end_ - begin_) {
@@ -71,7 +71,7 @@ Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& pr
     if (progress.stopped()) return Progress::interrupted();
     const bool contact = (run.tick().device[0].flags & kFlagContact) != 0;
     if (!run.act()) break;
-    touch.see(contact, path.states.size());
+    touch.observe(contact, path.states.size());
     touching += contact;
     path.states.push_back(run.sensed());
     path.intended.push_back(run.intended());

@@ -17,12 +17,12 @@ using ::testing::HasSubstr;
 using testing::loaded_ball;
 
 // loaded once, because a run takes a moment
-const LoadedScene& felt_ball() {
+const LoadedScene& ball_contact() {
   static const LoadedScene loaded = loaded_ball();
   return loaded;
 }
 const PalpationPath& ball_path() {
-  static const PalpationPath path = palpate_once(felt_ball()).value();
+  static const PalpationPath path = palpate_once(ball_contact()).value();
   return path;
 }
 
@@ -43,7 +43,7 @@ TEST(PalpationPath, StrokesTheStructureInOneLongTouch) {
   EXPECT_LT(path.in_contact, 1.0);
 
   // contact over 5 mm of surface, with the tip close to it everywhere
-  const Transform<Patient, World> X_PatientWorld = felt_ball().model->X_WorldPatient.inverse();
+  const Transform<Patient, World> X_PatientWorld = ball_contact().model->X_WorldPatient.inverse();
   double farthest_mm = 0;
   for (std::size_t t = path.touch_begin; t < path.touch_end; ++t) {
     const Point<Patient> tip = X_PatientWorld * path.states[t].tip;
@@ -54,7 +54,7 @@ TEST(PalpationPath, StrokesTheStructureInOneLongTouch) {
 }
 
 TEST(PalpationPath, IsTheSameEveryTime) {
-  const auto again = palpate_once(felt_ball());
+  const auto again = palpate_once(ball_contact());
   ASSERT_TRUE(again.ok());
   ASSERT_EQ(again->states.size(), ball_path().states.size());
   for (std::size_t t = 0; t < again->states.size(); t += 97)
@@ -63,13 +63,13 @@ TEST(PalpationPath, IsTheSameEveryTime) {
 
 TEST(PalpationPath, CanBeInterrupted) {
   const std::atomic<bool> stop = true;
-  const auto path = palpate_once(felt_ball(), Progress({}, &stop));
+  const auto path = palpate_once(ball_contact(), Progress({}, &stop));
   ASSERT_FALSE(path.ok());
   EXPECT_EQ(path.error().kind, ErrorKind::kInterrupted);
 }
 
 TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
-  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {.rate_hz = 1000});
+  const auto meter = PaceMeter::create(ball_contact().model, ball_path(), {.rate_hz = 1000});
   constexpr double kSeconds = 0.2;
   for (int block = 0; block < 2; ++block) {
     ASSERT_TRUE(meter->servo_block(kSeconds).ok());
@@ -104,7 +104,7 @@ TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
 }
 
 TEST(PaceMeter, ABlockOfEachIsAPairInWhicheverOrder) {
-  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {.rate_hz = 1000});
+  const auto meter = PaceMeter::create(ball_contact().model, ball_path(), {.rate_hz = 1000});
   constexpr double kSeconds = 0.05;
   ASSERT_TRUE(meter->bare_block(kSeconds).ok());
   EXPECT_EQ(meter->figures().typical_p50.bare_us, 0) << "no pair yet";
@@ -119,7 +119,7 @@ TEST(PaceMeter, ABlockOfEachIsAPairInWhicheverOrder) {
 }
 
 TEST(PaceMeter, RefusesARateThatTheLoopRefuses) {
-  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {.rate_hz = 20});
+  const auto meter = PaceMeter::create(ball_contact().model, ball_path(), {.rate_hz = 20});
   const auto measured = meter->servo_block(0.1);
   ASSERT_FALSE(measured.ok());
   EXPECT_EQ(measured.error().kind, ErrorKind::kUsage);
@@ -127,7 +127,7 @@ TEST(PaceMeter, RefusesARateThatTheLoopRefuses) {
 
 TEST(PaceMeter, BothBlocksCanBeInterrupted) {
   const std::atomic<bool> stop = true;
-  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {});
+  const auto meter = PaceMeter::create(ball_contact().model, ball_path(), {});
   for (const auto& measured :
        {meter->servo_block(600, Progress({}, &stop)), meter->bare_block(600, Progress({}, &stop))}) {
     ASSERT_FALSE(measured.ok());
@@ -138,7 +138,7 @@ TEST(PaceMeter, BothBlocksCanBeInterrupted) {
 
 TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
   for (const ForceMethodInfo& info : kDirectMethods) {
-    const auto model = ready_for(felt_ball().model, {&info.method, 1});
+    const auto model = ready_for(ball_contact().model, {&info.method, 1});
     ASSERT_TRUE(model.ok());
     EXPECT_FALSE(info.name.empty());
     const auto ticks = time_ticks(**model, ball_path(), info.method, 3);
@@ -164,7 +164,7 @@ TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
 
 TEST(FreeRunning, ATicksCostIsTheMiddleOfManyPairsOfSlices) {
   const auto cost_of = [](ForceMethod method) {
-    const auto model = ready_for(felt_ball().model, {&method, 1});
+    const auto model = ready_for(ball_contact().model, {&method, 1});
     PALPATE_CHECK(model.ok());
     return time_ticks_beside_bare(**model, ball_path(), method, 2);
   };
@@ -193,7 +193,7 @@ TEST(LatencyLimit, IsAFifthMoreOrWhatATickTakes) {
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(1, 2), lateness_ratio_limit(10, 20));
 }
 
-PaceFigures well_kept() {
+PaceFigures within_limit() {
   PaceFigures pace;
   pace.compute = {1, 2, 3, 4};
   pace.lateness = {22, 44, 60, 90};
@@ -205,22 +205,22 @@ PaceFigures well_kept() {
   return pace;
 }
 
-bool all_kept(const PaceFigures& pace) {
+bool all_within_limit(const PaceFigures& pace) {
   const auto figures = pace_figures(4000, pace);
   return std::all_of(figures.begin(), figures.end(), [](const Figure& figure) { return figure.ok(); });
 }
 
 TEST(PaceFigures, BreakALimitForTheProgramsOwnDoingOnly) {
-  EXPECT_TRUE(all_kept(well_kept()));
-  const auto figures = by_name(pace_figures(4000, well_kept()));
+  EXPECT_TRUE(all_within_limit(within_limit()));
+  const auto figures = by_name(pace_figures(4000, within_limit()));
   EXPECT_DOUBLE_EQ(figures.at("4-kHz/lateness/ratio/p50").value, 1.1);
   EXPECT_DOUBLE_EQ(figures.at("4-kHz/lateness/ratio/p99").value, 1.1);
   EXPECT_DOUBLE_EQ(figures.at("4-kHz/lateness/least-ratio/p99").value, 1.1);
 
   const auto with = [](auto change) {
-    PaceFigures pace = well_kept();
+    PaceFigures pace = within_limit();
     change(pace);
-    return all_kept(pace);
+    return all_within_limit(pace);
   };
   EXPECT_FALSE(with([](PaceFigures& p) { p.dropped = 1; }));
   EXPECT_FALSE(with([](PaceFigures& p) { p.min_p50.servo_us = 25; }));
@@ -254,7 +254,7 @@ TEST(PaceFigures, BreakALimitForTheProgramsOwnDoingOnly) {
 }
 
 TEST(PaceFigures, AreFiniteWithoutABareBlock) {
-  PaceFigures pace = well_kept();
+  PaceFigures pace = within_limit();
   pace.bare_lateness = {};
   pace.typical_p50 = pace.typical_p99 = pace.min_p50 = pace.min_p99 = {};
   for (const Figure& figure : pace_figures(1000, pace))
@@ -266,7 +266,7 @@ TEST(Latency, MeasuresWhatItWasAskedFor) {
   options.seconds = 0.1;
   options.rate_hz = 2000;
   options.spin_us = 50;
-  const auto report = measure_latency(felt_ball(), options);
+  const auto report = measure_latency(ball_contact(), options);
   ASSERT_TRUE(report.ok()) << report.error().message();
   const auto json = nlohmann::json::parse(to_json(*report));
   for (const char* note : {"scheduler", "memory", "scene", "pace", "founding"})

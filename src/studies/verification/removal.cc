@@ -43,9 +43,9 @@ class BurrHand {
       : stroke_(stroke), carved_(std::move(block)) {
     options_.dt_s = 1 / stroke.rate_hz;
     options_.friction = false;
-    felt_.surface = carved_.surface();
-    felt_.stiffness_N_per_mm = kBoneStiffness_N_per_mm;
-    felt_.cutting_energy_mJ_per_mm3 = stroke.energy_mJ_per_mm3;
+    touchable_.surface = carved_.surface();
+    touchable_.stiffness_N_per_mm = kBoneStiffness_N_per_mm;
+    touchable_.cutting_energy_mJ_per_mm3 = stroke.energy_mJ_per_mm3;
     burr_.radius_mm = kBurrRadius_mm;
     burr_.revolutions_per_s = stroke.turns_per_s;
     burr_.axis = Vector<Patient>(1, 0, 0);
@@ -58,7 +58,7 @@ class BurrHand {
     run(kCuts_s, kPress_N, stroke_.along_mm_s);
     const std::span<const Sweep> pending = burr_state_.pending();
     sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
-    taken_.reckoned_mm3 = burr_state_.taken_mm3;
+    taken_.reckoned_mm3 = burr_state_.removed_mm3;
     taken_.work_mJ = burr_state_.work_mJ;
     taken_.swept_mm3 = swept_mm3();
     return taken_;
@@ -70,15 +70,15 @@ class BurrHand {
     const long every = std::lround(kCarvedEvery_s * stroke_.rate_hz);
     for (long n = 0; n < ticks; ++n) {
       const bool edited = n % every == 0 && carve();
-      const ProxyResult felt =
-          advance_burr({&felt_, 1}, burr_, ToolPose(tip_), proxy_, burr_state_, options_);
+      const ProxyResult result =
+          advance_burr({&touchable_, 1}, burr_, ToolPose(tip_), proxy_, burr_state_, options_);
       double& change_N = edited ? taken_.edit_N : taken_.tick_N;
-      change_N = std::max(change_N, (felt.force_N - last_N_).norm());
-      last_N_ = felt.force_N;
+      change_N = std::max(change_N, (result.force_N - last_N_).norm());
+      last_N_ = result.force_N;
       // implicit in the damping; a newton is 1000 kg mm / s2
       constexpr double kMass_kg = 0.1, kDamping_N_s_per_mm = 0.01;
       const double per_kg = 1000 * options_.dt_s / kMass_kg;
-      const Vector<Patient> all_N = felt.force_N + Vector<Patient>(0, 0, -press_N);
+      const Vector<Patient> all_N = result.force_N + Vector<Patient>(0, 0, -press_N);
       velocity_ = (velocity_ + all_N * per_kg) / (1 + per_kg * kDamping_N_s_per_mm);
       if (along_mm_s > 0) velocity_ = Vector<Patient>(along_mm_s, velocity_.y(), velocity_.z());
       tip_ += velocity_ * options_.dt_s;
@@ -92,13 +92,13 @@ class BurrHand {
     if (pending.empty()) return false;
     sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
     carved_ = carved_.with(pending);
-    felt_.surface = carved_.surface();
-    felt_.made = carved_.made();
-    felt_.clearance_error_mm = carved_.clearance_error_mm();
-    rebase_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
+    touchable_.surface = carved_.surface();
+    touchable_.made = carved_.made();
+    touchable_.clearance_error_mm = carved_.clearance_error_mm();
+    rebase_burr({&touchable_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
     const ToolSphere head = burr_.head(burr_state_.inset_mm);
     const SurfaceCorrespondence before{0, false};
-    transfer_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    transfer_proxy({&touchable_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
     taken_.held = taken_.held && proxy_.coupled;
     return true;
   }
@@ -116,24 +116,24 @@ class BurrHand {
     const Eigen::Array3i cells = ((high - low) / kCell_mm).ceil().cast<int>();
     const Eigen::Array3d size_mm = (high - low) / cells.cast<double>();
     AccuracyRandom random(kRemovalSeed);
-    long taken = 0;
+    long used = 0;
     for (int k = 0; k < cells[2]; ++k)
       for (int j = 0; j < cells[1]; ++j)
         for (int i = 0; i < cells[0]; ++i) {
           const double x = i + random.between(0, 1), y = j + random.between(0, 1),
                        z = k + random.between(0, 1);
-          const Point<Patient> place(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
+          const Point<Patient> position(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
           // material by the contact surface, which differs from the labels at sharp edges
-          if (carved_.made()->distance_mm(place) >= 0) continue;
-          taken += std::any_of(shapes.begin(), shapes.end(),
-                               [&](const SweptShape& shape) { return shape.depth_mm(place) > 0; });
+          if (carved_.made()->distance_mm(position) >= 0) continue;
+          used += std::any_of(shapes.begin(), shapes.end(),
+                              [&](const SweptShape& shape) { return shape.depth_mm(position) > 0; });
         }
-    return size_mm.prod() * static_cast<double>(taken);
+    return size_mm.prod() * static_cast<double>(used);
   }
 
   const BurrStroke stroke_;
   CarvedSurface carved_;
-  ContactSurface felt_;
+  ContactSurface touchable_;
   Burr burr_;
   BurrState burr_state_;
   ProxyState proxy_;
@@ -158,14 +158,14 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
   double beyond_N = 0, off_percent = 0, beyond_work_percent = 0;
   std::uint64_t strokes = 0, let_go = 0;
   const auto take = [&](std::size_t block, const BurrStroke& stroke) {
-    const Taken taken = BurrHand(blocks[block], stroke).go();
+    const Taken used = BurrHand(blocks[block], stroke).go();
     ++strokes;
-    let_go += taken.held ? 0 : 1;
-    beyond_N = std::max(beyond_N, taken.edit_N - taken.tick_N);
-    off_percent = std::max(off_percent, 100 * std::abs(taken.reckoned_mm3 / taken.swept_mm3 - 1));
-    const double used_mJ = taken.reckoned_mm3 * stroke.energy_mJ_per_mm3;
-    beyond_work_percent = std::max(beyond_work_percent, 100 * (used_mJ / taken.work_mJ - 1));
-    return taken.swept_mm3;
+    let_go += used.held ? 0 : 1;
+    beyond_N = std::max(beyond_N, used.edit_N - used.tick_N);
+    off_percent = std::max(off_percent, 100 * std::abs(used.reckoned_mm3 / used.swept_mm3 - 1));
+    const double used_mJ = used.reckoned_mm3 * stroke.energy_mJ_per_mm3;
+    beyond_work_percent = std::max(beyond_work_percent, 100 * (used_mJ / used.work_mJ - 1));
+    return used.swept_mm3;
   };
   for (const auto& [name, along_mm_s] : {std::pair("drilling", 0.0), std::pair("milling", 12.0)}) {
     Spread rates, grids;

@@ -35,8 +35,8 @@ struct CutterPath {
 };
 
 // ball with its centre moving in the surface: half of its swept volume
-double half_way_mm3(double radius_mm, double way_mm) {
-  return kPi * radius_mm * radius_mm / 2 * way_mm + 2.0 / 3 * kPi * std::pow(radius_mm, 3);
+double half_slot_mm3(double radius_mm, double path_mm) {
+  return kPi * radius_mm * radius_mm / 2 * path_mm + 2.0 / 3 * kPi * std::pow(radius_mm, 3);
 }
 
 // area of a circular segment beyond a chord at a distance from the centre
@@ -56,7 +56,7 @@ double integral(double from, double to, const F& f) {
 }
 
 // parallel passes of a ball with its centre at a height above the surface
-double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, double apart_mm) {
+double passes_mm3(double radius_mm, double above_mm, double path_mm, int passes, double apart_mm) {
   // cross-section of adjacent passes: their lower envelope
   const double cap_mm3 = kPi * std::pow(radius_mm - above_mm, 2) * (2 * radius_mm + above_mm) / 3;
   const double gap_mm2 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
@@ -65,17 +65,17 @@ double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, 
   const double gap_mm3 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
     return segment_mm2(std::sqrt(radius_mm * radius_mm - y * y), above_mm);
   });
-  return way_mm * (segment_mm2(radius_mm, above_mm) + (passes - 1) * gap_mm2) + cap_mm3 +
+  return path_mm * (segment_mm2(radius_mm, above_mm) + (passes - 1) * gap_mm2) + cap_mm3 +
          (passes - 1) * gap_mm3;
 }
 
 // An upright head with the centre of its tip at a depth, then moved sideways: the section at each height is a
 // disc or its sweep. Up to the tangent circle of ball and cone it is the ball's, above it the cone's.
-double upright_mm3(const CutterHead& head, double deep_mm, double way_mm) {
+double upright_mm3(const CutterHead& head, double deep_mm, double path_mm) {
   const double slope = (head.end_mm - head.tip_mm) / head.row_mm, cosine = std::sqrt(1 - slope * slope);
   const double touches_mm = -slope * head.tip_mm;
   const auto slice_mm2 = [&](double radius_mm) {
-    return kPi * radius_mm * radius_mm + 2 * radius_mm * way_mm;
+    return kPi * radius_mm * radius_mm + 2 * radius_mm * path_mm;
   };
   // integrated over the polar angle, in which the integrand is smooth at the bottom
   const double ball_mm3 = integral(0, std::acos(slope), [&](double angle) {
@@ -91,11 +91,11 @@ std::vector<CutterPath> cutter_paths() {
   const CutterHead ball{2, 0, 0, along};
   const CutterHead lying{1.5, 1.5, 5, along}, athwart{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
   const CutterHead cone{0.9, 1.75, 5, up};
-  constexpr double kWay_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kApart_mm = 0.5;
+  constexpr double kDistance_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kApart_mm = 0.5;
   constexpr int kPasses = 5;
   const auto groove = [&](double y_mm, double z_mm) {
     return std::vector<Point<Patient>>{
-        {-kWay_mm / 2, y_mm, 2.2}, {-kWay_mm / 2, y_mm, z_mm}, {kWay_mm / 2, y_mm, z_mm}};
+        {-kDistance_mm / 2, y_mm, 2.2}, {-kDistance_mm / 2, y_mm, z_mm}, {kDistance_mm / 2, y_mm, z_mm}};
   };
   const std::vector<Point<Patient>> hole{{0, 0, 2.2}, {0, 0, -kDrilled_mm}};
   std::vector<Point<Patient>> plane;
@@ -111,16 +111,17 @@ std::vector<CutterPath> cutter_paths() {
   };
   const double r = lying.tip_mm, row = lying.row_mm;
   return {
-      {"ball/groove", ball, groove(0, 0), half_way_mm3(ball.tip_mm, kWay_mm), 2},
-      {"ball/plane", ball, plane, passes_mm3(ball.tip_mm, kAbove_mm, kWay_mm, kPasses, kApart_mm), 1},
+      {"ball/groove", ball, groove(0, 0), half_slot_mm3(ball.tip_mm, kDistance_mm), 2},
+      {"ball/plane", ball, plane, passes_mm3(ball.tip_mm, kAbove_mm, kDistance_mm, kPasses, kApart_mm), 1},
       {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
-       row * (kPi * r * r / 2 + kWay_mm * r) + half_way_mm3(r, kWay_mm), 2},
-      {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)), half_way_mm3(r, kWay_mm + row), 3},
+       row * (kPi * r * r / 2 + kDistance_mm * r) + half_slot_mm3(r, kDistance_mm), 2},
+      {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)),
+       half_slot_mm3(r, kDistance_mm + row), 3},
       {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
-      {"cylinder/by-its-side", standing, groove(0, -kMilled_mm), upright_mm3(standing, kMilled_mm, kWay_mm),
-       2.5},
+      {"cylinder/by-its-side", standing, groove(0, -kMilled_mm),
+       upright_mm3(standing, kMilled_mm, kDistance_mm), 2.5},
       {"cone/drilling", cone, hole, upright_mm3(cone, kDrilled_mm, 0), 5.5, 2},
-      {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kWay_mm), 2}};
+      {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kDistance_mm), 2}};
 }
 
 struct ExactBlock {
@@ -163,7 +164,7 @@ ExactBlock exact_block(const BlockGrid& on) {
 }
 
 /// Volume removed by a path.
-struct GoneOfBlock {
+struct RemovedOfBlock {
   double surface_mm3 = 0;  // by the carved surface
   double counted_mm3 = 0;  // by RemovedVolume
 };
@@ -176,9 +177,9 @@ class LedTip {
     constexpr double kEnergy_mJ_per_mm3 = 2, kStiffness_N_per_mm = 2;
     options_.dt_s = 1 / rate_hz;
     options_.friction = false;
-    felt_.surface = carved_.surface();
-    felt_.stiffness_N_per_mm = kStiffness_N_per_mm;
-    felt_.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
+    touchable_.surface = carved_.surface();
+    touchable_.stiffness_N_per_mm = kStiffness_N_per_mm;
+    touchable_.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
     burr_.radius_mm = led.head.tip_mm;
     burr_.end_radius_mm = led.head.end_mm;
     burr_.length_mm = led.head.row_mm;
@@ -186,27 +187,27 @@ class LedTip {
     burr_.revolutions_per_s = 1000;
   }
 
-  GoneOfBlock go(const std::vector<Point<Patient>>& corners) {
+  RemovedOfBlock go(const std::vector<Point<Patient>>& corners) {
     constexpr double kSpeed_mm_s = 10, kRests_s = 0.1;
     for (const Point<Patient>& corner : corners) {
-      const Vector<Patient> way = corner - tip_;
-      const long ticks = std::lround(way.norm() / kSpeed_mm_s / options_.dt_s);
+      const Vector<Patient> displacement = corner - tip_;
+      const long ticks = std::lround(displacement.norm() / kSpeed_mm_s / options_.dt_s);
       const Point<Patient> from = tip_;
       for (long n = 1; n <= ticks; ++n)
-        tick_at(from + way * (static_cast<double>(n) / static_cast<double>(ticks)));
+        tick_at(from + displacement * (static_cast<double>(n) / static_cast<double>(ticks)));
       // wait until the proxy has caught up at the corner
       for (long n = 0; n < std::lround(kRests_s / options_.dt_s); ++n) tick_at(corner);
     }
     carve();
     const auto counted = removed_.by_label_mm3();
-    return {gone_of_surface_mm3(), counted.empty() ? 0 : counted.begin()->second};
+    return {removed_of_surface_mm3(), counted.empty() ? 0 : counted.begin()->second};
   }
 
  private:
   void tick_at(const Point<Patient>& at) {
     tip_ = at;
     if (ticks_++ % std::lround(kCarvedEvery_s / options_.dt_s) == 0) carve();
-    (void)advance_burr({&felt_, 1}, burr_, ToolPose(tip_), proxy_, state_, options_);
+    (void)advance_burr({&touchable_, 1}, burr_, ToolPose(tip_), proxy_, state_, options_);
   }
 
   void carve() {
@@ -220,37 +221,38 @@ class LedTip {
     }
     removed_.add(finished_cuts(state_, 0));
     carved_ = carved_.with(finished);
-    felt_.surface = carved_.surface();
-    felt_.made = carved_.made();
-    felt_.clearance_error_mm = carved_.clearance_error_mm();
-    rebase_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
+    touchable_.surface = carved_.surface();
+    touchable_.made = carved_.made();
+    touchable_.clearance_error_mm = carved_.clearance_error_mm();
+    rebase_burr({&touchable_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
     const ToolSphere head = burr_.head(state_.inset_mm);
     const SurfaceCorrespondence before{0, false};
-    transfer_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    transfer_proxy({&touchable_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
   }
 
-  double gone_of_surface_mm3() const {
+  double removed_of_surface_mm3() const {
     constexpr double kPlace_mm = 0.1;
     const Eigen::Array3d to = high_.min(Eigen::Array3d(high_[0], high_[1], 0.3));
     const Eigen::Array3i cells = ((to - low_) / kPlace_mm).ceil().max(0).cast<int>();
     const Eigen::Array3d size_mm = (to - low_) / cells.cast<double>();
     AccuracyRandom random(23);
-    long gone = 0;
+    long removed = 0;
     for (int k = 0; k < cells[2]; ++k)
       for (int j = 0; j < cells[1]; ++j)
         for (int i = 0; i < cells[0]; ++i) {
           // stratified random points, so that no plane of the block coincides with a plane of points
           const double x = i + random.between(0, 1), y = j + random.between(0, 1),
                        z = k + random.between(0, 1);
-          const Point<Patient> place(Eigen::Vector3d(low_ + Eigen::Array3d(x, y, z) * size_mm));
-          gone += carved_.made()->distance_mm(place) < 0 && carved_.surface()->distance_mm(place) > 0;
+          const Point<Patient> position(Eigen::Vector3d(low_ + Eigen::Array3d(x, y, z) * size_mm));
+          removed +=
+              carved_.made()->distance_mm(position) < 0 && carved_.surface()->distance_mm(position) > 0;
         }
-    return size_mm.prod() * static_cast<double>(gone);
+    return size_mm.prod() * static_cast<double>(removed);
   }
 
   CarvedSurface carved_;
   RemovedVolume removed_;
-  ContactSurface felt_;
+  ContactSurface touchable_;
   Burr burr_;
   BurrState state_;
   ProxyState proxy_;
@@ -276,10 +278,10 @@ Result<std::vector<Figure>> path_volume_figures(const PathVolumes& which, const 
     double off_percent = 0, counted_off_percent = 0;
     const auto off = [&](double mm3) { return 100 * std::abs(mm3 / led.expected_mm3 - 1); };
     const auto take = [&](std::size_t block, double rate_hz, Spread& of) {
-      const GoneOfBlock gone = LedTip(blocks[block], led, rate_hz).go(led.corners);
-      off_percent = std::max(off_percent, off(gone.surface_mm3));
-      counted_off_percent = std::max(counted_off_percent, off(gone.counted_mm3));
-      of.add(gone.surface_mm3);
+      const RemovedOfBlock removed = LedTip(blocks[block], led, rate_hz).go(led.corners);
+      off_percent = std::max(off_percent, off(removed.surface_mm3));
+      counted_off_percent = std::max(counted_off_percent, off(removed.counted_mm3));
+      of.add(removed.surface_mm3);
     };
     for (const double rate_hz : kTickRates_Hz) {
       if (progress.stopped()) return Progress::interrupted();

@@ -64,7 +64,7 @@ struct Plane {
     const SignedField field(volume, {kSurfaceStep_mm, 0, in_steps(kReach_mm)});
     // rounding increases the slope a little; the volume's boundary is not approached
     const double steepest = 1 + kSurfaceStep_mm * grid.spacing_mm.cwiseInverse().norm();
-    felt.surface = std::make_shared<const Surface>(field, field, steepest);
+    contact.surface = std::make_shared<const Surface>(field, field, steepest);
     // half of all tools are points
     sphere.radius_mm = std::max(0.0, random.between(-1.5, 1.5));
   }
@@ -73,7 +73,7 @@ struct Plane {
   void lead(double height_mm, double along_mm, double across_mm = 0) {
     const Point<Patient> tip = Point<Patient>() + up * (sphere.radius_mm + height_mm) + along * along_mm +
                                up.cross(along) * across_mm;
-    force_N = advance_proxy({&felt, 1}, {&sphere, 1}, tip, state).force_N;
+    force_N = advance_proxy({&contact, 1}, {&sphere, 1}, tip, state).force_N;
   }
   void press(double depth_mm) {
     for (double height_mm = 1; height_mm > -depth_mm; height_mm -= kLowered_mm) lead(height_mm, 0);
@@ -86,14 +86,14 @@ struct Plane {
   }
 
   Vector<Patient> up, along;
-  ContactSurface felt;
+  ContactSurface contact;
   ToolSphere sphere;
   ProxyState state;
   Vector<Patient> force_N;
 };
 
-double off_percent(double value, double wanted) {
-  return 100 * std::abs(value / wanted - 1);
+double off_percent(double value, double requested) {
+  return 100 * std::abs(value / requested - 1);
 }
 
 Result<std::vector<Figure>> friction_figures(int planes, const Progress& progress) {
@@ -106,21 +106,21 @@ Result<std::vector<Figure>> friction_figures(int planes, const Progress& progres
     progress.report("friction", static_cast<double>(n) / planes);
     Plane plane(random);
     const double mu_static = random.between(0.05, 1.05), mu_dynamic = mu_static * random.between(0.3, 1);
-    plane.felt.static_friction = mu_static;
-    plane.felt.friction = mu_dynamic;
+    plane.contact.static_friction = mu_static;
+    plane.contact.friction = mu_dynamic;
     const double depth_mm = random.between(0.5, 2.5);
     plane.press(depth_mm);
 
     // pull sideways until it slips, or should have slipped long before
     const double step_mm = mu_static * depth_mm / kStepsToSlip;
-    double way_mm = 0, most = 0;
+    double path_mm = 0, most = 0;
     for (int step = 0; plane.state.sticking && step < 2 * kStepsToSlip; ++step) {
       most = std::max(most, plane.ratio());
-      plane.lead(-depth_mm, way_mm += step_mm);
+      plane.lead(-depth_mm, path_mm += step_mm);
     }
     static_percent = std::max(static_percent, off_percent(most, mu_static));
     for (int step = 0; step < kSlidden; ++step) {
-      plane.lead(-depth_mm, way_mm += kSlide_mm);
+      plane.lead(-depth_mm, path_mm += kSlide_mm);
       dynamic_percent = std::max(dynamic_percent, off_percent(plane.ratio(), mu_dynamic));
     }
   }
@@ -149,8 +149,8 @@ struct Drift {
 // on a plane at rest
 void tremble(AccuracyRandom& random, long ticks, Drift& drift) {
   Plane plane(random);
-  plane.felt.static_friction = kStickStatic;
-  plane.felt.friction = kStickDynamic;
+  plane.contact.static_friction = kStickStatic;
+  plane.contact.friction = kStickDynamic;
   plane.press(kStickDepth_mm);
   const Point<Patient> begun = plane.state.position;
   for (long n = 0; n < ticks; ++n) {
@@ -196,9 +196,9 @@ Result<std::vector<Figure>> drift_figures(const ContactEffort& effort, const Pro
   const auto plates = two_plates(1, PreparationMethod::kUnionGaussian, progress);
   if (!plates) return plates.error();
   Model sticky = **plates;
-  for (ContactSurface& felt : sticky.surfaces) {
-    felt.static_friction = kStickStatic;
-    felt.friction = kStickDynamic;
+  for (ContactSurface& surface : sticky.surfaces) {
+    surface.static_friction = kStickStatic;
+    surface.friction = kStickDynamic;
   }
 
   AccuracyRandom random(kContactSeed);
@@ -264,14 +264,14 @@ struct Pressed {
 
 /// Presses from the free point nearest to `target`, which is inside the structure, along a random line:
 /// oblique to the surface and then sideways, limited to a random force and to kFastest_mm per tick.
-Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Point<Patient>& target,
+Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
   constexpr double kBefore_mm = 0.5, kMaxAskew = 0.6, kFurther_mm = 6;
   const ToolSphere tool{{}, std::max(0.0, random.between(-1, kWidest_mm))};
   const auto clearance_mm = [&](const Point<Patient>& at) { return oracle.distance_mm(at) - tool.radius_mm; };
   const Vector<Patient> inward = random_direction(random);
   const Vector<Patient> aside = inward.cross(random_direction(random)).normalized();
-  const double max_mm = random.between(0.5, kMax_N) / felt.stiffness_N_per_mm;
+  const double max_mm = random.between(0.5, kMax_N) / surface.stiffness_N_per_mm;
   const double speed_mm = random.between(0.1, kFastest_mm);
   const Vector<Patient> askew = (inward + aside * random.between(0, kMaxAskew)).normalized();
   Point<Patient> tip = target;
@@ -280,21 +280,21 @@ Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Po
   Pressed pressed;
   ProxyState state;
   const auto follow = [&] {
-    ProxyPath way;
-    const ProxyResult result = advance_proxy({&felt, 1}, {&tool, 1}, tip, state, {}, &way);
-    PALPATE_CHECK(way.count < way.corner.size());
+    ProxyPath path;
+    const ProxyResult result = advance_proxy({&surface, 1}, {&tool, 1}, tip, state, {}, &path);
+    PALPATE_CHECK(path.count < path.corner.size());
     pressed.touched = pressed.touched || result.force_N.norm() > kTouch_N;
-    for (std::size_t corner = 1; corner < way.count; ++corner) {
-      const Vector<Patient> leg = way.corner[corner] - way.corner[corner - 1];
+    for (std::size_t corner = 1; corner < path.count; ++corner) {
+      const Vector<Patient> leg = path.corner[corner] - path.corner[corner - 1];
       const int pieces = static_cast<int>(leg.norm() / kEvery_mm) + 1;
       for (int n = 0; n <= pieces; ++n)
         pressed.deepest_mm =
             std::max(pressed.deepest_mm,
-                     -clearance_mm(way.corner[corner - 1] + leg * (static_cast<double>(n) / pieces)));
+                     -clearance_mm(path.corner[corner - 1] + leg * (static_cast<double>(n) / pieces)));
     }
   };
-  const auto lead = [&](const Vector<Patient>& direction, double way_mm) {
-    for (double gone_mm = 0; gone_mm < way_mm; gone_mm += speed_mm) {
+  const auto lead = [&](const Vector<Patient>& direction, double path_mm) {
+    for (double advanced_mm = 0; advanced_mm < path_mm; advanced_mm += speed_mm) {
       const Vector<Patient> pull = tip + direction * speed_mm - state.position;
       tip = state.position + pull * std::min(1.0, max_mm / pull.norm());
       follow();
@@ -351,24 +351,24 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     progress.report("pressing on the " + names[s], static_cast<double>(s) / count);
     const TissuePreset* preset = match_preset(names[s]).preset;
     PALPATE_CHECK(preset != nullptr);
-    ContactSurface felt;
-    felt.surface = std::make_shared<const Surface>((*prepared)[s].surface);
-    felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
-    felt.set_friction(preset->values.friction);
-    const DistanceOracle oracle(felt.surface->position());
+    ContactSurface surface;
+    surface.surface = std::make_shared<const Surface>((*prepared)[s].surface);
+    surface.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
+    surface.set_friction(preset->values.friction);
+    const DistanceOracle oracle(surface.surface->position());
     const auto targets = centres_of(labels, structures[s]);
     Pressed all;
     int missed = 0;
     for (int n = 0; n < presses; ++n) {
       if (progress.stopped()) return Progress::interrupted();
       const auto at = static_cast<std::size_t>(random.between(0, static_cast<double>(targets.size())));
-      const Pressed pressed = press(felt, oracle, targets[at], random);
+      const Pressed pressed = press(surface, oracle, targets[at], random);
       missed += !pressed.touched;
       all.deepest_mm = std::max(all.deepest_mm, pressed.deepest_mm);
     }
     const std::string path = "stability/pop-through/" + part_of_name(names[s]);
     const auto n = static_cast<std::uint64_t>(presses);
-    depths.push_back({path + "/deepest", all.deepest_mm, "mm", n, kProxyFeel.max_penetration_mm});
+    depths.push_back({path + "/deepest", all.deepest_mm, "mm", n, kProxySettings.max_penetration_mm});
     parts.push_back({path + "/missed", 100.0 * missed / presses, "percent", n, kMissedLimit_percent});
   }
   depths.insert(depths.end(), parts.begin(), parts.end());

@@ -67,8 +67,8 @@ DropoutResult drop_out(const Model& wall, const Dropout& dropout) {
     tick(wall, parameters, {&sensed, 1}, kDropTick_s, state, {&sent, 1}, record);
     if (lost && age_s >= kSilent_s) result.silent = result.silent && sent.force_N == Vector<World>();
     if (dropout.by != Return::kTick && n >= pressed + dropped) {
-      const double asked_N = record.device[0].unclamped_force_N;
-      sent.force_N = up * (dropout.by == Return::kAtOnce ? asked_N : last_N + kMaxKick_N);
+      const double requested_N = record.device[0].unclamped_force_N;
+      sent.force_N = up * (dropout.by == Return::kAtOnce ? requested_N : last_N + kMaxKick_N);
       // the tip has reversed: the bound excludes sinking by the momentum of the fall
       if (out.dot(plant.true_velocity_mm_s()) > 0) break;
     }

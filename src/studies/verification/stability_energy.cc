@@ -136,8 +136,8 @@ double swing_of(const std::vector<double>& places_mm, double rate_hz) {
   return high_mm - low_mm;
 }
 
-Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& felt) {
-  return turned_object(model.X_WorldPatient, felt).inverse();
+Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& rotation) {
+  return turned_object(model.X_WorldPatient, rotation).inverse();
 }
 
 }  // namespace
@@ -210,7 +210,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   parameters.passivity = exploration.controller;
   parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
   parameters.device[0] = device_parameters(plant.info(), workspace);
-  parameters.device[0].delay_s = exploration.told_s.value_or(exploration.delay_s);
+  parameters.device[0].delay_s = exploration.reported_s.value_or(exploration.delay_s);
   if (yields_by_itself) parameters.device[0].max_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
@@ -233,14 +233,14 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   TickRecord record;
   Wrench sent;
   EnergyBalance result;
-  std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
+  std::shared_ptr<const Model> model = std::make_shared<const Model>(ball);
   VirtualClockYieldSolver yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> places_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
-  Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_felt);
+  Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_applied);
   Vector<World> acted;
   const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
   const long ticks_to_stop = std::lround(exploration.motor_stops_s * exploration.rate_hz);
@@ -257,15 +257,15 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
     }
     if (exploration.cuts && n % ticks_a_cut == 0)
       if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
-        felt = carved_by(*felt, cuts)->taken_from(*felt);
-    if (yields_by_itself && yields.advance(*felt, n > 0 ? &record : nullptr))
+        model = carved_by(*model, cuts)->taken_from(*model);
+    if (yields_by_itself && yields.advance(*model, n > 0 ? &record : nullptr))
       parameters.yields = yields.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
-    tick(*felt, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
+    tick(*model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 
     // the object rotates at the end of the tick, under the force that acts then
     const Point<World> tip_in_world(plant.true_tip().eigen());
-    const Transform<Patient, World> X_PatientWorld_turned = pose_of(ball, state.rotation_felt);
+    const Transform<Patient, World> X_PatientWorld_turned = pose_of(ball, state.rotation_applied);
     const Point<Patient> now = X_PatientWorld_turned * tip_in_world;
     energy_mJ -= (X_PatientWorld * acted).dot(now - X_PatientWorld * tip_in_world);
     X_PatientWorld = X_PatientWorld_turned;
@@ -347,7 +347,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           if (method != ForceMethod::kProxy) continue;
           Exploration other = exploration;
           if (delay_s > 0) {
-            other.told_s = 0;
+            other.reported_s = 0;
             add(other, path + "/not-told", false, false);
             continue;
           }

@@ -30,7 +30,7 @@ struct Exploration {
   ForceMethod method = ForceMethod::kProxy;
   double stiffness_N_per_mm = 1;  ///< As felt at the device; for deformable tissue its maximum
   double delay_s = 0;
-  std::optional<double> told_s = {};  ///< Delay that the tick is informed of; empty: delay_s
+  std::optional<double> reported_s = {};  ///< Delay that the tick is informed of; empty: delay_s
   bool controller = true;
   bool turning = false;  ///< Whether the object rotates as well
   bool flat = false;     ///< On flat_wall() instead of the ball

@@ -47,14 +47,14 @@ class Presser {
     plant_.advance(acting_, to_s - now_s_);
     now_s_ = to_s;
   }
-  void tell() {
-    told_ = plant_.read();
-    told_s_ = now_s_;
+  void publish_sample() {
+    reported_ = plant_.read();
+    reported_s_ = now_s_;
   }
   void act(const Wrench& sent) { acting_ = mapping_.to_device(sent); }
   DeviceState state(double now_s) {
-    DeviceState state = mapping_.to_world(told_, 0);
-    state.age_s = now_s - told_s_;
+    DeviceState state = mapping_.to_world(reported_, 0);
+    state.age_s = now_s - reported_s_;
     return state;
   }
   /// Records the last second.
@@ -84,9 +84,9 @@ class Presser {
   const WorkspaceSettings workspace_;
   WorkspaceMapping mapping_;
   const double hand_mm_;
-  DeviceSample told_;
+  DeviceSample reported_;
   DeviceCommand acting_;
-  double now_s_ = 0, told_s_ = 0;
+  double now_s_ = 0, reported_s_ = 0;
   double low_mm_ = std::numeric_limits<double>::infinity(), high_mm_ = -low_mm_, sum_N_ = 0;
   int looks_ = 0;
 };
@@ -118,19 +118,19 @@ std::array<PressResult, 2> run_following(const Model& wall, const Following& fol
   std::array<Wrench, 2> sent;
   long ticks = 0, updates = 0;
   // the follower has published its state before the first tick
-  follows.tell();
+  follows.publish_sample();
   while (static_cast<double>(ticks) * tick_s < kPressing_s) {
     const double at_tick_s = static_cast<double>(ticks + 1) * tick_s;
     const double at_update_s = static_cast<double>(updates + 1) * update_s;
     if (at_update_s <= at_tick_s) {
       follows.advance(at_update_s);
-      follows.tell();
+      follows.publish_sample();
       follows.act(sent[1]);
       ++updates;
       continue;
     }
     owns.advance(at_tick_s);
-    owns.tell();
+    owns.publish_sample();
     const std::array sensed{owns.state(at_tick_s), follows.state(at_tick_s)};
     tick(wall, parameters, sensed, tick_s, state, sent, record);
     owns.act(sent[0]);
@@ -154,7 +154,7 @@ PressResult press_alone(const Model& wall, const PressingDevice& pressing, bool 
   for (long n = 1; static_cast<double>(n) * tick_s <= kPressing_s; ++n) {
     const double now_s = static_cast<double>(n) * tick_s;
     alone.advance(now_s);
-    alone.tell();
+    alone.publish_sample();
     const DeviceState sensed = alone.state(now_s);
     tick(wall, parameters, {&sensed, 1}, tick_s, state, {&sent, 1}, record);
     alone.act(sent);

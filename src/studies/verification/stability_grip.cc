@@ -52,13 +52,13 @@ class GripPlant {
   double read_mm() const {
     return std::floor(tip_m_ / device_.encoder_step_m) * device_.encoder_step_m * 1e3;
   }
-  void step(double force_N, double wanted_m, double wanted_m_s) {
+  void step(double force_N, double target_m, double target_m_s) {
     const bool one = grip_.skin_N_per_m == 0;
     double& hand_m = one ? tip_m_ : hand_m_;
     double& hand_m_s = one ? tip_m_s_ : hand_m_s_;
     const double hand_N = free_ ? 0
-                                : grip_.stiffness_N_per_m * (wanted_m - hand_m) +
-                                      grip_.damping_N_s_per_m * (wanted_m_s - hand_m_s);
+                                : grip_.stiffness_N_per_m * (target_m - hand_m) +
+                                      grip_.damping_N_s_per_m * (target_m_s - hand_m_s);
     const double device_N = force_N - device_.damping_N_s_per_m * tip_m_s_;
     if (one) {
       push(hand_N + device_N, device_.coulomb_N, grip_.mass_kg + device_.mass_kg, tip_m_s_);
@@ -79,8 +79,8 @@ class GripPlant {
   double tip_m_, tip_m_s_ = 0, hand_m_, hand_m_s_ = 0;
 };
 
-double swing_of(std::span<const double> way_mm) {
-  const auto [low, high] = std::minmax_element(way_mm.begin(), way_mm.end());
+double swing_of(std::span<const double> distance_mm) {
+  const auto [low, high] = std::minmax_element(distance_mm.begin(), distance_mm.end());
   return *high - *low;
 }
 
@@ -95,7 +95,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   parameters.passivity = held.controller;
   parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
   parameters.device[0].max_damping_N_s_per_mm = held.max_damping_N_s_per_mm;
-  parameters.device[0].delay_s = held.told_s.value_or(held.delay_s);
+  parameters.device[0].delay_s = held.reported_s.value_or(held.delay_s);
   parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
   if (held.states_nothing) parameters.device[0] = device_parameters(rate_alone(held.rate_hz), {});
   parameters.device[0].force_gain = held.stiffness_N_per_mm;
@@ -112,8 +112,8 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   Wrench sent;
   const double touch_s = kFadeIn_s + kAbove_mm * 1e-3 / held.impact_m_s;
   const long ticks = std::lround((touch_s + held.time_s) * held.rate_hz);
-  std::vector<double> way_mm, force_N;
-  double wanted_mm = kAbove_mm;
+  std::vector<double> distance_mm, force_N;
+  double target_mm = kAbove_mm;
   double in_m_s = 0;
   GripResult result;
   bool inside = false, left = false, thrown = false;
@@ -125,15 +125,15 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
     const double time_s = static_cast<double>(n + 1) * dt_s;
     const double down_mm =
         std::clamp(held.impact_m_s * 1e3 * (time_s - kFadeIn_s), 0.0, kAbove_mm + depth_mm);
-    const double wanted_m_s = (kAbove_mm - down_mm - wanted_mm) * 1e-3 / dt_s;
+    const double target_m_s = (kAbove_mm - down_mm - target_mm) * 1e-3 / dt_s;
     if (held.free && !thrown && time_s > kFadeIn_s) {
       plant.throw_it(-held.impact_m_s);
       thrown = true;
     }
     for (int i = 0; i < steps; ++i) {
       line.push_back(command_N);
-      const double wanted_m = wanted_mm * 1e-3 + wanted_m_s * (i + 1) * kGripStep_s;
-      plant.step(line.front(), wanted_m, wanted_m_s);
+      const double target_m = target_mm * 1e-3 + target_m_s * (i + 1) * kGripStep_s;
+      plant.step(line.front(), target_m, target_m_s);
       line.pop_front();
       if (!inside && plant.tip_mm() < kClear_mm) {
         inside = true;
@@ -144,14 +144,14 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
         result.rebound = -plant.speed_m_s() / in_m_s;
       }
     }
-    wanted_mm = kAbove_mm - down_mm;
+    target_mm = kAbove_mm - down_mm;
     if (time_s < touch_s) continue;
-    way_mm.push_back(plant.tip_mm());
+    distance_mm.push_back(plant.tip_mm());
     force_N.push_back(command_N);
   }
 
   const auto second = static_cast<std::size_t>(std::lround(held.rate_hz));
-  const auto last = std::span(way_mm).last(std::min(second, way_mm.size()));
+  const auto last = std::span(distance_mm).last(std::min(second, distance_mm.size()));
   result.swing_mm = swing_of(last);
   const auto [low, high] = std::minmax_element(last.begin(), last.end());
   const double middle_mm = 0.5 * (*low + *high);
@@ -160,8 +160,8 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   for (std::size_t n = force_N.size() - last.size(); n < force_N.size(); ++n)
     result.force_N += force_N[n] / static_cast<double>(last.size());
   const auto piece = static_cast<std::size_t>(std::lround(kSettledFor_s * held.rate_hz));
-  for (std::size_t n = 0; n + piece <= way_mm.size(); ++n)
-    if (swing_of(std::span(way_mm).subspan(n, piece)) > kSettledSwing_mm)
+  for (std::size_t n = 0; n + piece <= distance_mm.size(); ++n)
+    if (swing_of(std::span(distance_mm).subspan(n, piece)) > kSettledSwing_mm)
       result.settled_s = static_cast<double>(n + piece) * dt_s;
   return result;
 }
@@ -240,16 +240,16 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
     progress.report(std::string("loose grips: ") + name, 0);
     const auto stiffness = recommended_stiffness_N_per_mm(device, 1000, 1e-3, progress);
     if (!stiffness) return stiffness.error();
-    for (const bool told : {true, false}) {
+    for (const bool reported : {true, false}) {
       const std::string path =
-          "stability/grip/" + device.name + "/" + loop_name(1000, 1e-3) + (told ? "/told" : "/not-told");
+          "stability/grip/" + device.name + "/" + loop_name(1000, 1e-3) + (reported ? "/told" : "/not-told");
       for (const double damping_N_s_per_m : {0.3, 0.5})
         for (const double skin_N_per_m : {0.0, kSkin_N_per_m}) {
           if (progress.stopped()) return Progress::interrupted();
           GripCase held{.device = device,
                         .grip = {.damping_N_s_per_m = damping_N_s_per_m, .skin_N_per_m = skin_N_per_m},
                         .stiffness_N_per_mm = *stiffness};
-          if (!told) held.told_s = 0;
+          if (!reported) held.reported_s = 0;
           const GripResult result = hold_wall(**wall, held);
           const std::string of = path + "/b-" + short_number(damping_N_s_per_m) +
                                  (skin_N_per_m > 0 ? "/two-masses" : "/one-mass");
@@ -257,9 +257,9 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
           times.push_back({of + "/settled", result.settled_s, "s", 1, {}});
         }
       GripCase tap = free_tap(device, *stiffness);
-      if (!told) tap.told_s = 0;
+      if (!reported) tap.reported_s = 0;
       ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1,
-                        told ? std::optional(kMaxRebound) : std::nullopt});
+                        reported ? std::optional(kMaxRebound) : std::nullopt});
     }
     GripCase tap = free_tap(device, bound_of_stiffness_N_per_mm(rate_alone(1000)));
     tap.states_nothing = true;

@@ -31,7 +31,7 @@ struct GripCase {
   double rate_hz = 1000;
   double delay_s = 1e-3;
   bool controller = true;
-  std::optional<double> told_s = {};  ///< Delay that the tick is informed of; empty: delay_s
+  std::optional<double> reported_s = {};  ///< Delay that the tick is informed of; empty: delay_s
   /// A physical device that declares only its rate: the tick assumes conservative values
   bool states_nothing = false;
   double press_N = 1;       ///< Force at rest

@@ -65,12 +65,12 @@ TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
     held.controller = false;
     swinging += hold_wall(grip_wall(), held).swing_mm > 0.2;
     held.controller = true;
-    for (const bool told : {false, true}) {
-      SCOPED_TRACE(told ? "told" : "not told");
-      held.told_s = told ? held.delay_s : 0;
+    for (const bool reported : {false, true}) {
+      SCOPED_TRACE(reported ? "told" : "not told");
+      held.reported_s = reported ? held.delay_s : 0;
       const GripResult result = hold_wall(grip_wall(), held);
       EXPECT_LT(result.swing_mm, 2e3 * held.device.encoder_step_m);
-      EXPECT_LT(result.settled_s, told ? 1.2 : 0.9) << "after an impact at 0.1 m/s";
+      EXPECT_LT(result.settled_s, reported ? 1.2 : 0.9) << "after an impact at 0.1 m/s";
       EXPECT_NEAR(result.force_N, 1, 0.2) << "the wall is there";
     }
   }
@@ -119,10 +119,10 @@ TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
                      .free = true,
                      .time_s = 0.2};
         tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
-        const double told = hold_wall(grip_wall(), tap).rebound;
+        const double reported = hold_wall(grip_wall(), tap).rebound;
         // at higher speed there are fewer ticks to estimate the mass
-        EXPECT_LE(told, impact_m_s > 0.1 ? 1.1 : 1);
-        EXPECT_GT(told, 0.5) << "and is a wall";
+        EXPECT_LE(reported, impact_m_s > 0.1 ? 1.1 : 1);
+        EXPECT_GT(reported, 0.5) << "and is a wall";
         tap.controller = false;
         EXPECT_GT(hold_wall(grip_wall(), tap).rebound, 1);
       }

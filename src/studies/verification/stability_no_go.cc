@@ -15,7 +15,7 @@
 namespace palpate {
 namespace {
 
-constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt};
+constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kTouchable};
 // the force is ramped in while the hand rests before the boundary; final rest of the tip
 constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
                  kAlongBorder_mm = 8;
@@ -38,7 +38,7 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffnes
   bone.labels = {LabelReference{1}};
   bone.label_lines = {0};
   bone.stiffness_N_per_mm = 1;
-  bone.felt = place == NoGoPlace::kFelt;
+  bone.touchable = place == NoGoPlace::kTouchable;
   scene.tissues = {bone};
   NoGoSettings region;
   region.name = name_of(place);
@@ -53,7 +53,7 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffnes
   scene.no_go = {region};
   const auto model = build_model(scene, &labels, nullptr, progress);
   if (!model) return model;
-  const ForceMethod method = bone.felt ? ForceMethod::kProxy : ForceMethod::kTrilinear;
+  const ForceMethod method = bone.touchable ? ForceMethod::kProxy : ForceMethod::kTrilinear;
   return ready_for(*model, {&method, 1}, progress);
 }
 
@@ -83,8 +83,8 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, doubl
   plant.reset(on_device(kStandOff_mm, 0));
 
   const double dt_s = 1 / led.rate_hz;
-  const double way_s = (kStandOff_mm + depth_mm) / led.speed_mm_s;
-  const double slides_at_s = kInFirst_s + way_s + kLeant_s,
+  const double path_s = (kStandOff_mm + depth_mm) / led.speed_mm_s;
+  const double slides_at_s = kInFirst_s + path_s + kLeant_s,
                rests_at_s = slides_at_s + (led.slides ? kAlongFor_s : 0);
   const auto ticks = std::lround((rests_at_s + kAtRest_s) * led.rate_hz);
   const auto last = ticks - std::lround(led.rate_hz);
@@ -98,9 +98,10 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, doubl
     const double time_s = dt_s * static_cast<double>(n + 1);
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
-    const double gone_mm = std::clamp((time_s - kInFirst_s) * led.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
+    const double advanced_mm =
+        std::clamp((time_s - kInFirst_s) * led.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
     const double slid = led.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
-    plant.intend(on_device(kStandOff_mm - gone_mm, slid * kAlongBorder_mm));
+    plant.intend(on_device(kStandOff_mm - advanced_mm, slid * kAlongBorder_mm));
     plant.advance(mapping.to_device(sent), dt_s);
     deepest_mm = std::max(deepest_mm, border_mm - height_mm());
     result.clamped = result.clamped || (record.device[0].flags & kFlagClamped) != 0;
@@ -135,9 +136,10 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
       for (const auto& [place, model] : walls) {
         for (const PlantHand& hand : known_plant_hands()) {
           if (progress.stopped()) return Progress::interrupted();
-          const double felt = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
+          const double stiffness_N_per_mm = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
           const NoGoResult led = run_no_go_approach(
-              *model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
+              *model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kTouchable},
+              stiffness_N_per_mm);
           const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
                                    "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
           // no limit if the device's maximum force is insufficient

@@ -15,7 +15,7 @@ namespace palpate {
 enum class NoGoPlace : std::uint8_t {
   kPlane,      ///< Half-space bounded by a plane, without touchable tissue
   kStructure,  ///< Labels of a wall that is not touchable
-  kFelt,       ///< Labels of a wall that is touchable, with friction
+  kTouchable,  ///< Labels of a wall that is touchable, with friction
 };
 /// Name in figures, e.g. "plane", "structure", "felt-wall"
 const char* name_of(NoGoPlace place);

@@ -12,20 +12,20 @@
 namespace palpate {
 namespace {
 
-constexpr double kHeld_N_per_mm = 1.2, kFelt_N_per_mm = 0.9 * kHeld_N_per_mm;
+constexpr double kHeld_N_per_mm = 1.2, kContact_N_per_mm = 0.9 * kHeld_N_per_mm;
 
 const Model& stiff_no_go(NoGoPlace place) {
   static const LabelMap labels = thick_wall_labels();
   static const std::array models{no_go_wall(NoGoPlace::kPlane, 20, labels),
                                  no_go_wall(NoGoPlace::kStructure, 20, labels),
-                                 no_go_wall(NoGoPlace::kFelt, 20, labels)};
+                                 no_go_wall(NoGoPlace::kTouchable, 20, labels)};
   const auto& model = models[static_cast<std::size_t>(place)];
   PALPATE_CHECK(model.ok());
   return **model;
 }
 
 TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
-  for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt})
+  for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kTouchable})
     for (const PlantDevice& device : known_plant_devices())
       for (const PlantHand& hand : known_plant_hands())
         for (const double rate_hz : {1000.0, 4000.0}) {
@@ -34,8 +34,8 @@ TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
           if (rate_hz > 1000 && place != NoGoPlace::kStructure) continue;
           const NoGoResult led = run_no_go_approach(
               stiff_no_go(place),
-              {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, place == NoGoPlace::kFelt},
-              kFelt_N_per_mm);
+              {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, place == NoGoPlace::kTouchable},
+              kContact_N_per_mm);
           // a Touch cannot stop a whole arm at 0.1 m/s
           EXPECT_TRUE(led.past_mm < 0.5 ||
                       (led.clamped && device.name == "touch" && hand.name == "whole-arm"))
@@ -52,12 +52,12 @@ TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
   for (const PlantDevice& device : known_plant_devices()) {
     const auto held = recommended_stiffness_N_per_mm(device, kSlowest_hz, 1 / kSlowest_hz);
     ASSERT_TRUE(held);
-    for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt})
+    for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kTouchable})
       for (const PlantHand& hand : known_plant_hands()) {
         SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name);
         const NoGoResult led = run_no_go_approach(
             stiff_no_go(place),
-            {device, hand, kSlowest_hz, 1 / kSlowest_hz, *held, 100, 1, place == NoGoPlace::kFelt},
+            {device, hand, kSlowest_hz, 1 / kSlowest_hz, *held, 100, 1, place == NoGoPlace::kTouchable},
             0.9 * *held);
         EXPECT_LT(led.past_mm, 0.5);
         EXPECT_GT(led.force_N, 0.9) << "it is met";
@@ -69,7 +69,7 @@ TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
 
 TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
   // pressed by a prescribed tip: the total normal force is that of the stiffer of the two
-  const Model& model = stiff_no_go(NoGoPlace::kFelt);
+  const Model& model = stiff_no_go(NoGoPlace::kTouchable);
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
   parameters.friction = parameters.viscosity = parameters.passivity = false;
@@ -86,7 +86,7 @@ TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
     DeviceState sensed;
     sensed.tip = model.X_WorldPatient * tip;
     tick(model, parameters, {&sensed, 1}, 1e-3, state, {&sent, 1}, record);
-    const double stiffer = std::max(kFelt_N_per_mm, 1.0);
+    const double stiffer = std::max(kContact_N_per_mm, 1.0);
     const double depth_mm = -wall.nearest(tip)->distance_mm;
     EXPECT_NEAR(sent.force_N.norm(), stiffer * std::max(0.0, depth_mm), 0.08) << x_mm;
     EXPECT_LE(sent.force_N.norm() - last_N, 0.02 * kHeld_N_per_mm + 0.02) << "no step, " << x_mm;
@@ -119,7 +119,7 @@ TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
     EXPECT_NE(record.device[0].flags & kFlagNoGo, 0u) << "told while it is stopped, too";
     last_N = force_N;
   }
-  EXPECT_NEAR(last_N, kFelt_N_per_mm * record.device[0].no_go_depth_mm, 0.05);
+  EXPECT_NEAR(last_N, kContact_N_per_mm * record.device[0].no_go_depth_mm, 0.05);
 }
 
 TEST(StabilityNoGo, HoldsAgainAfterADropout) {

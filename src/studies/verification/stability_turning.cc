@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kHalfPlate_mm = 1, kPlateRadius_mm = 14, kHalfGrid_mm = 19;
 constexpr double kFastestTurn_rad_s = 20, kLongestLever_mm = 100;
-constexpr double kFeltTurn_N = 0.5, kLooked_mm = 0.02;
+constexpr double kDetectedTurn_N = 0.5, kLooked_mm = 0.02;
 // a thinner shaft penetrates more between two spheres of its row
 constexpr double kMinShaft_mm = 0.3, kLookedAtShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
 constexpr int kTurnsOfAPlate = 50, kTicksAtRest = 60;
@@ -21,7 +21,7 @@ const Eigen::Vector3d kPlateVoxels_mm[] = {{0.36, 0.36, 0.7}, {0.28, 0.28, 1.0},
 
 /// A round plate of labels at a random position relative to the voxels.
 struct RoundPlate {
-  ContactSurface felt;
+  ContactSurface contact;
   Eigen::Vector3d normal, middle;
 };
 
@@ -46,13 +46,13 @@ Result<RoundPlate> round_plate(const Eigen::Vector3d& spacing_mm, AccuracyRandom
       }
   const auto prepared = prepare_surfaces(*label_bricks(labels), {1}, {});
   if (!prepared) return prepared.error();
-  plate.felt.surface = std::make_shared<const Surface>(prepared->front().surface);
-  plate.felt.set_friction(0);
+  plate.contact.surface = std::make_shared<const Surface>(prepared->front().surface);
+  plate.contact.set_friction(0);
   return plate;
 }
 
 struct TurnedLever {
-  bool felt = false, through = false, shaft = false;
+  bool detected = false, through = false, shaft = false;
   double deepest_mm = 0;  ///< Maximum over its whole path
 };
 
@@ -119,9 +119,9 @@ class TurningHand {
     for (const ToolSphere& sphere : tool.spheres()) {
       // evaluates the outline of a shaft, not the row of spheres that represents it
       const int places = static_cast<int>(sphere.along_mm.norm() / kAlong_mm);
-      for (int place = 0; place <= places; ++place) {
-        const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(place) / std::max(1, places));
-        const double distance_mm = plate_.felt.surface->distance_mm(at + sphere.offset_mm + along_mm);
+      for (int index = 0; index <= places; ++index) {
+        const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(index) / std::max(1, places));
+        const double distance_mm = plate_.contact.surface->distance_mm(at + sphere.offset_mm + along_mm);
         min_mm = std::min(min_mm, distance_mm - sphere.radius_mm);
       }
     }
@@ -134,22 +134,22 @@ class TurningHand {
     const ToolPose hand(tip_, turn_of(angle_rad));
     const ToolPose before(state_.position, state_.attitude);
     const bool known = state_.coupled;
-    ProxyPath way;
+    ProxyPath path;
     const ProxyResult result =
-        advance_proxy({&plate_.felt, 1}, tool_at(hand.attitude).spheres(), hand, state_, {}, &way);
-    PALPATE_CHECK(way.count < way.corner.size());
+        advance_proxy({&plate_.contact, 1}, tool_at(hand.attitude).spheres(), hand, state_, {}, &path);
+    PALPATE_CHECK(path.count < path.corner.size());
     if (!state_.coupled) return;
-    turned_.felt = turned_.felt || result.force_N.norm() > kFeltTurn_N;
-    const auto corner = [&](std::size_t n) { return ToolPose(way.corner[n], way.attitude[n]); };
+    turned_.detected = turned_.detected || result.force_N.norm() > kDetectedTurn_N;
+    const auto corner = [&](std::size_t n) { return ToolPose(path.corner[n], path.attitude[n]); };
     if (known) look_along(before, corner(0));
-    for (std::size_t n = 1; n < way.count; ++n) look_along(corner(n - 1), corner(n));
-    look_along(corner(way.count - 1), {state_.position, state_.attitude});
+    for (std::size_t n = 1; n < path.count; ++n) look_along(corner(n - 1), corner(n));
+    look_along(corner(path.count - 1), {state_.position, state_.attitude});
   }
 
   void look_along(const ToolPose& a, const ToolPose& b) {
-    const double way_mm =
+    const double path_mm =
         (b.tip - a.tip).norm() + (lever_.norm() + 2) * a.attitude.angularDistance(b.attitude);
-    const int pieces = static_cast<int>(way_mm / (has_shaft() ? kLookedAtShaft_mm : kLooked_mm)) + 1;
+    const int pieces = static_cast<int>(path_mm / (has_shaft() ? kLookedAtShaft_mm : kLooked_mm)) + 1;
     for (int n = 1; n <= pieces; ++n) {
       const double part = static_cast<double>(n) / pieces;
       turned_.deepest_mm = std::max(turned_.deepest_mm, -clearance_mm(a.tip + (b.tip - a.tip) * part,
@@ -185,14 +185,14 @@ Result<std::vector<Figure>> turning_figures(int turns, const Progress& progress)
       double& deepest = turned.shaft ? shaft_deepest_mm : deepest_mm;
       deepest = std::max(deepest, turned.deepest_mm);
       through += turned.through;
-      missed += !turned.felt;
+      missed += !turned.detected;
     }
   }
   const auto n = static_cast<std::uint64_t>(turns);
   return std::vector<Figure>{
-      {"stability/turning/deepest", deepest_mm, "mm", n, kProxyFeel.max_penetration_mm},
+      {"stability/turning/deepest", deepest_mm, "mm", n, kProxySettings.max_penetration_mm},
       {"stability/turning/shaft-deepest", shaft_deepest_mm, "mm", n,
-       kProxyFeel.max_penetration_mm + kShaftDip_mm},
+       kProxySettings.max_penetration_mm + kShaftDip_mm},
       {"stability/turning/through", static_cast<double>(through), "turns", n, 0},
       {"stability/turning/not-felt", static_cast<double>(missed), "turns", n, 0}};
 }

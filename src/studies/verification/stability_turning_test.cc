@@ -12,13 +12,13 @@ namespace {
 
 // number of rotations: a tenth of PALPATE_TEST_PRESSES
 int turns_in_all() {
-  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
+  const char* value = std::getenv("PALPATE_TEST_PRESSES");
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   constexpr int kDefault = 300;
 #else
   constexpr int kDefault = 10'000;
 #endif
-  return std::max(1, (asked != nullptr ? std::atoi(asked) : kDefault) / 10);
+  return std::max(1, (value != nullptr ? std::atoi(value) : kDefault) / 10);
 }
 
 TEST(StabilityTurning, NoLeverPassesAPlateAndEachIsFelt) {

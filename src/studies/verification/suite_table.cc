@@ -195,7 +195,7 @@ std::optional<std::string> wide_tables(const Table& table) {
   return text;
 }
 
-std::string limits_kept(const std::vector<Figure>& figures) {
+std::string limits_met(const std::vector<Figure>& figures) {
   std::string broken;
   int limits = 0, kept = 0;
   for (const Figure& figure : figures) {
@@ -226,7 +226,7 @@ std::string to_table(const SuiteReport& report) {
     const auto wide = table.rows.size() > kLongest ? wide_tables(table) : std::nullopt;
     text += wide ? *wide : "\n" + aligned(lines_of(table));
   }
-  return text + "\n" + limits_kept(report.figures);
+  return text + "\n" + limits_met(report.figures);
 }
 
 }  // namespace palpate

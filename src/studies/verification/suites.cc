@@ -69,7 +69,7 @@ Error unknown_suite(const std::string& name) {
 }
 
 // name of an option that was given to a suite without options, or null
-const char* given_option(const SuiteOptions& options) {
+const char* supplied_option(const SuiteOptions& options) {
   if (options.seconds) return "seconds";
   if (options.spin_us) return "spin";
   if (options.rate_hz) return "rate";
@@ -93,7 +93,7 @@ Result<SuiteReport> run_suite(const std::string& name, const SuiteOptions& optio
                               const Warn& warn) {
   const Suite* suite = find_suite(name);
   if (suite == nullptr) return unknown_suite(name);
-  const char* option = given_option(options);
+  const char* option = supplied_option(options);
   if (option != nullptr && !suite->takes_options)
     return Error{ErrorKind::kUsage, "the suite '" + name + "' takes no --" + option, "",
                  "leave it out; palpate verify --help says whose it is"};

@@ -64,9 +64,9 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
   for (const AtSpeed& speed : speeds) {
     char at[32];
     std::snprintf(at, sizeof at, "/%.0f-mm-s", speed.mm_s);
-    const auto add = [&](const char* way, const TickError& off) {
+    const auto add = [&](const char* axis_name, const TickError& off) {
       const auto samples = static_cast<std::uint64_t>(off.samples);
-      const std::string path = prefix + way + at;
+      const std::string path = prefix + axis_name + at;
       figures.push_back({path + "/largest", off.largest_percent, "percent", samples, speed.largest_percent});
       figures.push_back({path + "/mean", off.mean_percent, "percent", samples, speed.mean_percent});
     };
@@ -90,10 +90,10 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
 Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figures) {
   const auto model = yielding_block(false);
   if (!model) return model.error();
-  const auto add = [&](const char* way, double speed_mm_s, const CutTissue& cut,
+  const auto add = [&](const char* path, double speed_mm_s, const CutTissue& cut,
                        std::optional<double> max_change) {
     char at[64];
-    std::snprintf(at, sizeof at, "tissue/removal/%s/%.0f-mm-s/", way, speed_mm_s);
+    std::snprintf(at, sizeof at, "tissue/removal/%s/%.0f-mm-s/", path, speed_mm_s);
     figures.push_back({at + std::string("lag"), cut.lag_percent, "percent", cut.frames, 0.1});
     figures.push_back({at + std::string("behind"), cut.behind_percent, "percent", cut.frames, {}});
     figures.push_back({at + std::string("change"), cut.change_percent, "percent", cut.frames, max_change});

@@ -19,9 +19,9 @@
 namespace palpate {
 namespace {
 
-int asked_for(const char* name, int by_default) {
-  const char* asked = std::getenv(name);
-  return asked == nullptr ? by_default : std::max(1, std::atoi(asked));
+int requested_for(const char* name, int by_default) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? by_default : std::max(1, std::atoi(value));
 }
 
 double between(std::mt19937& random, double low, double high) {
@@ -57,7 +57,7 @@ class CampaignTip {
   /// Changes the law. Returns false if that is not possible at present, e.g. once something was cut.
   bool go_by(TissueLaw law) {
     auto next = next_version({model_, model_}, change_of_law(*model_, law));
-    if (next) model_ = next->felt;
+    if (next) model_ = next->current;
     return next.ok();
   }
   void pause(bool paused) { parameters_.paused = paused; }
@@ -143,7 +143,7 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law)
 }
 
 TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
-  const int scenes = asked_for("PALPATE_TEST_SCENES", 6);
+  const int scenes = requested_for("PALPATE_TEST_SCENES", 6);
   const unsigned seed = test::test_seed();
   constexpr double kMaxForce_N = 3, kTick_s = 1e-3;
   int touched = 0, solved = 0, cut = 0, changed = 0;
@@ -158,8 +158,8 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
       const Eigen::Vector3d from = at;
       for (int n = 1; n <= ticks; ++n) {
         at = from + (to - from) * (static_cast<double>(n) / ticks);
-        const TickRecord& felt = tip.at(at);
-        const DeviceTick& device = felt.device[0];
+        const TickRecord& tick = tip.at(at);
+        const DeviceTick& device = tick.device[0];
         const Eigen::Vector3d force(device.force_N[0], device.force_N[1], device.force_N[2]);
         ASSERT_TRUE(force.allFinite());
         ASSERT_LE(force.norm(), kMaxForce_N * (1 + 1e-9));
@@ -246,14 +246,14 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
   std::vector<double> sum(static_cast<std::size_t>(kCells * kCells)), count(sum.size());
   Eigen::Vector3d at(shift.x() - kHalf_mm, shift.y() - kHalf_mm, 6);
   for (int n = 0; n < 600; ++n) tip.at(at);
-  bool felt_yet = false;
+  bool touched_yet = false;
   const auto lead = [&](const Eigen::Vector3d& to) {
     const int ticks = std::max(1, static_cast<int>((to - at).norm() / (1e-3 * kSpeed_mm_s)));
     const Eigen::Vector3d from = at;
     for (int n = 1; n <= ticks; ++n) {
       at = from + (to - from) * (static_cast<double>(n) / ticks);
       const double force_N = tip.at(at).device[0].unclamped_force_N + noise_N(random);
-      if (!felt_yet) continue;
+      if (!touched_yet) continue;
       const int i = static_cast<int>(
                     std::lround((at.x() + noise_mm(random) - shift.x() + kHalf_mm) / kCell_mm)),
                 j = static_cast<int>(
@@ -264,7 +264,7 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
     }
   };
   lead({at.x(), at.y(), 0});
-  felt_yet = true;
+  touched_yet = true;
   for (int line = 0; line <= static_cast<int>(2 * kHalf_mm / kApart_mm); ++line) {
     const double y = shift.y() - kHalf_mm + kApart_mm * line, end = line % 2 == 0 ? kHalf_mm : -kHalf_mm;
     lead({at.x(), y, 0});
@@ -306,7 +306,7 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
 }
 
 TEST(TissueCampaign, ASearcherFindsANoduleAndNoneWhereThereIsNone) {
-  const int searches = asked_for("PALPATE_TEST_SEARCHES", 1);
+  const int searches = requested_for("PALPATE_TEST_SEARCHES", 1);
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   int found = 0, found_none = 0;

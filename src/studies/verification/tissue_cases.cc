@@ -52,7 +52,7 @@ struct Inside {
   int iterations = 0;
 };
 template <class Given>
-Inside solve_inside(const ElasticMaterial& material, int cells, const Given& given) {
+Inside solve_inside(const ElasticMaterial& material, int cells, const Given& supplied) {
   ElasticGrid grid(
       box_of({cells, cells, cells}), [&](const Point<Patient>&) { return material; }, 1);
   const ElasticLayout& layout = grid.layout();
@@ -60,19 +60,19 @@ Inside solve_inside(const ElasticMaterial& material, int cells, const Given& giv
   for_each_node_of(layout, [&](int i, int j, int k) {
     if (std::min({i, j, k}) > 0 && std::max({i, j, k}) < cells) return;
     grid.hold(i, j, k, ElasticGrid::kHeld);
-    set_node(layout, i, j, k, given(Eigen::Vector3d(i, j, k)), u);
+    set_node(layout, i, j, k, supplied(Eigen::Vector3d(i, j, k)), u);
   });
   ElasticSolver solver(grid);
-  Inside told;
-  told.iterations = solver.solve(load, u, kMaxTissueIterations, 2e-7).iterations;
+  Inside result;
+  result.iterations = solver.solve(load, u, kMaxTissueIterations, 2e-7).iterations;
   for_each_node_of(layout, [&](int i, int j, int k) {
-    const Eigen::Vector3d right = given(Eigen::Vector3d(i, j, k));
+    const Eigen::Vector3d right = supplied(Eigen::Vector3d(i, j, k));
     const double off = (node_of(layout, i, j, k, u) - right).norm();
-    told.off = std::max(told.off, off);
-    told.squares += off * off;
-    told.greatest = std::max(told.greatest, right.norm());
+    result.off = std::max(result.off, off);
+    result.squares += off * off;
+    result.greatest = std::max(result.greatest, right.norm());
   });
-  return told;
+  return result;
 }
 
 }  // namespace
@@ -122,16 +122,16 @@ TissueCase cantilever_case(int cells_high) {
       load.values[layout.node(length, j, k, 2)] = static_cast<float>(kLoad_N * part);
     }
   ElasticSolver solver(grid);
-  TissueCase told;
-  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
+  TissueCase result;
+  result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   const double sunk = node_of(layout, length, high / 2, high / 2, u).z();
   const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high,
                inertia = area * area / 12;
   const double shear = 10 * (1 + kNu) / (12 + 11 * kNu);
   const double right =
       kLoad_N * std::pow(length, 3) / (3 * e * inertia) + kLoad_N * length / (shear * g * area);
-  told.off_percent = 100 * (sunk / right - 1);
-  return told;
+  result.off_percent = 100 * (sunk / right - 1);
+  return result;
 }
 
 TissueCase cook_case(int cells_long) {
@@ -162,11 +162,11 @@ TissueCase cook_case(int cells_long) {
       }
     }
   ElasticSolver solver(grid);
-  TissueCase told;
-  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
+  TissueCase result;
+  result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   const double rise = node_of(layout, cells_long, static_cast<int>(std::lround(52 / h)), 0, u).y();
-  told.off_percent = 100 * (rise / 23.96 - 1);
-  return told;
+  result.off_percent = 100 * (rise / 23.96 - 1);
+  return result;
 }
 
 TissueCase series_case(double seam_in_cell) {
@@ -185,8 +185,8 @@ TissueCase series_case(double seam_in_cell) {
     if (k == kCells) u.values[layout.node(i, j, k, 2)] = static_cast<float>(-kPressed_mm);
   });
   ElasticSolver solver(grid);
-  TissueCase told;
-  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
+  TissueCase result;
+  result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   solver.forces(u, force);
   double pressed_N = 0;
   for (int j = 0; j <= 3; ++j)
@@ -195,8 +195,8 @@ TissueCase series_case(double seam_in_cell) {
     return kPa * kN_per_mm2_of_kPa * (1 - nu) / ((1 + nu) * (1 - 2 * nu));
   };
   const double right = 9 * kPressed_mm / (seam / confined(5) + (kCells - seam) / confined(50));
-  told.off_percent = 100 * (pressed_N / right - 1);
-  return told;
+  result.off_percent = 100 * (pressed_N / right - 1);
+  return result;
 }
 
 TissueCase boussinesq_case(int cells, double poissons_ratio) {
@@ -210,8 +210,8 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
   ElasticSolver solver(grid);
   ElasticField load(layout), u(layout);
   load.values[layout.node(middle, middle, top, 2)] = -1e-3f;
-  TissueCase told;
-  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
+  TissueCase result;
+  result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   double sum = 0;
   int count = 0;
   for (int j = 0; j <= cells; ++j)
@@ -223,8 +223,8 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
       sum += -u.values[layout.node(i, j, top, 2)] / right - 1;
       ++count;
     }
-  told.off_percent = 100 * sum / count;
-  return told;
+  result.off_percent = 100 * sum / count;
+  return result;
 }
 
 namespace {
@@ -371,8 +371,8 @@ TissueCase stretched_case(double part) {
   FiniteSettings settings;
   settings.max_steps = 50;
   settings.tolerance = 1e-6;
-  TissueCase told;
-  told.iterations = solver.solve_neo_hookean(load, u, settings).iterations;
+  TissueCase result;
+  result.iterations = solver.solve_neo_hookean(load, u, settings).iterations;
   solver.finite_forces(u, force);
   double pulled_N = 0;
   for (int j = 0; j <= kCells; ++j)
@@ -382,8 +382,8 @@ TissueCase stretched_case(double part) {
   const double mu = kPa * kN_per_mm2_of_kPa / (2 * (1 + kNu)), lambda = 2 * mu * kNu / (1 - 2 * kNu);
   const double s = -mu / part, squared = ((s + mu) / (lambda + mu) + 1) / part;
   const double right = kCells * kCells * (mu * part + s * squared);
-  told.off_percent = 100 * (pulled_N / right - 1);
-  return told;
+  result.off_percent = 100 * (pulled_N / right - 1);
+  return result;
 }
 
 FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
@@ -424,8 +424,8 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
   const double linear_N = force_of(force);
 
   // in frames: all nodes follow the linear solution, then a Newton step
-  FiniteLayer told;
-  told.cells = grid.soft_cells();
+  FiniteLayer result;
+  result.cells = grid.soft_cells();
   FiniteSettings frame, exact;
   frame.max_iterations = 3;
   frame.tolerance = 0;
@@ -437,21 +437,21 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
     for (std::size_t value = 0; value < u.values.size(); ++value)
       u.values[value] += whole.values[value] / static_cast<float>(frames);
     const double begin = tissue_thread_seconds();
-    told.min_volume = std::min(told.min_volume, solver.solve_neo_hookean(load, u, frame).min_volume);
+    result.min_volume = std::min(result.min_volume, solver.solve_neo_hookean(load, u, frame).min_volume);
     seconds.push_back(tissue_thread_seconds() - begin);
     solver.finite_forces(u, force);
     const double in_frame_N = force_of(force);
     ElasticField converged = u;
-    told.converged = told.converged && solver.solve_neo_hookean(load, converged, exact).converged;
+    result.converged = result.converged && solver.solve_neo_hookean(load, converged, exact).converged;
     solver.finite_forces(converged, force);
     const double right_N = force_of(force);
     if (n > 0)
-      told.frame_off_percent = std::max(told.frame_off_percent, 100 * std::abs(in_frame_N / right_N - 1));
-    told.linear_off_percent = 100 * (linear_N * (n + 1) / frames / right_N - 1);
+      result.frame_off_percent = std::max(result.frame_off_percent, 100 * std::abs(in_frame_N / right_N - 1));
+    result.linear_off_percent = 100 * (linear_N * (n + 1) / frames / right_N - 1);
   }
   std::nth_element(seconds.begin(), seconds.begin() + frames / 2, seconds.end());
-  told.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
-  return told;
+  result.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
+  return result;
 }
 
 double convergence_order(int cells) {
@@ -460,9 +460,9 @@ double convergence_order(int cells) {
     // a point force outside the block, a third of its edge away
     const Eigen::Vector3d source = Eigen::Vector3d(-0.33, 0.4, 0.6) * n, pull = Eigen::Vector3d(1, 0.5, -0.3);
     const Inside inside = solve_inside(yielding(10, kNu), n, [&](const Eigen::Vector3d& x) {
-      const Eigen::Vector3d way = (x - source) / n;
-      const double r = way.norm();
-      return Eigen::Vector3d(((3 - 4 * kNu) * pull + way * way.dot(pull) / (r * r)) / r);
+      const Eigen::Vector3d displacement = (x - source) / n;
+      const double r = displacement.norm();
+      return Eigen::Vector3d(((3 - 4 * kNu) * pull + displacement * displacement.dot(pull) / (r * r)) / r);
     });
     return inside.off / inside.greatest;
   };
@@ -504,11 +504,11 @@ NoduleLoop nodule_loop(int cells, int steps) {
   const double at_first = energy(first), at_last = energy(last);
   // down at the first position, along, up at the last: the work done by the tissue along the path is the loss
   // of its stored energy
-  NoduleLoop told;
-  told.off_percent = 100 * (at_first - at_last - along) / at_last;
-  told.off_without_percent = 100 * (at_first - at_last) / at_last;
-  told.stiffer_percent = 100 * (over / side - 1);
-  return told;
+  NoduleLoop result;
+  result.off_percent = 100 * (at_first - at_last - along) / at_last;
+  result.off_without_percent = 100 * (at_first - at_last) / at_last;
+  result.stiffer_percent = 100 * (over / side - 1);
+  return result;
 }
 
 }  // namespace palpate

@@ -62,8 +62,8 @@ TissueFrame measure_tissue_frame(int frames) {
   ElasticField unit(solver.layout()), load(solver.layout()), converged(solver.layout()),
       force(solver.layout());
 
-  TissueFrame told;
-  told.cells = grid.soft_cells();
+  TissueFrame result;
+  result.cells = grid.soft_cells();
   std::vector<double> seconds;
   for (int frame = 0; frame < frames; ++frame) {
     const PressurePatch patch(grid, place(frame), up, 2);
@@ -74,15 +74,15 @@ TissueFrame measure_tissue_frame(int frames) {
     solver.solve(load, unit, kIterations, 0);
     seconds.push_back(tissue_thread_seconds() - begin);
     solver.solve(load, converged, 100, 1e-5);
-    told.off_percent = std::max(told.off_percent,
-                                100 * std::abs(patch.displacement(unit) / patch.displacement(converged) - 1));
+    result.off_percent = std::max(
+        result.off_percent, 100 * std::abs(patch.displacement(unit) / patch.displacement(converged) - 1));
   }
   std::nth_element(seconds.begin(), seconds.begin() + frames / 2, seconds.end());
-  told.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
-  const double per_cell = 1e9 / static_cast<double>(told.cells);
-  told.kernel_ns = per_cell * fastest_s(kTimes, [&] { solver.forces(unit, force); });
-  told.floor_ns = per_cell * fastest_s(kTimes, [&] { stream(unit, grid.mu(), grid.lambda(), force); });
-  return told;
+  result.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
+  const double per_cell = 1e9 / static_cast<double>(result.cells);
+  result.kernel_ns = per_cell * fastest_s(kTimes, [&] { solver.forces(unit, force); });
+  result.floor_ns = per_cell * fastest_s(kTimes, [&] { stream(unit, grid.mu(), grid.lambda(), force); });
+  return result;
 }
 
 }  // namespace palpate

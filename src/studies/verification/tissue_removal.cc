@@ -47,15 +47,15 @@ struct CutFrame {
 CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function<CutFrame(int)>& cut) {
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
-  box.cells = {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
+  box.cells = {kSolverSettings.cells_along, kSolverSettings.cells_across, kSolverSettings.cells_across};
   const Point<Patient> pressed(0, 0, 0);
-  const Point<Patient> middle = pressed - Vector<Patient>(0, 0, kSolvingFeel.depth_cells * box.cell_mm);
+  const Point<Patient> middle = pressed - Vector<Patient>(0, 0, kSolverSettings.depth_cells * box.cell_mm);
   Eigen::Vector3d first = box.local_mm(middle) / box.cell_mm;
   for (int axis = 0; axis < 3; ++axis) first[axis] = std::floor(first[axis] - 0.5 * box.cells[axis]);
   box.corner = box.patient(first * box.cell_mm);
 
   const double rho_mm =
-      std::max(kSolvingFeel.min_patch_cells * box.cell_mm, std::sqrt(kPresser_mm * kPressed_mm));
+      std::max(kSolverSettings.min_patch_cells * box.cell_mm, std::sqrt(kPresser_mm * kPressed_mm));
   auto carving = std::make_shared<const Carving>(model);
   CarvedCells cells({model.labels, nullptr}, by_label, box, pressed);
   ElasticSolver solver(cells.grid());
@@ -63,7 +63,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   ElasticField unit(layout), converged(layout), load(layout);
   std::vector<double> follow_s, frame_s;
   double first_N = 0, last_N = 0;
-  CutTissue told;
+  CutTissue result;
   const auto off_percent = [](double one, double other) { return 100 * std::abs(one / other - 1); };
   for (int frame = 0; frame < frames; ++frame) {
     const CutFrame now = cut(frame);
@@ -75,7 +75,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
     const PressurePatch patch(cells.grid(), Point<Patient>(0, 0, now.surface_mm), {0, 0, 1}, rho_mm);
     std::fill(load.values.begin(), load.values.end(), 0.0f);
     patch.add(1, load);
-    solver.solve(load, unit, frame == 0 ? kTruthIterations : kSolvingFeel.iterations, kTruthTolerance);
+    solver.solve(load, unit, frame == 0 ? kTruthIterations : kSolverSettings.iterations, kTruthTolerance);
     if (frame > 0) {
       follow_s.push_back(followed - begin);
       frame_s.push_back(tissue_thread_seconds() - begin);
@@ -85,7 +85,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
 
     converged = unit;
     solver.solve(load, converged, kTruthIterations, kTruthTolerance);
-    told.lag_percent = std::max(told.lag_percent, off_percent(w, patch.displacement(converged)));
+    result.lag_percent = std::max(result.lag_percent, off_percent(w, patch.displacement(converged)));
     // every few frames it is compared with cells that are cut all at once
     constexpr int kWhole = 8;
     if (frame % kWhole == kWhole - 1) {
@@ -96,17 +96,17 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       there.add(1, load);
       fresh.zero_held(converged);
       fresh.solve(load, converged, kTruthIterations, kTruthTolerance);
-      told.behind_percent = std::max(told.behind_percent, off_percent(w, there.displacement(converged)));
+      result.behind_percent = std::max(result.behind_percent, off_percent(w, there.displacement(converged)));
     }
-    if (frame > 0) told.change_percent = std::max(told.change_percent, off_percent(force_N, last_N));
+    if (frame > 0) result.change_percent = std::max(result.change_percent, off_percent(force_N, last_N));
     if (frame == 0) first_N = force_N;
     last_N = force_N;
-    ++told.frames;
+    ++result.frames;
   }
-  told.force_changed_percent = 100 * (last_N / first_N - 1);
-  told.follow_ms = median_ms(follow_s);
-  told.frame_ms = median_ms(frame_s);
-  return told;
+  result.force_changed_percent = 100 * (last_N / first_N - 1);
+  result.follow_ms = median_ms(follow_s);
+  result.frame_ms = median_ms(frame_s);
+  return result;
 }
 
 }  // namespace
@@ -143,13 +143,13 @@ CutTissue trim_under(const Model& model, double speed_mm_s) {
 Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
   constexpr double kFar_mm = 16;
   YieldSolver solver;
-  Recentring told;
+  Recentring result;
   double last_N = 0;
   Point<Patient> corner;
   const double step_mm = speed_mm_s * kYieldFrame_s;
   for (double x = -kFar_mm; x < kFar_mm; x += step_mm) {
-    TickRecord felt;
-    DeviceTick& device = felt.device[0];
+    TickRecord tick;
+    DeviceTick& device = tick.device[0];
     device.tip_patient_mm = {x, 0.3, kPresser_mm - kPressed_mm};
     device.velocity_patient_mm_s = {speed_mm_s, 0, 0};
     device.contact_label[0] = device.label = 1;
@@ -157,19 +157,19 @@ Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
     device.normal_patient = {0, 0, 1};
     device.depth_mm = kPressed_mm;
     device.contact_N[0] = last_N;
-    const LocalCompliance& spot = solver.solve(model, felt).spot[0];
+    const LocalCompliance& spot = solver.solve(model, tick).spot[0];
     YieldField field;
     if (!spot.is_known() || !solver.field_of(0, field)) continue;
     const double force_N = pressing_N(spot);
     const bool anew = last_N > 0 && !(field.box->corner == corner);
     if (anew) {
-      told.change_percent = std::max(told.change_percent, 100 * std::abs(force_N / last_N - 1));
-      ++told.boxes;
+      result.change_percent = std::max(result.change_percent, 100 * std::abs(force_N / last_N - 1));
+      ++result.boxes;
     }
     corner = field.box->corner;
     last_N = force_N;
   }
-  return told;
+  return result;
 }
 
 }  // namespace palpate

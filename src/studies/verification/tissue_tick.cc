@@ -29,23 +29,23 @@ class TissueTip {
     parameters_.device[0].limits.peak_force_N = 20;
   }
 
-  // @param see  called with every tick
+  // @param observe  called with every tick
   void lead(const Eigen::Vector3d& to, double speed_mm_s,
-            const std::function<void(const TickRecord&)>& see = {}) {
-    const double way_mm = (to - at_).norm();
-    const int ticks = std::max(1, static_cast<int>(std::lround(kTickRate_hz * way_mm / speed_mm_s)));
+            const std::function<void(const TickRecord&)>& observe = {}) {
+    const double distance_mm = (to - at_).norm();
+    const int ticks = std::max(1, static_cast<int>(std::lround(kTickRate_hz * distance_mm / speed_mm_s)));
     const Eigen::Vector3d from = at_;
     for (int n = 1; n <= ticks; ++n) {
       at_ = from + (to - from) * (static_cast<double>(n) / ticks);
-      tick(see);
+      tick(observe);
     }
   }
-  void go_to(const Eigen::Vector3d& to, const std::function<void(const TickRecord&)>& see = {}) {
+  void go_to(const Eigen::Vector3d& to, const std::function<void(const TickRecord&)>& observe = {}) {
     at_ = to;
-    tick(see);
+    tick(observe);
   }
-  void wait(double time_s, const std::function<void(const TickRecord&)>& see = {}) {
-    for (int n = 0; n < kTickRate_hz * time_s; ++n) tick(see);
+  void wait(double time_s, const std::function<void(const TickRecord&)>& observe = {}) {
+    for (int n = 0; n < kTickRate_hz * time_s; ++n) tick(observe);
   }
   void begin_at(const Eigen::Vector3d& at) {
     at_ = at;
@@ -53,13 +53,13 @@ class TissueTip {
   }
 
  private:
-  void tick(const std::function<void(const TickRecord&)>& see) {
+  void tick(const std::function<void(const TickRecord&)>& observe) {
     if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr)) parameters_.yields = yields_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(at_);
     Wrench wrench;
     palpate::tick(*model_, parameters_, {&device, 1}, 1 / kTickRate_hz, state_, {&wrench, 1}, record_);
-    if (see) see(record_);
+    if (observe) observe(record_);
   }
 
   const std::shared_ptr<const Model> model_;
@@ -75,9 +75,9 @@ class ConvergedForce {
  public:
   explicit ConvergedForce(std::shared_ptr<const Model> model) : model_(std::move(model)) {}
 
-  double at(const TickRecord& felt) {
+  double at(const TickRecord& tick) {
     constexpr int kSettling = 8;
-    TickRecord still = felt;
+    TickRecord still = tick;
     DeviceTick& device = still.device[0];
     device.velocity_patient_mm_s = {};
     double force_N = 0;
@@ -100,11 +100,11 @@ class TissueComparison {
  public:
   TissueComparison(std::shared_ptr<const Model> model, int every) : truth_(std::move(model)), every_(every) {}
 
-  void see(const TickRecord& felt) {
-    if (ticks_++ % every_ != 0 || felt.device[0].contact_label[0] == 0) return;
-    const double truth_N = truth_.at(felt);
+  void observe(const TickRecord& tick) {
+    if (ticks_++ % every_ != 0 || tick.device[0].contact_label[0] == 0) return;
+    const double truth_N = truth_.at(tick);
     // normal component, as in the converged solution
-    const double off_N = std::abs(-felt.device[0].contact_N[0] + truth_N);
+    const double off_N = std::abs(-tick.device[0].contact_N[0] + truth_N);
     off_.peak_N = std::max(off_.peak_N, truth_N);
     largest_N_ = std::max(largest_N_, off_N);
     sum_N_ += off_N;
@@ -127,8 +127,8 @@ class TissueComparison {
 };
 
 // interval that gives some twenty comparisons along a path
-int ticks_between_comparisons(double way_mm, double speed_mm_s) {
-  return std::max(1, static_cast<int>(kTickRate_hz * way_mm / speed_mm_s / 20));
+int ticks_between_comparisons(double distance_mm, double speed_mm_s) {
+  return std::max(1, static_cast<int>(kTickRate_hz * distance_mm / speed_mm_s / 20));
 }
 
 // fraction of a stress that remains after a time
@@ -194,7 +194,7 @@ TickError press_tissue(const std::shared_ptr<const Model>& model, double speed_m
   TissueComparison comparison(model, ticks_between_comparisons(kDepth_mm, speed_mm_s));
   tip.begin_at({x_mm, 0, kTissueTool_mm + kBeginAbove_mm});
   tip.lead({x_mm, 0, kTissueTool_mm - kDepth_mm}, speed_mm_s,
-           [&](const TickRecord& felt) { comparison.see(felt); });
+           [&](const TickRecord& tick) { comparison.observe(tick); });
   return comparison.off();
 }
 
@@ -206,7 +206,7 @@ TickError slide_on_tissue(const std::shared_ptr<const Model>& model, double spee
   tip.lead({-kFar_mm, 0, kTissueTool_mm - kDepth_mm}, 20);
   tip.wait(0.1);
   tip.lead({kFar_mm, 0, kTissueTool_mm - kDepth_mm}, speed_mm_s,
-           [&](const TickRecord& felt) { comparison.see(felt); });
+           [&](const TickRecord& tick) { comparison.observe(tick); });
   return comparison.off();
 }
 
@@ -216,8 +216,8 @@ double change_at_rest_N(const std::shared_ptr<const Model>& model) {
   tip.lead({3, 1, kTissueTool_mm - 4}, 50);
   tip.wait(0.1);
   double before_N = -1, max_N = 0;
-  tip.wait(0.4, [&](const TickRecord& felt) {
-    const double now_N = felt.device[0].unclamped_force_N;
+  tip.wait(0.4, [&](const TickRecord& tick) {
+    const double now_N = tick.device[0].unclamped_force_N;
     if (before_N >= 0) max_N = std::max(max_N, std::abs(now_N - before_N));
     before_N = now_N;
   });
@@ -230,8 +230,8 @@ double work_given_out_percent(const std::shared_ptr<const Model>& model, double 
   double work_mJ = 0, max_mJ = 0;
   Eigen::Vector3d before = Eigen::Vector3d::Zero(), force_before = Eigen::Vector3d::Zero();
   bool any = false;
-  const auto see = [&](const TickRecord& felt) {
-    const DeviceTick& device = felt.device[0];
+  const auto observe = [&](const TickRecord& tick) {
+    const DeviceTick& device = tick.device[0];
     const Eigen::Vector3d at(device.tip_world_mm[0], device.tip_world_mm[1], device.tip_world_mm[2]),
         force(device.force_N[0], device.force_N[1], device.force_N[2]);
     // trapezoidal rule: energy generated by the sample-and-hold is not attributed to the tissue
@@ -242,9 +242,9 @@ double work_given_out_percent(const std::shared_ptr<const Model>& model, double 
     any = true;
   };
   tip.begin_at({-kFar_mm, 0.5, kOver_mm});
-  tip.lead({-kFar_mm, 0.5, kUnder_mm}, speed_mm_s, see);
-  tip.lead({kFar_mm, 0.5, kUnder_mm}, speed_mm_s, see);
-  tip.lead({kFar_mm, 0.5, kOver_mm}, speed_mm_s, see);
+  tip.lead({-kFar_mm, 0.5, kUnder_mm}, speed_mm_s, observe);
+  tip.lead({kFar_mm, 0.5, kUnder_mm}, speed_mm_s, observe);
+  tip.lead({kFar_mm, 0.5, kOver_mm}, speed_mm_s, observe);
   return -100 * work_mJ / max_mJ;
 }
 
@@ -255,9 +255,9 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
     TissueTip tip(model);
     tip.begin_at({0, 0, kTissueTool_mm + kBeginAbove_mm});
     tip.lead({0, 0, kTissueTool_mm - deep_mm}, kSpeed_mm_s);
-    double felt_N = 0;
-    tip.wait(kSettles_s, [&](const TickRecord& felt) { felt_N = felt.device[0].unclamped_force_N; });
-    return felt_N;
+    double rendered_N = 0;
+    tip.wait(kSettles_s, [&](const TickRecord& tick) { rendered_N = tick.device[0].unclamped_force_N; });
+    return rendered_N;
   };
   const double over_N = force_N(nodule, depth_mm), plain_N = force_N(plain, depth_mm);
   const double over_before_N = force_N(nodule, depth_mm - kStep_mm),
@@ -273,25 +273,25 @@ RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
   const auto forces_N = [&](const std::shared_ptr<const Model>& model) {
     TissueTip tip(model);
     std::vector<double> forces;
-    const auto see = [&](const TickRecord& felt) { forces.push_back(felt.device[0].unclamped_force_N); };
+    const auto observe = [&](const TickRecord& tick) { forces.push_back(tick.device[0].unclamped_force_N); };
     tip.begin_at({12, 0, kTissueTool_mm + 0.5});
-    tip.lead({12, 0, kTissueTool_mm - kDepth_mm}, 100, see);
-    tip.wait(held_s, see);
+    tip.lead({12, 0, kTissueTool_mm - kDepth_mm}, 100, observe);
+    tip.wait(held_s, observe);
     return forces;
   };
-  const std::vector<double> felt_N = forces_N(relaxing), at_once_N = forces_N(elastic);
+  const std::vector<double> rendered_N = forces_N(relaxing), at_once_N = forces_N(elastic);
   RelaxationError off;
-  for (std::size_t n = kEvery; n < felt_N.size(); n += kEvery) {
+  for (std::size_t n = kEvery; n < rendered_N.size(); n += kEvery) {
     // the change of the force is assumed to be uniform within its tick, i.e. at its middle
     double truth_N = 0;
     for (std::size_t m = 1; m <= n; ++m)
       truth_N += (at_once_N[m] - at_once_N[m - 1]) *
                  left_of(relaxation, (static_cast<double>(n - m) + 0.5) / kTickRate_hz);
     if (!(truth_N > 0)) continue;
-    const double percent = 100 * std::abs(felt_N[n] / truth_N - 1);
+    const double percent = 100 * std::abs(rendered_N[n] / truth_N - 1);
     double& most = n < kOfPress ? off.pressed_percent : off.held_percent;
     most = std::max(most, percent);
-    off.left = felt_N[n] / at_once_N[n];
+    off.left = rendered_N[n] / at_once_N[n];
     ++off.samples;
   }
   return off;
@@ -301,7 +301,7 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
                                              const std::shared_ptr<const Model>& elastic,
                                              const Relaxation& relaxation) {
   constexpr double kHz[] = {1, 3, 10}, kSwing_mm = 0.1;
-  constexpr int kSettle = 4000, kSeen = 4000;
+  constexpr int kSettle = 4000, kObserved = 4000;
   // Fourier coefficients at each frequency over whole periods of all of them, with a Hann window that
   // suppresses the remaining initial transient
   const auto waves = [&](const std::shared_ptr<const Model>& model) {
@@ -309,21 +309,21 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
     std::vector<Eigen::Vector2d> sums(std::size(kHz), Eigen::Vector2d::Zero());
     tip.begin_at({12, 0, kTissueTool_mm + 0.5});
     tip.lead({12, 0, kTissueTool_mm - 3}, 20);
-    for (int n = 0; n < kSettle + kSeen; ++n) {
+    for (int n = 0; n < kSettle + kObserved; ++n) {
       const auto phase = [&](double hz) { return 2 * std::numbers::pi * hz * n / kTickRate_hz; };
       double z_mm = kTissueTool_mm - 3;
       for (const double hz : kHz) z_mm -= kSwing_mm * std::sin(phase(hz));
-      tip.go_to({12, 0, z_mm}, [&](const TickRecord& felt) {
+      tip.go_to({12, 0, z_mm}, [&](const TickRecord& tick) {
         if (n < kSettle) return;
-        const double weight = 1 - std::cos(2 * std::numbers::pi * (n - kSettle + 0.5) / kSeen);
+        const double weight = 1 - std::cos(2 * std::numbers::pi * (n - kSettle + 0.5) / kObserved);
         for (std::size_t f = 0; f < std::size(kHz); ++f)
-          sums[f] += weight * felt.device[0].unclamped_force_N *
+          sums[f] += weight * tick.device[0].unclamped_force_N *
                      Eigen::Vector2d(std::cos(phase(kHz[f])), std::sin(phase(kHz[f])));
       });
     }
     return sums;
   };
-  const std::vector<Eigen::Vector2d> felt = waves(relaxing), at_once = waves(elastic);
+  const std::vector<Eigen::Vector2d> samples = waves(relaxing), at_once = waves(elastic);
   std::vector<OscillationError> all;
   for (std::size_t f = 0; f < std::size(kHz); ++f) {
     double stored = 1, lost = 0;
@@ -333,8 +333,8 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
       lost += term.part * x / (1 + x * x);
     }
     const auto angle = [](const Eigen::Vector2d& wave) { return std::atan2(wave.x(), wave.y()); };
-    const double ahead = angle(felt[f]) - angle(at_once[f]), truth = std::atan2(lost, stored);
-    const double size = felt[f].norm() / at_once[f].norm(), true_size = std::hypot(stored, lost);
+    const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(lost, stored);
+    const double size = samples[f].norm() / at_once[f].norm(), true_size = std::hypot(stored, lost);
     all.push_back({kHz[f], 100 * std::abs(ahead / truth - 1), 100 * std::abs(size / true_size - 1),
                    ahead * 180 / std::numbers::pi});
   }

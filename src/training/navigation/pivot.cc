@@ -135,7 +135,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   double deviation = min_median / 1.538 * (1 + 5 / free);
 
   PivotCalibration out;
-  std::vector<std::size_t> kept;
+  std::vector<std::size_t> stored;
   // reweighting: inliers are determined again from the solution of the inliers until they no longer change
   for (int turn = 0; turn < 20; ++turn) {
     std::vector<std::size_t> now;
@@ -143,25 +143,25 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
       if (residual_mm(poses[n], best) <= options.outlier_deviations * std::numbers::sqrt3 * deviation + 1e-9)
         now.push_back(n);
     if (now.size() < kFewest) break;
-    const bool settled = now == kept;
-    kept = std::move(now);
-    const auto solved = solve(poses, kept);
+    const bool settled = now == stored;
+    stored = std::move(now);
+    const auto solved = solve(poses, stored);
     if (!solved || settled) break;
     best = solved->at;
     double squares = 0;
-    for (const std::size_t n : kept) squares += std::pow(residual_mm(poses[n], best), 2);
-    deviation = std::sqrt(squares / (3 * static_cast<double>(kept.size()) - 6));
+    for (const std::size_t n : stored) squares += std::pow(residual_mm(poses[n], best), 2);
+    deviation = std::sqrt(squares / (3 * static_cast<double>(stored.size()) - 6));
   }
-  const auto solved = kept.size() < kFewest ? std::nullopt : solve(poses, kept);
+  const auto solved = stored.size() < kFewest ? std::nullopt : solve(poses, stored);
   if (!solved || turn_of(*solved) < options.min_turn_deg)
     return refuse("too few of " + std::to_string(poses.size()) + " poses agree on the position of the tip",
                   turn_more);
   out.tip = Point<TrackedTool>(solved->at.head<3>());
   out.pivot = Point<Tracker>(solved->at.tail<3>());
-  out.used = static_cast<int>(kept.size());
+  out.used = static_cast<int>(stored.size());
   out.turn_deg = turn_of(*solved);
   out.is_outlier.assign(poses.size(), true);
-  for (const std::size_t n : kept) out.is_outlier[n] = false;
+  for (const std::size_t n : stored) out.is_outlier[n] = false;
   double squares = 0;
   for (std::size_t n = 0; n < poses.size(); ++n) {
     out.residuals_mm.push_back(residual_mm(poses[n], solved->at));

@@ -78,10 +78,11 @@ TEST(ErrorOfTip, IsTheSumOfItsParts) {
   const RegistrationOutcome outcome = some_outcome(random);
   const RigidError error = rigid_error(outcome.by_points, *outcome.fle_scale);
   const Navigation navigation{{{}, 0.5, 1.2}, {{}, 0, error, ""}};
-  for (const Point<Patient>& place : {error.about, Point<Patient>(10, 20, 30), Point<Patient>(400, 0, 0)}) {
-    const auto found = error_of_tip(navigation, place);
+  for (const Point<Patient>& position :
+       {error.about, Point<Patient>(10, 20, 30), Point<Patient>(400, 0, 0)}) {
+    const auto found = error_of_tip(navigation, position);
     ASSERT_TRUE(found);
-    const double alone_mm = error_at(error, place).rms_mm;
+    const double alone_mm = error_at(error, position).rms_mm;
     EXPECT_NEAR(found->rms_mm, std::sqrt(alone_mm * alone_mm + 0.25 + 1.44), 1e-9);
     EXPECT_GT(found->max_mm, found->rms_mm);
     EXPECT_EQ(found->is_far, alone_mm > 2 * error_at(error, error.about).rms_mm);

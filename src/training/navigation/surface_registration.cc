@@ -177,7 +177,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   const auto refuse = [](std::string what, std::string remedy) {
     return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
   };
-  const auto said = [](const char* format, auto... numbers) {
+  const auto stated = [](const char* format, auto... numbers) {
     char text[200];
     std::snprintf(text, sizeof text, format, numbers...);
     return std::string(text);
@@ -189,7 +189,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (std::size_t n = 0; n < touched.size(); ++n) {
     if (!touched[n].all_finite())
-      return refuse(said("the coordinates of point %zu are not finite", n + 1), "touch it again");
+      return refuse(stated("the coordinates of point %zu are not finite", n + 1), "touch it again");
     middle += (start * touched[n]).eigen() / static_cast<double>(touched.size());
   }
   const Fitter fitter(surface, touched, options);
@@ -221,26 +221,26 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   const SymmetricEigen<6> held = symmetric_eigen(best->information);
   out.hold = held.values[0];
   if (out.rms_mm > options.max_rms_mm)
-    return refuse(said("the points do not fit the surface: the residual is %.2g mm (root mean square), at "
-                       "most %.2g is allowed",
-                       out.rms_mm, options.max_rms_mm),
+    return refuse(stated("the points do not fit the surface: the residual is %.2g mm (root mean square), at "
+                         "most %.2g is allowed",
+                         out.rms_mm, options.max_rms_mm),
                   "check the structure and the side of the patient, and start closer: with points that are "
                   "visible in the scan");
   const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const SurfaceProjection& foot) {
     return std::abs(foot.distance_mm) > options.far_mm;
   });
   if (static_cast<double>(far) > options.max_far * static_cast<double>(touched.size()))
-    return refuse(said("%d of %zu points are farther than %.2g mm from the surface", static_cast<int>(far),
-                       touched.size(), options.far_mm),
+    return refuse(stated("%d of %zu points are farther than %.2g mm from the surface", static_cast<int>(far),
+                         touched.size(), options.far_mm),
                   "check the structure and the side of the patient, or touch again where the hand slipped");
   if (out.hold < options.min_hold) {
     const Vector6d open = held.vectors.col(0);
     const bool shifts = open.head<3>().norm() > open.tail<3>().norm();
     const Eigen::Vector3d along = (shifts ? open.head<3>() : open.tail<3>()).normalized();
     return refuse(
-        said("the points do not constrain %s (%.2f, %.2f, %.2f) in the patient: constraint %.2g of 1",
-             shifts ? "the translation along" : "the rotation about", along.x(), along.y(), along.z(),
-             out.hold),
+        stated("the points do not constrain %s (%.2f, %.2f, %.2f) in the patient: constraint %.2g of 1",
+               shifts ? "the translation along" : "the rotation about", along.x(), along.y(), along.z(),
+               out.hold),
         "also touch other sides of the structure");
   }
   for (std::size_t n = 0; n < touched.size(); ++n) {

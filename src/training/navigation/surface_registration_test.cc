@@ -21,9 +21,9 @@ using Distance = std::function<double(const Eigen::Vector3d&)>;
 
 double capsule(const Eigen::Vector3d& x, const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                double radius) {
-  const Eigen::Vector3d way = to - from;
-  const double t = std::clamp((x - from).dot(way) / way.squaredNorm(), 0.0, 1.0);
-  return (x - from - t * way).norm() - radius;
+  const Eigen::Vector3d displacement = to - from;
+  const double t = std::clamp((x - from).dot(displacement) / displacement.squaredNorm(), 0.0, 1.0);
+  return (x - from - t * displacement).norm() - radius;
 }
 // intersecting rods of different sizes: without any symmetry, including mirror symmetry
 double rods(const Eigen::Vector3d& x) {
@@ -51,8 +51,8 @@ Surface surface_of(const Distance& distance) {
 
 std::vector<Point<Patient>> sample_surface(const Distance& distance, std::size_t count,
                                            std::mt19937& random) {
-  std::vector<Point<Patient>> places;
-  while (places.size() < count) {
+  std::vector<Point<Patient>> positions;
+  while (positions.size() < count) {
     Eigen::Vector3d x;
     for (double& each : x) each = 34 * std::uniform_real_distribution<double>(-1, 1)(random);
     for (int turn = 0; turn < 30; ++turn) {
@@ -63,9 +63,9 @@ std::vector<Point<Patient>> sample_surface(const Distance& distance, std::size_t
             2e-4;
       x -= distance(x) * slope;
     }
-    if (std::abs(distance(x)) < 1e-6 && x.cwiseAbs().maxCoeff() < 35) places.emplace_back(x);
+    if (std::abs(distance(x)) < 1e-6 && x.cwiseAbs().maxCoeff() < 35) positions.emplace_back(x);
   }
-  return places;
+  return positions;
 }
 
 struct Case {
@@ -73,15 +73,16 @@ struct Case {
   std::vector<Point<Tracker>> touched;
 };
 // displaced by 10 degrees and 10 mm
-Case away_from(const std::vector<Point<Patient>>& places, double noise_mm, std::mt19937& random) {
+Case away_from(const std::vector<Point<Patient>>& positions, double noise_mm, std::mt19937& random) {
   Case out;
   out.truth = {Rotation<Patient, Tracker>(test::any_rotation(random)),
                Vector<Patient>(100 * test::normal(random))};
   const Eigen::Matrix3d turned =
       Eigen::AngleAxisd(std::numbers::pi / 18, test::normal(random).normalized()).toRotationMatrix();
   out.start = Transform<Patient, Patient>(turned, 10 * test::normal(random).normalized()) * out.truth;
-  for (const Point<Patient>& place : places)
-    out.touched.push_back(out.truth.inverse() * (place + Vector<Patient>(noise_mm * test::normal(random))));
+  for (const Point<Patient>& position : positions)
+    out.touched.push_back(out.truth.inverse() *
+                          (position + Vector<Patient>(noise_mm * test::normal(random))));
   return out;
 }
 double max_off_mm(const SurfaceRegistration& found, const Case& of) {
@@ -127,8 +128,8 @@ TEST(RegisterToSurface, HandsThatShakeAndSlipAndABallThatTouches) {
 TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
-  const auto refused = [&](const Distance& of_surface, const std::vector<Point<Patient>>& places) {
-    const Case of = away_from(places, 0, random);
+  const auto refused = [&](const Distance& of_surface, const std::vector<Point<Patient>>& positions) {
+    const Case of = away_from(positions, 0, random);
     const auto found = register_to_surface(surface_of(of_surface), of.touched, of.start);
     return found ? std::string("accepted") : found.error().message();
   };

@@ -20,7 +20,7 @@ class Touches : public ::testing::Test {
     State last = State::kMoving;
     for (int n = 0; n < static_cast<int>(std::lround(50 * seconds)); ++n) {
       time_s_ += 0.02;
-      last = taker_.see(at + Vector<Tracker>(shake_mm * test::normal(random_)), time_s_);
+      last = taker_.observe(at + Vector<Tracker>(shake_mm * test::normal(random_)), time_s_);
       if (last == State::kTaken) return last;
     }
     return last;

@@ -106,11 +106,11 @@ class SqliteRecords final : public Records {
 };
 
 Result<std::int64_t> SqliteRecords::number_of(const char* sql) {
-  auto asked = statement(sql);
-  if (!asked) return asked.error();
-  const auto row = asked->step();
+  auto requested = statement(sql);
+  if (!requested) return requested.error();
+  const auto row = requested->step();
   if (!row) return row.error();
-  return *row ? asked->whole(0) : 0;
+  return *row ? requested->whole(0) : 0;
 }
 
 // the file is untrusted: only its rows may be read, and no trigger, view or function of it may run
@@ -175,13 +175,13 @@ Result<void> SqliteRecords::check_tables() {
     made.push_back(schema.substr(at, end - at));
     at = end + 1;
   }
-  auto asked = statement("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
-  if (!asked) return asked.error();
+  auto requested = statement("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
+  if (!requested) return requested.error();
   while (there.size() <= made.size()) {
-    const auto row = asked->step();
+    const auto row = requested->step();
     if (!row) return row.error();
     if (!*row) break;
-    there.push_back(plain(asked->text(0)));
+    there.push_back(plain(requested->text(0)));
   }
   std::sort(made.begin(), made.end());
   std::sort(there.begin(), there.end());
@@ -195,11 +195,11 @@ Result<std::int64_t> SqliteRecords::learner_of(const std::string& name) {
   auto added = statement("INSERT INTO learners(name) VALUES(?1) ON CONFLICT(name) DO NOTHING");
   if (!added) return added.error();
   if (const auto done = added->bind(1, name).step(); !done) return done.error();
-  auto asked = statement("SELECT id FROM learners WHERE name = ?1");
-  if (!asked) return asked.error();
-  const auto row = asked->bind(1, name).step();
+  auto requested = statement("SELECT id FROM learners WHERE name = ?1");
+  if (!requested) return requested.error();
+  const auto row = requested->bind(1, name).step();
   if (!row) return row.error();
-  return asked->whole(0);
+  return requested->whole(0);
 }
 
 Result<std::int64_t> SqliteRecords::add(const RunRecord& run) {
@@ -227,11 +227,11 @@ Result<std::int64_t> SqliteRecords::add(const RunRecord& run) {
       "VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15)");
   if (!added) return added.error();
   added->bind(1, *learner);
-  int place = 2;
+  int index = 2;
   for (const std::string* text :
        {&run.task, &run.task_hash, &run.started_utc, &run.data_set, &run.palpate_version, &run.commit,
         &run.device, &run.hand, &run.settings_hash, &run.run_hash, &run.score_hash})
-    added->bind(place++, *text);
+    added->bind(index++, *text);
   added->bind(13, std::optional(run.duration_s))
       .bind(14, std::int64_t{run.in_a_row})
       .bind(15, std::int64_t{run.in_band});
@@ -269,28 +269,28 @@ Result<void> SqliteRecords::list(const RunFilter& filter,
   // the newest runs, in ascending order
   if (filter.newest > 0)
     sql = "SELECT * FROM (" + sql + " DESC LIMIT " + std::to_string(filter.newest) + ") ORDER BY 1";
-  auto asked = statement(sql.c_str());
-  if (!asked) return asked.error();
-  if (!filter.learner.empty()) asked->bind(1, filter.learner);
-  if (!filter.task.empty()) asked->bind(2, filter.task);
+  auto requested = statement(sql.c_str());
+  if (!requested) return requested.error();
+  if (!filter.learner.empty()) requested->bind(1, filter.learner);
+  if (!filter.task.empty()) requested->bind(2, filter.task);
   while (true) {
-    const auto row = asked->step();
+    const auto row = requested->step();
     if (!row) return row.error();
     if (!*row) return {};
-    if (auto taken = take(run_of(*asked)); !taken) return taken;
+    if (auto used = take(run_of(*requested)); !used) return used;
   }
 }
 
 Result<RunRecord> SqliteRecords::run(std::int64_t id) {
   const std::string sql = std::string("SELECT ") + kColumns + " WHERE runs.id = ?1";
-  auto asked = statement(sql.c_str());
-  if (!asked) return asked.error();
-  const auto row = asked->bind(1, id).step();
+  auto requested = statement(sql.c_str());
+  if (!requested) return requested.error();
+  const auto row = requested->bind(1, id).step();
   if (!row) return row.error();
   if (!*row)
     return Error{ErrorKind::kBadInput, "there is no run " + std::to_string(id), file_.string(),
                  "palpate records list shows the runs"};
-  RunRecord run = run_of(*asked);
+  RunRecord run = run_of(*requested);
   auto metrics = statement(
       "SELECT name, unit, value, at_least, at_most, counts, in_band FROM metrics WHERE run = ?1 ORDER BY "
       "place");

@@ -156,9 +156,9 @@ TEST(Records, EraseSaysWhenSomebodyKeepsTheLog) {
   sqlite3* reader = nullptr;
   ASSERT_EQ(sqlite3_open(file.c_str(), &reader), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(reader, "BEGIN; SELECT count(*) FROM runs", nullptr, nullptr, nullptr), SQLITE_OK);
-  const auto kept = (*records)->erase("DOE^CANARY");
-  ASSERT_FALSE(kept.ok());
-  EXPECT_THAT(kept.error().message(), HasSubstr("traces may remain"));
+  const auto stored = (*records)->erase("DOE^CANARY");
+  ASSERT_FALSE(stored.ok());
+  EXPECT_THAT(stored.error().message(), HasSubstr("traces may remain"));
   EXPECT_TRUE(listed(**records).empty());
   sqlite3_close(reader);
   ASSERT_TRUE((*records)->erase("DOE^CANARY").ok());
@@ -227,8 +227,8 @@ TEST(Records, TwoWritersWaitForEachOther) {
 /// A process that adds runs is killed at a random moment: every run for which add() had returned is complete
 /// in the file. 20 times, or PALPATE_TEST_KILLS times.
 TEST(KilledRecords, LoseNoRunThatWasCommitted) {
-  const char* asked = std::getenv("PALPATE_TEST_KILLS");
-  const int kills = asked ? std::atoi(asked) : 20;
+  const char* value = std::getenv("PALPATE_TEST_KILLS");
+  const int kills = value ? std::atoi(value) : 20;
   std::mt19937_64 random(test::test_seed());
   const test::TemporaryFolder folder;
   const fs::path file = folder / "records.db";

@@ -36,20 +36,20 @@ Result<Statement> Statement::prepare(sqlite3* database, const char* sql, const s
   return Statement(statement, file);
 }
 
-Statement& Statement::bind(int place, const std::string& text) {
-  PALPATE_CHECK(sqlite3_bind_text64(statement_.get(), place, text.data(), text.size(), SQLITE_STATIC,
+Statement& Statement::bind(int index, const std::string& text) {
+  PALPATE_CHECK(sqlite3_bind_text64(statement_.get(), index, text.data(), text.size(), SQLITE_STATIC,
                                     SQLITE_UTF8) == SQLITE_OK);
   return *this;
 }
 
-Statement& Statement::bind(int place, std::int64_t number) {
-  PALPATE_CHECK(sqlite3_bind_int64(statement_.get(), place, number) == SQLITE_OK);
+Statement& Statement::bind(int index, std::int64_t number) {
+  PALPATE_CHECK(sqlite3_bind_int64(statement_.get(), index, number) == SQLITE_OK);
   return *this;
 }
 
-Statement& Statement::bind(int place, std::optional<double> number) {
-  const int code = number ? sqlite3_bind_double(statement_.get(), place, *number)
-                          : sqlite3_bind_null(statement_.get(), place);
+Statement& Statement::bind(int index, std::optional<double> number) {
+  const int code = number ? sqlite3_bind_double(statement_.get(), index, *number)
+                          : sqlite3_bind_null(statement_.get(), index);
   PALPATE_CHECK(code == SQLITE_OK);
   return *this;
 }

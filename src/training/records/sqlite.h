@@ -28,9 +28,9 @@ class Statement {
  public:
   static Result<Statement> prepare(sqlite3* database, const char* sql, const std::filesystem::path& file);
 
-  Statement& bind(int place, const std::string& text);
-  Statement& bind(int place, std::int64_t number);
-  Statement& bind(int place, std::optional<double> number);
+  Statement& bind(int index, const std::string& text);
+  Statement& bind(int index, std::int64_t number);
+  Statement& bind(int index, std::optional<double> number);
   /// Returns whether there is a row.
   Result<bool> step();
   /// Allows execution with other values.

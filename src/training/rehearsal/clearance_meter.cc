@@ -12,22 +12,22 @@ constexpr double kFarTolerance_mm = 0.05;
 }  // namespace
 
 ClearanceMeter::ClearanceMeter(const std::vector<StructureDistance>& distances,
-                               const std::map<LabelId, double>& asked_mm, std::size_t parts) {
+                               const std::map<LabelId, double>& requested_mm, std::size_t parts) {
   for (const StructureDistance& distance : distances) {
     Structure& structure = structures_.emplace_back();
     structure.distance = &distance;
     structure.approach.label = distance.label();
     structure.approach.over_time_mm.assign(parts, std::numeric_limits<float>::quiet_NaN());
-    if (const auto asked = asked_mm.find(distance.label()); asked != asked_mm.end())
-      structure.approach.asked_mm = asked->second;
+    if (const auto requested = requested_mm.find(distance.label()); requested != requested_mm.end())
+      structure.approach.requested_mm = requested->second;
   }
 }
 
-void ClearanceMeter::see(const MeterInput& now) {
-  for (Structure& structure : structures_) see(now, structure);
+void ClearanceMeter::observe(const MeterInput& now) {
+  for (Structure& structure : structures_) observe(now, structure);
 }
 
-void ClearanceMeter::see(const MeterInput& now, Structure& structure) {
+void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
   StructureClearance& approach = structure.approach;
   float& in_part = approach.over_time_mm[now.part];
   // Beyond the surface's own distance field the clearance changes by at most the displacement of the head. It
@@ -37,7 +37,7 @@ void ClearanceMeter::see(const MeterInput& now, Structure& structure) {
     const double widest_mm = std::max(now.head.radius_mm, now.head.end_radius_mm);
     if (at_least_mm > structure.distance->near_mm() + widest_mm &&
         at_least_mm + kFarTolerance_mm >= static_cast<double>(in_part) &&
-        at_least_mm >= approach.asked_mm.value_or(0))
+        at_least_mm >= approach.requested_mm.value_or(0))
       return end_breach(structure);
   }
   const double gap = gap_mm(*structure.distance, now.head);
@@ -54,10 +54,10 @@ void ClearanceMeter::see(const MeterInput& now, Structure& structure) {
 
 void ClearanceMeter::follow_breach(const MeterInput& now, double gap, Structure& structure) {
   StructureClearance& approach = structure.approach;
-  if (!approach.asked_mm || gap >= *approach.asked_mm) return end_breach(structure);
+  if (!approach.requested_mm || gap >= *approach.requested_mm) return end_breach(structure);
   if (!structure.breach) {
     structure.breach =
-        ClearanceViolation{approach.label, *approach.asked_mm, gap, now.place, now.place, 0, 0};
+        ClearanceViolation{approach.label, *approach.requested_mm, gap, now.place, now.place, 0, 0};
   } else {
     approach.below_s += now.dt_s;
   }

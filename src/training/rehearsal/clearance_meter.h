@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "rehearsal/seen_tick.h"
+#include "rehearsal/meter_input.h"
 
 namespace palpate {
 
@@ -11,12 +11,12 @@ namespace palpate {
 class ClearanceMeter {
  public:
   /// @param distances  have to outlive this object
-  /// @param asked_mm   required clearance by label
+  /// @param requested_mm   required clearance by label
   /// @param parts      number of intervals of the time series
-  ClearanceMeter(const std::vector<StructureDistance>& distances, const std::map<LabelId, double>& asked_mm,
-                 std::size_t parts);
+  ClearanceMeter(const std::vector<StructureDistance>& distances,
+                 const std::map<LabelId, double>& requested_mm, std::size_t parts);
 
-  void see(const MeterInput& now);
+  void observe(const MeterInput& now);
   void finish(PlanComparison& to);
 
  private:
@@ -29,7 +29,7 @@ class ClearanceMeter {
     ToolHead head;
     double gap_mm = 0;
   };
-  void see(const MeterInput& now, Structure& structure);
+  void observe(const MeterInput& now, Structure& structure);
   void follow_breach(const MeterInput& now, double gap_mm, Structure& structure);
   void end_breach(Structure& structure);
 

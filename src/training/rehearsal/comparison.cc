@@ -12,15 +12,15 @@ namespace {
 /// Decimated path of the tip: keeps every tick, then every second, fourth, eighth ... as it grows.
 class DecimatedPath {
  public:
-  void see(const Point<Patient>& at) {
+  void observe(const Point<Patient>& at) {
     last_ = at;
-    if (seen_++ % step_ != 0) return;
+    if (observed_++ % step_ != 0) return;
     places_.push_back(at);
-    if (places_.size() < kMaxWayPlaces) return;
+    if (places_.size() < kMaxPathPoints) return;
     step_ *= 2;
-    std::size_t kept = 0;
-    for (std::size_t n = 0; n < places_.size(); n += 2) places_[kept++] = places_[n];
-    places_.resize(kept);
+    std::size_t retained = 0;
+    for (std::size_t n = 0; n < places_.size(); n += 2) places_[retained++] = places_[n];
+    places_.resize(retained);
   }
   std::vector<Point<Patient>> finish() {
     if (last_ && places_.back() != *last_) places_.push_back(*last_);
@@ -30,7 +30,7 @@ class DecimatedPath {
  private:
   std::vector<Point<Patient>> places_;
   std::optional<Point<Patient>> last_;
-  std::uint64_t seen_ = 0, step_ = 1;
+  std::uint64_t observed_ = 0, step_ = 1;
 };
 
 /// Measures everything but the volumes in one pass.
@@ -48,18 +48,18 @@ class RunMeter {
       trajectories_.emplace_back(plan.file.trajectories[n], plan.enters[n], distances);
   }
 
-  Result<void> see(const TickRecord& tick) {
-    if (!std::isfinite(tick.time_s) || (told_.ticks > 0 && tick.time_s < time_s_))
+  Result<void> observe(const TickRecord& tick) {
+    if (!std::isfinite(tick.time_s) || (reported_.ticks > 0 && tick.time_s < time_s_))
       return Error{ErrorKind::kBadInput, "the clock does not advance at tick " + std::to_string(tick.tick),
                    "", "record the run again"};
-    if (told_.ticks == 0) begun_s_ = tick.time_s;
-    const double dt_s = told_.ticks > 0 ? tick.time_s - time_s_ : 0;
-    if (told_.ticks > 0 && tick.tick > last_tick_ + 1) told_.missing_s += dt_s;
+    if (reported_.ticks == 0) begun_s_ = tick.time_s;
+    const double dt_s = reported_.ticks > 0 ? tick.time_s - time_s_ : 0;
+    if (reported_.ticks > 0 && tick.tick > last_tick_ + 1) reported_.missing_s += dt_s;
     last_tick_ = tick.tick;
     time_s_ = tick.time_s;
-    const std::size_t part =
-        static_cast<std::size_t>(std::min(told_.ticks++, all_ticks_ - 1) * parts_of(all_ticks_) / all_ticks_);
-    if (part == told_.times_s.size()) told_.times_s.push_back(time_s_ - begun_s_);
+    const std::size_t part = static_cast<std::size_t>(std::min(reported_.ticks++, all_ticks_ - 1) *
+                                                      parts_of(all_ticks_) / all_ticks_);
+    if (part == reported_.times_s.size()) reported_.times_s.push_back(time_s_ - begun_s_);
 
     const DeviceTick& device = tick.device[device_];
     see_turn(device);
@@ -71,22 +71,22 @@ class RunMeter {
         &device,
         shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
     if (!now.place.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
-      ++told_.invalid_ticks;
+      ++reported_.invalid_ticks;
       return {};
     }
-    clearance_.see(now);
-    for (TrajectoryMeter& trajectory : trajectories_) trajectory.see(now);
-    way_.see(now.place.at);
+    clearance_.observe(now);
+    for (TrajectoryMeter& trajectory : trajectories_) trajectory.observe(now);
+    path_.observe(now.place.at);
     return {};
   }
 
   PlanComparison finish() {
-    told_.time_s = told_.ticks > 0 ? time_s_ - begun_s_ : 0;
+    reported_.time_s = reported_.ticks > 0 ? time_s_ - begun_s_ : 0;
     for (TrajectoryMeter& trajectory : trajectories_)
-      told_.trajectories.push_back(trajectory.finish(tells_turn_));
-    clearance_.finish(told_);
-    told_.way = way_.finish();
-    return std::move(told_);
+      reported_.trajectories.push_back(trajectory.finish(reports_turn_));
+    clearance_.finish(reported_);
+    reported_.path = path_.finish();
+    return std::move(reported_);
   }
 
  private:
@@ -96,7 +96,7 @@ class RunMeter {
   // a device without orientation reports a constant one
   void see_turn(const DeviceTick& device) {
     if (!first_turn_) first_turn_ = device.orientation_wxyz;
-    tells_turn_ = tells_turn_ || *first_turn_ != device.orientation_wxyz;
+    reports_turn_ = reports_turn_ || *first_turn_ != device.orientation_wxyz;
   }
 
   const Model& model_;
@@ -106,11 +106,11 @@ class RunMeter {
   std::uint64_t all_ticks_, last_tick_ = 0;
   double begun_s_ = 0, time_s_ = 0;
   std::optional<std::array<double, 4>> first_turn_;
-  bool tells_turn_ = false;
+  bool reports_turn_ = false;
   ClearanceMeter clearance_;
   std::vector<TrajectoryMeter> trajectories_;
-  DecimatedPath way_;
-  PlanComparison told_;
+  DecimatedPath path_;
+  PlanComparison reported_;
 };
 
 double sum_of(const VolumesByLabel& volumes) {
@@ -124,15 +124,15 @@ double of_label(const VolumesByLabel& volumes, LabelId label) {
   return found != volumes.end() ? found->second : 0;
 }
 
-void tell_volumes(const PlannedVolumes& planned, const RemovedVolumes& taken, PlanComparison& to) {
+void report_volumes(const PlannedVolumes& planned, const RemovedVolumes& removed, PlanComparison& to) {
   for (std::size_t n = 0; n < planned.of_regions.size(); ++n)
-    to.regions.push_back({sum_of(planned.of_regions[n]), sum_of(taken.in_plan.of_regions[n])});
+    to.regions.push_back({sum_of(planned.of_regions[n]), sum_of(removed.in_plan.of_regions[n])});
   std::map<LabelId, StructureVolume> by_label;
-  for (const VolumesByLabel* volumes : {&planned.of_plan, &taken.outside})
+  for (const VolumesByLabel* volumes : {&planned.of_plan, &removed.outside})
     for (const auto& [label, mm3] : *volumes) by_label[label].label = label;
   for (auto& [label, volume] : by_label) {
-    volume.in_plan = {of_label(planned.of_plan, label), of_label(taken.in_plan.of_plan, label)};
-    volume.outside_mm3 = of_label(taken.outside, label);
+    volume.in_plan = {of_label(planned.of_plan, label), of_label(removed.in_plan.of_plan, label)};
+    volume.outside_mm3 = of_label(removed.outside, label);
     to.volumes.push_back(volume);
   }
 }
@@ -170,24 +170,24 @@ Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& m
   if (head.ticks == 0) return Error{ErrorKind::kBadInput, "it has no tick", "", "record a run first"};
   RunMeter run(plan, model, distances, device, head.ticks);
   RemovalFollower removal(model);
-  double seen = 0;
+  double observed = 0;
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
-        for (const RecordingEvent& event : part.events) removal.hear(event);
+        for (const RecordingEvent& event : part.events) removal.on_event(event);
         for (const TickRecord& tick : part.ticks)
-          if (auto known = run.see(tick); !known) return known;
-        seen += static_cast<double>(part.ticks.size());
-        progress.report("comparing", seen / static_cast<double>(head.ticks));
+          if (auto known = run.observe(tick); !known) return known;
+        observed += static_cast<double>(part.ticks.size());
+        progress.report("comparing", observed / static_cast<double>(head.ticks));
         return {};
       },
       progress);
   if (!read) return read.error();
-  PlanComparison told = run.finish();
-  told.cut_short = !head.summary.has_value();
+  PlanComparison comparison = run.finish();
+  comparison.cut_short = !head.summary.has_value();
   const auto planned = planned_volumes(plan, model, progress);
   if (!planned) return planned.error();
-  tell_volumes(*planned, removed_volumes(plan, removal.removed()), told);
-  return told;
+  report_volumes(*planned, removed_volumes(plan, removal.removed()), comparison);
+  return comparison;
 }
 
 }  // namespace palpate

@@ -38,7 +38,7 @@ Recording run_along(const std::function<Point<Patient>(double)>& tip_at, double 
 }
 
 /// Piecewise linear path at constant speed.
-struct StraightWay {
+struct StraightPath {
   std::vector<Point<Patient>> corners;
   double speed_mm_s = 20;
 
@@ -58,8 +58,8 @@ struct StraightWay {
   }
 };
 
-Recording run_along(const StraightWay& way, double rate_hz = 1000) {
-  return run_along([&](double t) { return way.at(t); }, way.seconds(), rate_hz);
+Recording run_along(const StraightPath& path, double rate_hz = 1000) {
+  return run_along([&](double t) { return path.at(t); }, path.seconds(), rate_hz);
 }
 
 const Model& ball() {
@@ -117,14 +117,14 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
     // a point of the ball that is touched earlier in the run and left again
     const Point<Patient> elsewhere = Point<Patient>() + side * 14, free = Point<Patient>() + side * 30;
     const Point<Patient> above = aside - turned * 20, deepest = aside + turned * depth_mm;
-    const StraightWay way{{free, elsewhere, free, above, deepest, above}};
+    const StraightPath path{{free, elsewhere, free, above, deepest, above}};
     PlanFile file;
     file.title = "p";
     file.trajectories.push_back({"t", entry, target, {"ball"}, 2, 1, 30, {}, 1});
     const auto plan = resolve_plan(file, ball());
     ASSERT_TRUE(plan) << plan.error().message();
     for (const double rate_hz : {1000.0, 4000.0}) {
-      const TrajectoryResult done = compared(*plan, run_along(way, rate_hz)).trajectories[0];
+      const TrajectoryResult done = compared(*plan, run_along(path, rate_hz)).trajectories[0];
       EXPECT_EQ(done.entry_made, EntryKind::kPassed);
       EXPECT_NEAR(done.entry_error_mm.value, (aside - entry).norm(), 0.02);
       EXPECT_EQ(done.entry_error_mm.kept(), done.entry_error_mm.value <= 2);
@@ -151,9 +151,9 @@ TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
   // 4 mm off axis, and deeper; then 1 mm off axis, in three strokes that never leave the hole by 10 mm; then
   // off axis again
   const auto in = [](double x, double z) { return Point<Patient>(x, 0, z); };
-  const StraightWay way{{in(4, 40), in(4, 0), in(4, 40), in(1, 40), in(1, 12), in(1, 17), in(1, 9), in(1, 18),
-                         in(1, 4), in(1, 40), in(-6, 40), in(-6, 9), in(-6, 40)}};
-  const TrajectoryResult done = compared(plan, run_along(way)).trajectories[0];
+  const StraightPath path{{in(4, 40), in(4, 0), in(4, 40), in(1, 40), in(1, 12), in(1, 17), in(1, 9),
+                           in(1, 18), in(1, 4), in(1, 40), in(-6, 40), in(-6, 9), in(-6, 40)}};
+  const TrajectoryResult done = compared(plan, run_along(path)).trajectories[0];
   EXPECT_NEAR(done.target_error_mm.value, 1, 0.01);
   EXPECT_NEAR(done.entry.at.x(), 1, 1e-6);
   EXPECT_NEAR(done.entry.at.z(), std::sqrt(15 * 15 - 1), 0.02);
@@ -175,8 +175,8 @@ entry_within = 1
   // tan of the angle is 0.1: the path is 2 mm off in x at the entry
   const Vector<Patient> turned = Vector<Patient>(0.1, 0, -1).normalized();
   const Point<Patient> beside = Point<Patient>(2, 0, 15);
-  const StraightWay way{{{40, 0, 60}, beside - turned * 20, beside + turned * 8, {40, 0, 60}}};
-  const TrajectoryResult done = compared(plan, run_along(way)).trajectories[0];
+  const StraightPath path{{{40, 0, 60}, beside - turned * 20, beside + turned * 8, {40, 0, 60}}};
+  const TrajectoryResult done = compared(plan, run_along(path)).trajectories[0];
   EXPECT_EQ(done.entry_made, EntryKind::kNearest);
   EXPECT_NEAR(done.entry_error_mm.value, 2 * std::cos(std::atan(0.1)), 0.001);
   EXPECT_FALSE(done.kept());
@@ -185,8 +185,8 @@ entry_within = 1
 
 TEST(ComparePlan, WhatWasTouchedAloneOrNeverReached) {
   const PlanInScene plan = scene_plan(kStraightDown);
-  const StraightWay way{{{3, 0, 40}, {3, 0, 16}, {3, 0, 40}}};
-  Recording run = run_along(way);
+  const StraightPath path{{{3, 0, 40}, {3, 0, 16}, {3, 0, 40}}};
+  Recording run = run_along(path);
   TrajectoryResult done = compared(plan, run).trajectories[0];
   EXPECT_EQ(done.entry_made, EntryKind::kNone);
   EXPECT_TRUE(std::isnan(done.entry_error_mm.value));
@@ -212,7 +212,7 @@ TEST(ComparePlan, AShaftHasItsAngleWhereTheDeviceTellsOne) {
   Model model = ball();
   model.tools[0].capsules = {{{0, 0, 0}, {0, 0, 100}, 1}};
   const PlanInScene plan = scene_plan(kStraightDown, model);
-  Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, 6}}});
+  Recording run = run_along(StraightPath{{{0, 0, 40}, {0, 0, 6}}});
   const auto shaft_deg = [&] { return compared(plan, run, model).trajectories[0].shaft_deg; };
   EXPECT_TRUE(std::isnan(shaft_deg()));
   // the shaft is rotated to the patient's superior direction, and then by 20 degrees away from it
@@ -240,13 +240,13 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> part(-1, 1);
-  StraightWay way;
-  way.speed_mm_s = 120;
+  StraightPath path;
+  path.speed_mm_s = 120;
   // every fourth corner is inside the ball
   for (int n = 0; n < 25; ++n)
-    way.corners.push_back(Point<Patient>() +
-                          Vector<Patient>(part(random), part(random), part(random)) * (n % 4 == 1 ? 5 : 50));
-  const Recording run = run_along(way);
+    path.corners.push_back(Point<Patient>() +
+                           Vector<Patient>(part(random), part(random), part(random)) * (n % 4 == 1 ? 5 : 50));
+  const Recording run = run_along(path);
   const PlanComparison made = compared(plan, run, model, *distances);
   ASSERT_EQ(made.approaches.size(), 2u);
   ASSERT_EQ(made.times_s.size(), kMaxPlanTimes);
@@ -299,17 +299,17 @@ TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
     EXPECT_NEAR(breach.nearest.time_s, turn + 0.5, 0.03);
     EXPECT_EQ(breach.begin.tick, static_cast<std::uint64_t>(std::llround(breach.begin.time_s * 1000)));
     EXPECT_NEAR(breach.nearest_mm, 1, 0.01);
-    EXPECT_EQ(breach.asked_mm, 3);
+    EXPECT_EQ(breach.requested_mm, 3);
     EXPECT_LT((breach.nearest.at - Point<Patient>(16, 0, 0)).norm(), 0.1);
   }
   EXPECT_NEAR(made.approaches[0].nearest_mm, 1, 0.01);
   EXPECT_NEAR(made.approaches[0].below_s, 1, 0.01);
   EXPECT_FALSE(made.approaches[0].kept());
 
-  const PlanComparison kept =
+  const PlanComparison comparison =
       compared(scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 0.9\n"), run);
-  EXPECT_TRUE(kept.breaches.empty());
-  EXPECT_TRUE(kept.kept());
+  EXPECT_TRUE(comparison.breaches.empty());
+  EXPECT_TRUE(comparison.kept());
 }
 
 TEST(ComparePlan, ABurrsHeadIsAllOfItsRowWhereItIsHeld) {
@@ -344,7 +344,7 @@ double ball_mm3(double r) {
 
 /// A run in which balls were removed, each by a separate stroke, visible to the tool one tick later.
 Recording cutting_run(const std::vector<std::pair<Point<Patient>, double>>& balls) {
-  Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, 39}}});
+  Recording run = run_along(StraightPath{{{0, 0, 40}, {0, 0, 39}}});
   std::uint32_t version = 1;
   for (const auto& [at, radius_mm] : balls) {
     RecordingEvent sweep;
@@ -383,11 +383,11 @@ TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
   ASSERT_EQ(made.volumes.size(), 1u);
   EXPECT_EQ(made.volumes[0].label, testing::kBone);
   EXPECT_NEAR(made.volumes[0].in_plan.planned_mm3 / ball_mm3(5), 1, 0.01);
-  EXPECT_NEAR(made.volumes[0].in_plan.taken_mm3 / in_mm3, 1, 0.02);
+  EXPECT_NEAR(made.volumes[0].in_plan.removed_mm3 / in_mm3, 1, 0.02);
   EXPECT_NEAR(made.volumes[0].outside_mm3 / (ball_mm3(4) - in_mm3), 1, 0.02);
   EXPECT_NEAR(made.volumes[0].in_plan.left_mm3() / (ball_mm3(5) - in_mm3), 1, 0.02);
   ASSERT_EQ(made.regions.size(), 1u);
-  EXPECT_EQ(made.regions[0].taken_mm3, made.volumes[0].in_plan.taken_mm3);
+  EXPECT_EQ(made.regions[0].removed_mm3, made.volumes[0].in_plan.removed_mm3);
   EXPECT_EQ(made.regions[0].planned_mm3, made.volumes[0].in_plan.planned_mm3);
 
   // undo restores the tissue, redo removes it
@@ -396,7 +396,7 @@ TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
   stroke.number = stroke.change.version = 3;
   stroke.change.tissue = ModelChange::kUndo;
   run.events.push_back(stroke);
-  EXPECT_EQ(compared(plan, run).volumes[0].in_plan.taken_mm3, 0);
+  EXPECT_EQ(compared(plan, run).volumes[0].in_plan.removed_mm3, 0);
   EXPECT_EQ(compared(plan, run).volumes[0].outside_mm3, 0);
   stroke.number = stroke.change.version = 4;
   stroke.change.tissue = ModelChange::kRedo;
@@ -407,7 +407,7 @@ TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
   Recording twice = cutting_run({{Point<Patient>(6, 0, 3), 4}, {Point<Patient>(6, 0, 3), 4}});
   twice.events.push_back(run.events[0]);
   twice.events.back().sweep.from_mm = twice.events.back().sweep.to_mm = {0, 0, -8};
-  EXPECT_EQ(compared(plan, twice).volumes[0].in_plan.taken_mm3, made.volumes[0].in_plan.taken_mm3);
+  EXPECT_EQ(compared(plan, twice).volumes[0].in_plan.removed_mm3, made.volumes[0].in_plan.removed_mm3);
   EXPECT_EQ(compared(plan, twice).volumes[0].outside_mm3, made.volumes[0].outside_mm3);
 }
 
@@ -424,7 +424,7 @@ TEST(ComparePlan, VolumesOfEachStructure) {
   ASSERT_EQ(made.volumes.size(), 2u);
   EXPECT_EQ(made.volumes[0].label, testing::kBone);
   EXPECT_NEAR(made.volumes[0].in_plan.planned_mm3 / ball_mm3(15), 1, 0.01);
-  EXPECT_NEAR(made.volumes[0].in_plan.taken_mm3 / in_mm3, 1, 0.04);
+  EXPECT_NEAR(made.volumes[0].in_plan.removed_mm3 / in_mm3, 1, 0.04);
   EXPECT_EQ(made.volumes[0].outside_mm3, 0);
   EXPECT_EQ(made.volumes[1].label, testing::kCartilage);
   EXPECT_EQ(made.volumes[1].in_plan.planned_mm3, 0);
@@ -435,7 +435,7 @@ TEST(ComparePlan, VolumesOfEachStructure) {
 
 TEST(ComparePlan, WhatNobodySawIsNotKept) {
   const PlanInScene plan = scene_plan(kStraightDown);
-  Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, 5}}});
+  Recording run = run_along(StraightPath{{{0, 0, 40}, {0, 0, 5}}});
   EXPECT_TRUE(compared(plan, run).kept());
   Recording cut = run;
   cut.summary.reset();
@@ -462,13 +462,13 @@ TEST(ComparePlan, WhatNobodySawIsNotKept) {
 }
 
 TEST(ComparePlan, TheWayIsThinnedOut) {
-  const Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, -40}}, 5});
+  const Recording run = run_along(StraightPath{{{0, 0, 40}, {0, 0, -40}}, 5});
   const PlanComparison made = compared(scene_plan(kStraightDown), run);
   EXPECT_EQ(made.ticks, 16'001u);
-  EXPECT_LE(made.way.size(), kMaxWayPlaces);
-  EXPECT_GT(made.way.size(), kMaxWayPlaces / 4);
-  EXPECT_EQ(made.way.front(), Point<Patient>(0, 0, 40));
-  EXPECT_LT((made.way.back() - Point<Patient>(0, 0, -40)).norm(), 1e-9);
+  EXPECT_LE(made.path.size(), kMaxPathPoints);
+  EXPECT_GT(made.path.size(), kMaxPathPoints / 4);
+  EXPECT_EQ(made.path.front(), Point<Patient>(0, 0, 40));
+  EXPECT_LT((made.path.back() - Point<Patient>(0, 0, -40)).norm(), 1e-9);
 }
 
 }  // namespace

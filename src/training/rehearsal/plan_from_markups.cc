@@ -9,11 +9,11 @@
 namespace palpate {
 namespace {
 
-constexpr const char* kWayOut =
+constexpr const char* kExitPoint =
     "a trajectory is a Line from entry to target, or two points called Entry and Target";
 
 Error no_trajectory(std::string what, const std::string& where) {
-  return {ErrorKind::kBadInput, std::move(what), where, kWayOut};
+  return {ErrorKind::kBadInput, std::move(what), where, kExitPoint};
 }
 
 std::string in_small_letters(std::string_view text) {
@@ -36,8 +36,8 @@ Result<void> add_trajectory(PlanFile& plan, std::string name, const NamedPoint& 
   const auto is_taken = [&](const std::string& text) {
     return std::ranges::find(plan.trajectories, text, &PlanTrajectory::name) != plan.trajectories.end();
   };
-  const std::string said = name;
-  for (int n = 2; is_taken(name); ++n) name = said + " " + std::to_string(n);
+  const std::string stated = name;
+  for (int n = 2; is_taken(name); ++n) name = stated + " " + std::to_string(n);
   PlanTrajectory trajectory;
   trajectory.name = std::move(name);
   trajectory.entry = Point<Patient>(entry.at_mm);

@@ -101,8 +101,8 @@ std::uint64_t RegionInPlan::places_in(const GridGeometry& grid, int i, int j, in
   if (depth >= half_diagonal_mm) return kAllPlaces;
   if (depth <= -half_diagonal_mm) return 0;
   std::uint64_t in = 0;
-  for (int place = 0; place < RemovedVolume::kPlaces; ++place)
-    if (depth_mm(X * RemovedVolume::place(i, j, k, place)) > 0) in |= std::uint64_t{1} << place;
+  for (int index = 0; index < RemovedVolume::kPlaces; ++index)
+    if (depth_mm(X * RemovedVolume::place(i, j, k, index)) > 0) in |= std::uint64_t{1} << index;
   return in;
 }
 
@@ -138,8 +138,8 @@ Result<PlanInScene> resolve_plan(const PlanFile& plan, const Model& model) {
     if (!labels) return labels.error();
     for (std::size_t label = 0; label < labels->size(); ++label) {
       if (!(*labels)[label]) continue;
-      double& asked_mm = found.distances_mm[static_cast<LabelId>(label)];
-      asked_mm = std::max(asked_mm, distance.distance_mm);
+      double& requested_mm = found.distances_mm[static_cast<LabelId>(label)];
+      requested_mm = std::max(requested_mm, distance.distance_mm);
     }
   }
   return found;
@@ -185,9 +185,9 @@ double depth_past_plan_mm(const PlanInScene& plan, const RemovedVolume& removed)
   removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t places) {
     // skip voxels that cannot exceed the current maximum
     if (past_mm(X * Point<Voxel>(i, j, k)) + half_diagonal_mm <= greatest_mm) return;
-    for (int place = 0; place < RemovedVolume::kPlaces; ++place)
-      if ((places >> place & 1) != 0)
-        greatest_mm = std::max(greatest_mm, past_mm(X * RemovedVolume::place(i, j, k, place)));
+    for (int index = 0; index < RemovedVolume::kPlaces; ++index)
+      if ((places >> index & 1) != 0)
+        greatest_mm = std::max(greatest_mm, past_mm(X * RemovedVolume::place(i, j, k, index)));
   });
   return greatest_mm;
 }

@@ -78,11 +78,11 @@ TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
               j = static_cast<int>(random() % static_cast<unsigned>(grid.dims[1])),
               k = static_cast<int>(random() % static_cast<unsigned>(grid.dims[2]));
     std::array<std::uint64_t, 3> expected{};
-    for (int place = 0; place < RemovedVolume::kPlaces; ++place) {
-      const Eigen::Vector3d at = (grid.X_PatientVoxel() * RemovedVolume::place(i, j, k, place)).eigen();
+    for (int index = 0; index < RemovedVolume::kPlaces; ++index) {
+      const Eigen::Vector3d at = (grid.X_PatientVoxel() * RemovedVolume::place(i, j, k, index)).eigen();
       const Eigen::Vector3d from_entry = at - t.entry.eigen();
       const double along = from_entry.dot(axis);
-      const std::uint64_t bit = std::uint64_t{1} << place;
+      const std::uint64_t bit = std::uint64_t{1} << index;
       if ((at - t.target.eigen()).norm() < 5) expected[0] |= bit;
       if (along > 1 && along < 12 && (from_entry - along * axis).norm() < 3) expected[1] |= bit;
       if (along > -1 && along < t.length_mm() && std::abs(from_entry.dot(across)) < 3 &&
@@ -117,9 +117,9 @@ structures = ["shell", "ball", "fat"]
   EXPECT_EQ(volumes->of_regions[1].size(), 2u);
   EXPECT_EQ(volumes->of_plan, volumes->of_regions[1]);
   model.tissues[0].protection = Protection::kKeep;
-  const auto kept = planned_volumes(*plan, model);
-  ASSERT_TRUE(kept);
-  EXPECT_EQ(kept->of_plan, volumes->of_regions[0]);
+  const auto stored = planned_volumes(*plan, model);
+  ASSERT_TRUE(stored);
+  EXPECT_EQ(stored->of_plan, volumes->of_regions[0]);
 }
 
 TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {

@@ -26,21 +26,23 @@ RunPoint between(const RunPoint& from, const RunPoint& to, double part) {
 }
 
 /// Point of the segment between two ticks that is nearest to a given point.
-RunPoint nearest_between(const RunPoint& from, const RunPoint& to, const Point<Patient>& place) {
-  const Vector<Patient> way = to.at - from.at;
-  const double squared = way.squared_norm();
-  return between(from, to, squared > 0 ? std::clamp((place - from.at).dot(way) / squared, 0.0, 1.0) : 1.0);
+RunPoint nearest_between(const RunPoint& from, const RunPoint& to, const Point<Patient>& position) {
+  const Vector<Patient> displacement = to.at - from.at;
+  const double squared = displacement.squared_norm();
+  return between(from, to,
+                 squared > 0 ? std::clamp((position - from.at).dot(displacement) / squared, 0.0, 1.0) : 1.0);
 }
 
 }  // namespace
 
 void LineFit::add(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  const Eigen::Vector3d way = to - from;
-  const double length = way.norm();
+  const Eigen::Vector3d displacement = to - from;
+  const double length = displacement.norm();
   length_mm_ += length;
   sum_ += 0.5 * length * (from + to);
-  squares_ += length * (from * from.transpose() + 0.5 * (from * way.transpose() + way * from.transpose()) +
-                        way * way.transpose() / 3);
+  squares_ += length * (from * from.transpose() +
+                        0.5 * (from * displacement.transpose() + displacement * from.transpose()) +
+                        displacement * displacement.transpose() / 3);
 }
 
 LineFit::Line LineFit::line() const {
@@ -78,13 +80,13 @@ bool TrajectoryMeter::touches(const DeviceTick& device) const {
   return is_of_them(device.label) || std::ranges::any_of(device.contact_label, is_of_them);
 }
 
-void TrajectoryMeter::see(const MeterInput& now) {
+void TrajectoryMeter::observe(const MeterInput& now) {
   const double outside = outside_mm(now);
   if (outside > kClear_mm)
     end_insertion();
   else
     look_for_entry(now, outside);
-  if (way_.made != EntryKind::kNone) go_on(now);
+  if (path_.made != EntryKind::kNone) go_on(now);
   const RunPoint near = nearest_between(last_.value_or(now.place), now.place, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < nearest_mm_) {
     nearest_mm_ = mm;
@@ -101,49 +103,49 @@ void TrajectoryMeter::look_for_entry(const MeterInput& now, double outside) {
     if (mm >= nearest_entry_mm_) return;
     begin(EntryKind::kNearest, near);
     nearest_entry_mm_ = mm;
-  } else if (way_.made != EntryKind::kPassed && outside <= 0) {
+  } else if (path_.made != EntryKind::kPassed && outside <= 0) {
     // near the surface the distance is interpolated linearly between ticks
     const bool came_from_outside = last_ && last_outside_mm_ > 0;
     begin(EntryKind::kPassed,
           came_from_outside ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
                             : now.place);
-  } else if (way_.made == EntryKind::kNone && touches(*now.device)) {
+  } else if (path_.made == EntryKind::kNone && touches(*now.device)) {
     begin(EntryKind::kTouched, now.place);
   }
 }
 
 void TrajectoryMeter::begin(EntryKind made, const RunPoint& entry) {
   end_insertion();
-  way_.made = made;
-  way_.entry = entry;
-  way_.fitted_to = entry.at;
+  path_.made = made;
+  path_.entry = entry;
+  path_.fitted_to = entry.at;
 }
 
 void TrajectoryMeter::go_on(const MeterInput& now) {
   const Point<Patient>& at = now.place.at;
   // in the first segment only the part after the entry
-  const RunPoint& from = last_ && last_->time_s >= way_.entry.time_s ? *last_ : way_.entry;
+  const RunPoint& from = last_ && last_->time_s >= path_.entry.time_s ? *last_ : path_.entry;
   const RunPoint near = nearest_between(from, now.place, planned_.target);
-  if (const double mm = (near.at - planned_.target).norm(); mm < way_.nearest_mm) {
-    way_.nearest_mm = mm;
-    way_.nearest = near;
+  if (const double mm = (near.at - planned_.target).norm(); mm < path_.nearest_mm) {
+    path_.nearest_mm = mm;
+    path_.nearest = near;
   }
-  if ((at - way_.fitted_to).norm() >= kMinPiece_mm) {
-    way_.fit.add((way_.fitted_to - planned_.entry).eigen(), (at - planned_.entry).eigen());
-    way_.fitted_to = at;
+  if ((at - path_.fitted_to).norm() >= kMinPiece_mm) {
+    path_.fit.add((path_.fitted_to - planned_.entry).eigen(), (at - planned_.entry).eigen());
+    path_.fitted_to = at;
   }
   const double along = along_mm(at);
   const double beside = (at - planned_.entry - axis_ * along).norm();
-  if (along <= way_.deepest_mm || beside > kBeside_mm) return;
-  way_.deepest_mm = along;
-  way_.deepest = now.place;
-  way_.to_deepest = way_.fit;
-  way_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNotKnown;
+  if (along <= path_.deepest_mm || beside > kBeside_mm) return;
+  path_.deepest_mm = along;
+  path_.deepest = now.place;
+  path_.to_deepest = path_.fit;
+  path_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNotKnown;
 }
 
 void TrajectoryMeter::end_insertion() {
-  if (way_.made != EntryKind::kNone && way_.nearest_mm <= best_.nearest_mm) best_ = way_;
-  way_ = Way();
+  if (path_.made != EntryKind::kNone && path_.nearest_mm <= best_.nearest_mm) best_ = path_;
+  path_ = Insertion();
   nearest_entry_mm_ = std::numeric_limits<double>::infinity();
 }
 

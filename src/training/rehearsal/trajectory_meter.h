@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "rehearsal/seen_tick.h"
+#include "rehearsal/meter_input.h"
 
 namespace palpate {
 
@@ -37,13 +37,13 @@ class TrajectoryMeter {
   TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,
                   const std::vector<StructureDistance>& distances);
 
-  void see(const MeterInput& now);
+  void observe(const MeterInput& now);
   /// @param reports_orientation  whether the device reports an orientation
   TrajectoryResult finish(bool reports_orientation);
 
  private:
   // one insertion, from its entry on
-  struct Way {
+  struct Insertion {
     EntryKind made = EntryKind::kNone;
     RunPoint entry, nearest, deepest;
     double nearest_mm = std::numeric_limits<double>::infinity();
@@ -65,7 +65,7 @@ class TrajectoryMeter {
   Vector<Patient> axis_;
   std::vector<bool> enters_;
   std::vector<const StructureDistance*> surfaces_;
-  Way way_, best_;
+  Insertion path_, best_;
   // without structures: of the current insertion
   double nearest_entry_mm_ = std::numeric_limits<double>::infinity();
   // without any insertion: closest approach of the run to the target

@@ -55,17 +55,17 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
       hash_(kHashSeed) {
   hash_word(hash_, task_.file.text_hash);
   if (!task_.plan) return;
-  gone_ = task_.plan->untouched;
-  taken_mm3_.resize(task_.plan->planned_mm3.size());
+  removed_ = task_.plan->untouched;
+  removed_mm3_.resize(task_.plan->planned_mm3.size());
 }
 
-void TaskEvaluator::hear(const RecordingEvent& event) {
-  if (gone_ && !ended_ && gone_->hear(event)) removal_changed_ = true;
+void TaskEvaluator::on_event(const RecordingEvent& event) {
+  if (removed_ && !ended_ && removed_->on_event(event)) removal_changed_ = true;
 }
 
-void TaskEvaluator::ForceMeter::see(double force_N, double dt_s,
-                                    const std::optional<std::array<double, 2>>& band_N,
-                                    std::optional<double> limit_N) {
+void TaskEvaluator::ForceMeter::observe(double force_N, double dt_s,
+                                        const std::optional<std::array<double, 2>>& band_N,
+                                        std::optional<double> limit_N) {
   if (dt_s > 0) {
     if (force_N > 0 || last_N > 0) contact_s += dt_s;
     impulse_Ns += 0.5 * (force_N + last_N) * dt_s;
@@ -98,22 +98,22 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
     if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMaxForce_N) continue;
     // within 45 degrees of the inward normal at the outermost contact
     if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
-      const Eigen::Vector3d way = contact.place_mm - contacts_[0].place_mm;
-      const double below_mm = -way.dot(vector_of(device.normal_patient));
+      const Eigen::Vector3d displacement = contact.place_mm - contacts_[0].place_mm;
+      const double below_mm = -displacement.dot(vector_of(device.normal_patient));
       constexpr double kMin_mm = 0.1;
-      contact.is_beneath = below_mm > kMin_mm && below_mm > std::numbers::sqrt2 / 2 * way.norm();
+      contact.is_beneath = below_mm > kMin_mm && below_mm > std::numbers::sqrt2 / 2 * displacement.norm();
     }
-    contact.is_seen = task_.sight && task_.sight->sees(tick, contact.place_mm);
+    contact.is_visible = task_.sight && task_.sight->is_visible(tick, contact.place_mm);
     contacts_[contact_count_++] = contact;
   }
   // scales the forces to those sent
-  double asked_N = 0;
-  for (std::size_t n = 0; n < contact_count_; ++n) asked_N += contacts_[n].force_N;
-  asked_N *= device.force_gain;
+  double requested_N = 0;
+  for (std::size_t n = 0; n < contact_count_; ++n) requested_N += contacts_[n].force_N;
+  requested_N *= device.force_gain;
   // less by more than rounding errors, so that a force at the device's limit is not above an equal limit of a
   // task
   const double sent_N = (1 - 1e-12) * vector_of(device.force_N).norm();
-  const double fraction = asked_N <= sent_N ? 1 : sent_N / asked_N;
+  const double fraction = requested_N <= sent_N ? 1 : sent_N / requested_N;
   const double gain = device.force_gain * fraction;
   if (!(gain > 0) || !std::isfinite(gain)) contact_count_ = 0;
   for (std::size_t n = 0; n < contact_count_; ++n) contacts_[n].force_N *= gain;
@@ -137,7 +137,8 @@ double TaskEvaluator::force_on(const std::vector<bool>& labels) const {
   return force_N;
 }
 
-void TaskEvaluator::tell(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N) {
+void TaskEvaluator::add_event(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick,
+                              double force_N) {
   if (events_.size() == kMaxEvents) {
     ++more_events_;
     return;
@@ -145,7 +146,7 @@ void TaskEvaluator::tell(TaskEvent::Kind kind, std::size_t part, const TickRecor
   events_.push_back({kind, part, tick.tick, tick.time_s - begun_s_, force_N});
 }
 
-Result<void> TaskEvaluator::see(const TickRecord& tick) {
+Result<void> TaskEvaluator::observe(const TickRecord& tick) {
   if (ended_) return {};
   if (!std::isfinite(tick.time_s) || (begun_ && tick.time_s <= time_s_))
     return Error{ErrorKind::kBadInput, "the clock does not advance at tick " + std::to_string(tick.tick), "",
@@ -167,9 +168,9 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
     tip_known_ = true;
     tip_mm_ = tip_mm;
   }
-  if (tip_known_) motion_.see(tick.time_s, tip_mm_, contact_count_ > 0);
+  if (tip_known_) motion_.observe(tick.time_s, tip_mm_, contact_count_ > 0);
   if (task_.sight) update_visibility(tick, dt_s);
-  if (gone_ && removal_changed_ && tick.time_s - begun_s_ >= next_look_s_) update_removal(tick);
+  if (removed_ && removal_changed_ && tick.time_s - begun_s_ >= next_look_s_) update_removal(tick);
   update_forces(tick, dt_s);
   update_steps(tick, dt_s);
   if (task_.answer_mm) update_answer(device, dt_s);
@@ -185,32 +186,33 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
                     (task_.file.time_limit_s && time_s_ - begun_s_ >= *task_.file.time_limit_s);
   if (over) {
     ended_ = true;
-    tell(TaskEvent::Kind::kEnded, 0, tick, 0);
+    add_event(TaskEvent::Kind::kEnded, 0, tick, 0);
   }
   return {};
 }
 
 void TaskEvaluator::update_visibility(const TickRecord& tick, double dt_s) {
-  const bool unseen = contact_count_ > 0 && !contacts_[0].is_seen;
+  const bool unseen = contact_count_ > 0 && !contacts_[0].is_visible;
   // trapezoidal rule: a change counts for half the interval
   unseen_s_ += 0.5 * (static_cast<double>(unseen_) + static_cast<double>(unseen)) * dt_s;
-  if (unseen && !unseen_) tell(TaskEvent::Kind::kUnseen, 0, tick, touch_N());
+  if (unseen && !unseen_) add_event(TaskEvent::Kind::kUnseen, 0, tick, touch_N());
   unseen_ = unseen;
 }
 
 void TaskEvaluator::update_removal(const TickRecord& tick) {
-  const RemovedVolumes taken = removed_volumes(task_.plan->plan, gone_->removed());
-  for (std::size_t n = 0; n < taken_mm3_.size(); ++n) taken_mm3_[n] = sum_of(taken.in_plan.of_regions[n]);
+  const RemovedVolumes removed = removed_volumes(task_.plan->plan, removed_->removed());
+  for (std::size_t n = 0; n < removed_mm3_.size(); ++n)
+    removed_mm3_[n] = sum_of(removed.in_plan.of_regions[n]);
   removal_changed_ = false;
   next_look_s_ = tick.time_s - begun_s_ + kLook_s;
 }
 
 TaskEvaluator::Removal TaskEvaluator::removal() const {
-  if (!gone_) return {};
-  const RemovedVolumes taken = removed_volumes(task_.plan->plan, gone_->removed());
-  Removal removal{sum_of(taken.in_plan.of_plan), sum_of(taken.outside), 0,
-                  depth_past_plan_mm(task_.plan->plan, gone_->removed())};
-  for (const auto& [label, mm3] : gone_->removed().by_label_mm3())
+  if (!removed_) return {};
+  const RemovedVolumes removed = removed_volumes(task_.plan->plan, removed_->removed());
+  Removal removal{sum_of(removed.in_plan.of_plan), sum_of(removed.outside), 0,
+                  depth_past_plan_mm(task_.plan->plan, removed_->removed())};
+  for (const auto& [label, mm3] : removed_->removed().by_label_mm3())
     if (std::any_of(
             task_.protections.begin(), task_.protections.end(),
             [label = label](const std::vector<bool>& has) { return label < has.size() && has[label]; }))
@@ -223,24 +225,24 @@ void TaskEvaluator::update_forces(const TickRecord& tick, double dt_s) {
     const TaskForce& force = task_.file.forces[n];
     const double now_N = force_on(task_.forces[n]);
     if (force.limit_N && now_N > *force.limit_N && !(forces_[n].last_N > *force.limit_N))
-      tell(TaskEvent::Kind::kOverLimit, n, tick, now_N);
-    forces_[n].see(now_N, dt_s, force.band_N, force.limit_N);
+      add_event(TaskEvent::Kind::kOverLimit, n, tick, now_N);
+    forces_[n].observe(now_N, dt_s, force.band_N, force.limit_N);
   }
   for (std::size_t n = 0; n < protections_.size(); ++n) {
     const double limit_N = task_.file.protections[n].limit_N;
     const double now_N = force_on(task_.protections[n]);
     if (now_N > limit_N && !(protections_[n].last_N > limit_N))
-      tell(TaskEvent::Kind::kProtected, n, tick, now_N);
-    protections_[n].see(now_N, dt_s, {}, limit_N);
+      add_event(TaskEvent::Kind::kProtected, n, tick, now_N);
+    protections_[n].observe(now_N, dt_s, {}, limit_N);
   }
   for (std::size_t n = 0; n < metrics_.size(); ++n)
     if (info_of(task_.file.metrics[n].metric).of_structures)
-      metrics_[n].see(force_on(task_.metrics[n]), dt_s, {}, {});
+      metrics_[n].observe(force_on(task_.metrics[n]), dt_s, {}, {});
 }
 
 bool TaskEvaluator::is_on_step(const Contact& contact, const TaskStep& step) const {
   const RegionInScene& region = task_.regions[step.region];
-  return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_seen || !step.seen);
+  return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_visible || !step.seen);
 }
 
 // force on the step's region, including contacts beneath it
@@ -255,9 +257,9 @@ double TaskEvaluator::force_on_step(const TaskStep& step) const {
 // Covers the patches along the path of a touch. It begins where the touch did once the strongest contact has
 // moved by kSweep_mm: a press at one place sweeps nothing.
 void TaskEvaluator::sweep(std::size_t step) {
-  const TaskStep& asked = task_.file.steps[step];
+  const TaskStep& requested = task_.file.steps[step];
   const auto counts = [&](const Contact& contact) {
-    return contact.force_N >= kTouch_N && is_on_step(contact, asked);
+    return contact.force_N >= kTouch_N && is_on_step(contact, requested);
   };
   const Contact* strongest = nullptr;
   for (std::size_t c = 0; c < contact_count_; ++c)
@@ -269,13 +271,13 @@ void TaskEvaluator::sweep(std::size_t step) {
     return;
   }
   if (!sweep.touching) sweep = {true, false, strongest->place_mm};
-  SurfacePatches& patches = task_.regions[asked.region].patches;
+  SurfacePatches& patches = task_.regions[requested.region].patches;
   if (!sweep.moving) {
-    const Eigen::Vector3d way = strongest->place_mm - sweep.begun_mm;
-    if (way.norm() < kSweep_mm) return;
+    const Eigen::Vector3d displacement = strongest->place_mm - sweep.begun_mm;
+    if (displacement.norm() < kSweep_mm) return;
     sweep.moving = true;
     constexpr int kParts = 4;  // no farther apart than SurfacePatches::kWithin_mm
-    for (int part = 0; part < kParts; ++part) patches.cover(sweep.begun_mm + way * part / kParts);
+    for (int part = 0; part < kParts; ++part) patches.cover(sweep.begun_mm + displacement * part / kParts);
   }
   for (std::size_t c = 0; c < contact_count_; ++c)
     if (counts(contacts_[c])) patches.cover(contacts_[c].place_mm);
@@ -286,9 +288,9 @@ bool TaskEvaluator::is_spent_for(const TaskStep& step) const {
 }
 
 // progress of a kCover or kRemove step; empty for other kinds
-std::optional<TaskEvaluator::Share> TaskEvaluator::share_asked(const TaskStep& step) const {
+std::optional<TaskEvaluator::Share> TaskEvaluator::required_share(const TaskStep& step) const {
   if (step.kind == StepKind::kRemove)
-    return Share{taken_mm3_[step.region], step.coverage * task_.plan->planned_mm3[step.region]};
+    return Share{removed_mm3_[step.region], step.coverage * task_.plan->planned_mm3[step.region]};
   if (step.kind != StepKind::kCover) return std::nullopt;
   const SurfacePatches& patches = task_.regions[step.region].patches;
   return Share{static_cast<double>(patches.covered()), step.coverage * static_cast<double>(patches.count())};
@@ -305,24 +307,25 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     if (step.kind == StepKind::kCover) sweep(n);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
-    if (const auto share = share_asked(step)) {
-      done = share->part >= share->asked;
+    if (const auto share = required_share(step)) {
+      done = share->part >= share->requested;
     } else {
-      const bool met = step.kind == StepKind::kVisit
-                           ? tip_known_ && task_.regions[step.region].bounds(tip_mm_)
-                           : !is_spent_for(step) && force_N >= step.force_N[0] && force_N <= step.force_N[1];
-      step_s_[n] = met ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
-      step_was_met_[n] = met;
+      const bool encountered =
+          step.kind == StepKind::kVisit
+              ? tip_known_ && task_.regions[step.region].bounds(tip_mm_)
+              : !is_spent_for(step) && force_N >= step.force_N[0] && force_N <= step.force_N[1];
+      step_s_[n] = encountered ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
+      step_was_met_[n] = encountered;
       // tolerance for rounding of the accumulated time
       constexpr double kCrumb_s = 1e-9;
-      done = met && step_s_[n] >= step.seconds - kCrumb_s;
+      done = encountered && step_s_[n] >= step.seconds - kCrumb_s;
     }
     if (!done) continue;
     done_[n] = true;
     if (step.kind == StepKind::kTouch && strongest != nullptr)
       spent_ = SpentTouch{strongest->place_mm, step.region};
     corners_mm_.push_back(tip_mm_);
-    tell(TaskEvent::Kind::kStepDone, n, tick, force_N);
+    add_event(TaskEvent::Kind::kStepDone, n, tick, force_N);
   }
 }
 
@@ -443,11 +446,11 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   score.in_band = ticks_ > 0 && !score.cut_short && missing_s_ == 0;
   const Removal removal = this->removal();
   for (std::size_t n = 0; n < task_.file.metrics.size(); ++n) {
-    const TaskMetric& asked = task_.file.metrics[n];
-    MetricValue value{asked.metric, n, value_of(n, removal), asked.counts(), false};
+    const TaskMetric& metric = task_.file.metrics[n];
+    MetricValue value{metric.metric, n, value_of(n, removal), metric.counts(), false};
     // comparisons with NaN are false
-    value.in_band = (!asked.at_least || value.value >= *asked.at_least) &&
-                    (!asked.at_most || value.value <= *asked.at_most);
+    value.in_band = (!metric.at_least || value.value >= *metric.at_least) &&
+                    (!metric.at_most || value.value <= *metric.at_most);
     if (value.counts && !value.in_band) score.in_band = false;
     hash_double(score.hash, std::isnan(value.value) ? kNotKnown : value.value);
     score.metrics.push_back(value);
@@ -459,20 +462,21 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
 double TaskEvaluator::share_of_step(std::size_t n) const {
   if (done_[n]) return 1;
   const TaskStep& step = task_.file.steps[n];
-  const auto [part, asked] = share_asked(step).value_or(Share{step_s_[n], step.seconds});
-  return asked > 0 ? std::clamp(part / asked, 0.0, 1.0) : 0;
+  const auto [part, requested] = required_share(step).value_or(Share{step_s_[n], step.seconds});
+  return requested > 0 ? std::clamp(part / requested, 0.0, 1.0) : 0;
 }
 
-Result<void> RunReader::take(const RecordingPart& part, const std::function<void(const TickRecord&)>& seen) {
-  if (evaluator_.task().plan) told_.insert(told_.end(), part.events.begin(), part.events.end());
+Result<void> RunReader::take(const RecordingPart& part,
+                             const std::function<void(const TickRecord&)>& on_tick) {
+  if (evaluator_.task().plan) reported_.insert(reported_.end(), part.events.begin(), part.events.end());
   for (const TickRecord& tick : part.ticks) {
     has_last_ = has_last_ || tick.tick >= range_.last;
     if (tick.tick > range_.last || evaluator_.ended()) continue;
-    for (; !told_.empty() && told_.front().tick <= tick.tick; told_.pop_front())
-      evaluator_.hear(told_.front());
+    for (; !reported_.empty() && reported_.front().tick <= tick.tick; reported_.pop_front())
+      evaluator_.on_event(reported_.front());
     if (tick.tick < range_.first) continue;
-    if (auto known = evaluator_.see(tick); !known) return known;
-    if (seen) seen(tick);
+    if (auto known = evaluator_.observe(tick); !known) return known;
+    if (on_tick) on_tick(tick);
   }
   return {};
 }
@@ -481,11 +485,11 @@ Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource
                                   const Progress& progress, const TickRange& range) {
   RunReader reader(task, range);
   const auto ticks = static_cast<double>(std::max<std::uint64_t>(recording.head().ticks, 1));
-  double taken = 0;
+  double used = 0;
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
-        taken += static_cast<double>(part.ticks.size());
-        progress.report("scoring", taken / ticks);
+        used += static_cast<double>(part.ticks.size());
+        progress.report("scoring", used / ticks);
         return reader.take(part);
       },
       progress);

@@ -148,7 +148,7 @@ TEST(Evaluator, GivesClosedFormsAtEveryRate) {
   const double excess = primitive(10 - a) - primitive(a);
   for (const double rate_hz : kRates_Hz) {
     TaskEvaluator evaluator(in_scene(kTask));
-    synthetic_run(rate_hz, [&](const TickRecord& tick) { ASSERT_TRUE(evaluator.see(tick).ok()); });
+    synthetic_run(rate_hz, [&](const TickRecord& tick) { ASSERT_TRUE(evaluator.observe(tick).ok()); });
     const TaskScore score = evaluator.score(false);
     EXPECT_NEAR(value(score, Metric::kTime), 20, 1e-9);
     EXPECT_NEAR(value(score, Metric::kPathLength), 100, 0.1);
@@ -171,7 +171,7 @@ TEST(Evaluator, FlagsTheVeryTickThatPassesALimit) {
     std::uint64_t first = 0;
     synthetic_run(rate_hz, [&](const TickRecord& tick) {
       if (first == 0 && tick.device[0].contact_N[0] > 8.5) first = tick.tick;
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     });
     const TaskScore score = evaluator.score(false);
     std::vector<TaskEvent> over;
@@ -189,7 +189,7 @@ TEST(Evaluator, ASingleTickAboveALimitIsFlagged) {
   for (std::uint64_t n = 0; n < 10; ++n) {
     TickRecord tick = tick_at(n, 1000);
     touch(tick.device[0], 0, kMeniscus, n == 4 ? 8.5000001 : 8.5);
-    ASSERT_TRUE(evaluator.see(tick).ok());
+    ASSERT_TRUE(evaluator.observe(tick).ok());
   }
   const TaskScore score = evaluator.score(false);
   ASSERT_EQ(score.events.size(), 1u);
@@ -207,9 +207,9 @@ TEST(Evaluator, IsTheSameBitForBitFromARecording) {
     ASSERT_TRUE(writer.ok());
     RecordingSummary summary;
     synthetic_run(rate_hz, [&](const TickRecord& tick) {
-      ASSERT_TRUE(live.see(tick).ok());
+      ASSERT_TRUE(live.observe(tick).ok());
       ASSERT_TRUE((*writer)->append({&tick, 1}).ok());
-      summary.see(tick);
+      summary.observe(tick);
     });
     ASSERT_TRUE((*writer)->finish(summary).ok());
     const auto source = RecordingSource::open(file);
@@ -232,7 +232,7 @@ TEST(Evaluator, IsTheSameWithinAHundredthAtEveryRate) {
     // tremor of 0.1 mm at 9 Hz
     synthetic_run(rate_hz, [&](TickRecord tick) {
       tick.device[0].tip_patient_mm[1] += 0.1 * std::sin(2 * std::numbers::pi * 9 * tick.time_s);
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     });
     scores.push_back(evaluator.score(false));
   }
@@ -254,7 +254,7 @@ TEST(Evaluator, WhatIsTouchedBearsWhatLiesBeneath) {
     touch(tick.device[0], 2, 10, 4);
     tick.device[0].contact_patient_mm[6] = 5;  // next to it
     tick.device[0].contact_patient_mm[8] = 1;
-    ASSERT_TRUE(evaluator.see(tick).ok());
+    ASSERT_TRUE(evaluator.observe(tick).ok());
   }
   EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), 3.5, 1e-12);
 }
@@ -272,7 +272,7 @@ TEST(Evaluator, AForceCountsAsItWasSent) {
       touch(tick.device[0], 0, kMeniscus, 6);
       tick.device[0].force_N = {0, 0.6 * c.sent_N, -0.8 * c.sent_N};
       tick.device[0].force_gain = c.gain;
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     }
     EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), c.expected_N, 1e-9);
     EXPECT_LE(value(evaluator.score(false), Metric::kPeakForce), c.sent_N);
@@ -283,7 +283,7 @@ TEST(Evaluator, AForceCountsAsItWasSent) {
       TickRecord tick = tick_at(n, 1000);
       touch(tick.device[0], 0, kMeniscus, 3);
       tick.device[0].force_N = {0, 0, sent_N};
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     }
     EXPECT_TRUE(std::isnan(value(evaluator.score(false), Metric::kPeakForce)));
     EXPECT_FALSE(evaluator.score(false).done[0]);
@@ -297,7 +297,7 @@ TEST(Evaluator, WhatIsSentIsSharedByAllContacts) {
     touch(tick.device[0], 0, kNerve, 6);
     touch(tick.device[0], 1, kMeniscus, 2);
     tick.device[0].force_N = {0, 0, 4};
-    ASSERT_TRUE(evaluator.see(tick).ok());
+    ASSERT_TRUE(evaluator.observe(tick).ok());
   }
   EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), 1, 1e-9);
   EXPECT_NEAR(evaluator.touch_N(), 4, 1e-9);
@@ -347,7 +347,7 @@ TEST(Evaluator, EachRegionNeedsATouchOfItsOwn) {
         touch(tick.device[0], 0, kMeniscus, 1);
         tick.device[0].contact_patient_mm = {*x_mm, 0, 0};
       }
-      EXPECT_TRUE(evaluator.see(tick).ok());
+      EXPECT_TRUE(evaluator.observe(tick).ok());
     }
     const std::vector<bool> done = evaluator.score(false).done;
     return std::pair<bool, bool>{done[0], done[1]};
@@ -392,7 +392,7 @@ name = "coverage"
       TickRecord tick = tick_at(n, rate_hz);
       if (!lifts || std::fmod(tick.time_s, 0.05) > 0.004) touch(tick.device[0], 0, kMeniscus, force_N);
       tick.device[0].contact_patient_mm = {from_mm + (to_mm - from_mm) * tick.time_s, 0, 0.5};
-      EXPECT_TRUE(evaluator.see(tick).ok());
+      EXPECT_TRUE(evaluator.observe(tick).ok());
     }
     return value(evaluator.score(false), Metric::kCoverage);
   };
@@ -409,7 +409,7 @@ name = "coverage"
 
 TEST(Evaluator, ARunBeginsWithItsFirstTick) {
   TaskEvaluator evaluator(in_scene(kTask));
-  for (std::uint64_t n = 2500; n < 2600; ++n) ASSERT_TRUE(evaluator.see(tick_at(n, 1000)).ok());
+  for (std::uint64_t n = 2500; n < 2600; ++n) ASSERT_TRUE(evaluator.observe(tick_at(n, 1000)).ok());
   EXPECT_NEAR(evaluator.score(false).begun_s, 2.5, 1e-12);
   EXPECT_NEAR(evaluator.score(false).time_s, 0.099, 1e-9);
 }
@@ -420,13 +420,13 @@ TEST(Evaluator, AStepNeedsItsForceWithoutABreak) {
   for (std::uint64_t n = 0; n < 801; ++n) {
     TickRecord tick = tick_at(n, 1000);
     touch(tick.device[0], 0, kMeniscus, n == 400 ? 3.7 : 3);
-    ASSERT_TRUE(evaluator.see(tick).ok());
+    ASSERT_TRUE(evaluator.observe(tick).ok());
   }
   EXPECT_FALSE(evaluator.score(false).done[0]);
   for (std::uint64_t n = 801; n < 902; ++n) {
     TickRecord tick = tick_at(n, 1000);
     touch(tick.device[0], 0, kMeniscus, 3);
-    ASSERT_TRUE(evaluator.see(tick).ok());
+    ASSERT_TRUE(evaluator.observe(tick).ok());
   }
   const TaskScore score = evaluator.score(false);
   EXPECT_TRUE(score.done[0]);
@@ -445,7 +445,7 @@ TEST(Evaluator, OrderedStepsWaitForThoseBefore) {
       TickRecord tick = tick_at(n++, 1000);
       tick.device[0].tip_patient_mm = {at_mm, 0, 0};
       if (force_N > 0) touch(tick.device[0], 0, kMeniscus, force_N);
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     }
   };
   run(100, 0, 300);
@@ -503,21 +503,21 @@ TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
     // an oscillation of twice the field's radius is outside for two thirds of the time
     watched_run(rate_hz, 2 * border_mm, [&](const TickRecord& tick) {
       const bool was = evaluator.touches_invisible();
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
       if (evaluator.touches_invisible() && !was) unseen.push_back(tick.tick);
     });
     const TaskScore score = evaluator.score(false);
     EXPECT_NEAR(value(score, Metric::kUnseenTime) / (10 * 2.0 / 3), 1, 1e-3) << rate_hz;
     ASSERT_EQ(unseen.size(), 5u);
-    std::vector<std::uint64_t> told;
+    std::vector<std::uint64_t> reported;
     for (const TaskEvent& event : score.events)
-      if (event.kind == TaskEvent::Kind::kUnseen) told.push_back(event.tick);
-    EXPECT_EQ(told, unseen) << "the tick in which it goes out of view";
+      if (event.kind == TaskEvent::Kind::kUnseen) reported.push_back(event.tick);
+    EXPECT_EQ(reported, unseen) << "the tick in which it goes out of view";
     // it is visible for two thirds of a second at a time
     EXPECT_FALSE(score.done[0]);
     TaskEvaluator still(in_scene(kScopeTask));
     watched_run(rate_hz, 0.99 * border_mm,
-                [&](const TickRecord& tick) { ASSERT_TRUE(still.see(tick).ok()); });
+                [&](const TickRecord& tick) { ASSERT_TRUE(still.observe(tick).ok()); });
     EXPECT_EQ(value(still.score(false), Metric::kUnseenTime), 0);
     EXPECT_TRUE(still.score(false).done[0]);
   }
@@ -525,7 +525,7 @@ TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
 
 TEST(Evaluator, AScopeNeedsASecondDevice) {
   TaskEvaluator evaluator(in_scene(kScopeTask));
-  EXPECT_THAT(evaluator.see(tick_at(0, 1000)).error().what, HasSubstr("two devices"));
+  EXPECT_THAT(evaluator.observe(tick_at(0, 1000)).error().what, HasSubstr("two devices"));
 }
 
 /// Volume of the intersection of two balls with centres d apart.
@@ -649,8 +649,8 @@ TEST_F(TakeOff, HeardLiveItIsTheSameBitForBit) {
   TaskEvaluator live(task(*loaded_.model));
   auto event = recording.events.begin();
   for (const TickRecord& tick : recording.ticks) {
-    for (; event != recording.events.end() && event->tick <= tick.tick; ++event) live.hear(*event);
-    ASSERT_TRUE(live.see(tick).ok());
+    for (; event != recording.events.end() && event->tick <= tick.tick; ++event) live.on_event(*event);
+    ASSERT_TRUE(live.observe(tick).ok());
     if (tick.tick == 499) {
       EXPECT_EQ(live.share_of_step(0), 0);
     }
@@ -672,7 +672,7 @@ TEST_F(TakeOff, NeedsAToolThatTakesAndSomethingToTake) {
 
 TEST(Evaluator, WhatIsNotKnownIsInNoBand) {
   TaskEvaluator evaluator(in_scene(kTask));
-  for (std::uint64_t n = 0; n < 100; ++n) ASSERT_TRUE(evaluator.see(tick_at(n, 1000)).ok());
+  for (std::uint64_t n = 0; n < 100; ++n) ASSERT_TRUE(evaluator.observe(tick_at(n, 1000)).ok());
   const TaskScore score = evaluator.score(false);
   EXPECT_TRUE(std::isnan(value(score, Metric::kPeakForce)));
   EXPECT_FALSE(score.in_band);
@@ -686,7 +686,7 @@ TEST(Evaluator, RunsThatWereCutOrHaveGapsDoNotPass) {
       if (gap && n > 500 && n < 600) continue;
       TickRecord tick = tick_at(n, 1000);
       touch(tick.device[0], 0, kMeniscus, 2);
-      EXPECT_TRUE(evaluator.see(tick).ok());
+      EXPECT_TRUE(evaluator.observe(tick).ok());
     }
     return evaluator;
   };
@@ -707,15 +707,15 @@ TEST(Evaluator, NumbersOfAnyKindAreBorne) {
       touch(tick.device[0], 0, kMeniscus, b);
       touch(tick.device[0], 1, 65535, a);
       tick.device[0].contact_patient_mm[0] = a;
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     }
   }
   for (const MetricValue& value : evaluator.score(false).metrics) EXPECT_FALSE(std::isinf(value.value));
   TickRecord late = tick_at(n, 1000);
   late.time_s = 0;
-  EXPECT_THAT(evaluator.see(late).error().what, HasSubstr("clock"));
+  EXPECT_THAT(evaluator.observe(late).error().what, HasSubstr("clock"));
   late.time_s = kNotKnown;
-  EXPECT_FALSE(evaluator.see(late).ok());
+  EXPECT_FALSE(evaluator.observe(late).ok());
 }
 
 TEST(Evaluator, AnAnswerIsTheLastPlaceThatWasRestedOn) {
@@ -737,7 +737,7 @@ at_most = 3
       tick.device[0].contact_patient_mm[0] = x;
       tick.device[0].contact_patient_mm[1] = 2;
       tick.device[0].contact_patient_mm[2] = 9;
-      ASSERT_TRUE(evaluator.see(tick).ok());
+      ASSERT_TRUE(evaluator.observe(tick).ok());
     }
   };
   EXPECT_TRUE(std::isnan(evaluator.score(false).metrics[0].value));

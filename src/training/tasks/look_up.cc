@@ -35,8 +35,8 @@ void for_each_voxel(const Bricks<LabelId>& labels, const std::vector<bool>& has,
 std::optional<Eigen::Vector3d> centroid(const Bricks<LabelId>& labels, const std::vector<bool>& has) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   std::size_t count = 0;
-  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
-    sum += place;
+  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& position) {
+    sum += position;
     ++count;
   });
   return count ? std::optional<Eigen::Vector3d>(sum / static_cast<double>(count)) : std::nullopt;
@@ -48,15 +48,15 @@ Eigen::Vector3d farthest(const Bricks<LabelId>& labels, const std::vector<bool>&
   double most = -std::numeric_limits<double>::infinity();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0;
-  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
-    const double far = place.dot(direction);
+  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& position) {
+    const double far = position.dot(direction);
     if (far > most + 1e-6) {
       most = far;
       sum.setZero();
       count = 0;
     }
     if (far > most - 1e-6) {
-      sum += place;
+      sum += position;
       ++count;
     }
   });
@@ -77,13 +77,13 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
   const Eigen::Matrix3d axes = labels.geometry().direction * labels.geometry().spacing_mm.asDiagonal();
   const auto is_free = [&](LabelId label) {
     const Tissue* const tissue = label == 0 ? nullptr : model.tissue_of(label);
-    return tissue == nullptr || !tissue->felt;
+    return tissue == nullptr || !tissue->touchable;
   };
   Eigen::Vector3d sum = Eigen::Vector3d::Zero(), outward = Eigen::Vector3d::Zero();
   double count = 0, faces = 0;
-  for_each_voxel(labels, has, [&](int i, int j, int k, const Eigen::Vector3d& place) {
-    if (!bounds(place)) return;
-    sum += place;
+  for_each_voxel(labels, has, [&](int i, int j, int k, const Eigen::Vector3d& position) {
+    if (!bounds(position)) return;
+    sum += position;
     ++count;
     for (const auto& face : kFaces) {
       const LabelId beside = labels.anywhere(i + face[0], j + face[1], k + face[2]);
@@ -96,8 +96,8 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
   });
   if (count == 0) return view;
   view.middle_mm = sum / count;
-  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
-    if (bounds(place)) view.radius_mm = std::max(view.radius_mm, (place - view.middle_mm).norm());
+  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& at_position) {
+    if (bounds(at_position)) view.radius_mm = std::max(view.radius_mm, (at_position - view.middle_mm).norm());
   });
   // normals of a closed surface cancel out
   constexpr double kMinShare = 0.05;
@@ -133,7 +133,7 @@ void add_patches(const Model& model, RegionInScene& region) {
   const Bricks<LabelId>& labels = *model.labels;
   const GridGeometry& grid = labels.geometry();
   const Eigen::Matrix3d axes = grid.direction * grid.spacing_mm.asDiagonal();
-  for_each_voxel(labels, region.has_label, [&](int i, int j, int k, const Eigen::Vector3d& place) {
+  for_each_voxel(labels, region.has_label, [&](int i, int j, int k, const Eigen::Vector3d& position) {
     const LabelId own = labels.at(i, j, k);
     for (const auto& face : kFaces) {
       if (region.has(labels.anywhere(i + face[0], j + face[1], k + face[2]))) continue;
@@ -147,7 +147,7 @@ void add_patches(const Model& model, RegionInScene& region) {
       const Surface* surface = surface_of(model, own);
       for (int a = 0; a < nu; ++a) {
         for (int b = 0; b < nv; ++b) {
-          Eigen::Vector3d at = place + 0.5 * out + ((a + 0.5) / nu - 0.5) * u + ((b + 0.5) / nv - 0.5) * v;
+          Eigen::Vector3d at = position + 0.5 * out + ((a + 0.5) / nu - 0.5) * u + ((b + 0.5) / nv - 0.5) * v;
           for (int turn = 0; surface && turn < 2; ++turn) {
             const double off_mm = surface->distance_mm(Point<Patient>(at));
             if (std::abs(off_mm) < 2) at -= off_mm * surface->outward(Point<Patient>(at)).eigen();
@@ -209,15 +209,16 @@ RegionView view_of(const RegionInScene& region, const Model& model) {
   if (region.has_label.empty())
     return {region.centre_mm.value_or(Eigen::Vector3d::Zero()), region.radius_mm, Eigen::Vector3d::Zero()};
   return view_of_part(model, region.has_label,
-                      [&](const Eigen::Vector3d& place) { return region.bounds(place); });
+                      [&](const Eigen::Vector3d& position) { return region.bounds(position); });
 }
 
 RegionView view_of(const RegionInPlan& region, const Model& model) {
   std::vector<bool> has(model.tissue_of_label.size());
   for (std::size_t label = 1; label < has.size(); ++label)
-    has[label] = region.has(static_cast<LabelId>(label)) && model.is_felt(static_cast<LabelId>(label));
-  return view_of_part(
-      model, has, [&](const Eigen::Vector3d& place) { return region.depth_mm(Point<Patient>(place)) > 0; });
+    has[label] = region.has(static_cast<LabelId>(label)) && model.is_touchable(static_cast<LabelId>(label));
+  return view_of_part(model, has, [&](const Eigen::Vector3d& position) {
+    return region.depth_mm(Point<Patient>(position)) > 0;
+  });
 }
 
 Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress) {
@@ -227,31 +228,33 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
   TaskInScene found{task, {}, {}, {}, {}, {}, {}, {}, {}};
   for (std::size_t n = 0; n < task.regions.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
-    const TaskRegion& asked = task.regions[n];
+    const TaskRegion& requested = task.regions[n];
     RegionInScene region;
-    auto labels = labels_of(asked.structures, asked.line);
+    auto labels = labels_of(requested.structures, requested.line);
     if (!labels) return labels.error();
     region.has_label = *std::move(labels);
-    region.radius_mm = asked.radius_mm.value_or(0);
-    if (asked.point) region.centre_mm = asked.point->eigen();
-    if (!asked.structures.empty()) {
+    region.radius_mm = requested.radius_mm.value_or(0);
+    if (requested.point) region.centre_mm = requested.point->eigen();
+    if (!requested.structures.empty()) {
       const auto middle = centroid(*model.labels, region.has_label);
       if (!middle)
-        return Error{ErrorKind::kBadInput, "the structures of region \"" + asked.name + "\" have no voxel",
-                     task.where(asked.line), "give others"};
-      if (asked.landmark)
-        region.centre_mm = farthest(*model.labels, region.has_label, asked.landmark->eigen());
-      if (asked.half) region.planes.push_back({*middle, asked.half->eigen()});
+        return Error{ErrorKind::kBadInput,
+                     "the structures of region \"" + requested.name + "\" have no voxel",
+                     task.where(requested.line), "give others"};
+      if (requested.landmark)
+        region.centre_mm = farthest(*model.labels, region.has_label, requested.landmark->eigen());
+      if (requested.half) region.planes.push_back({*middle, requested.half->eigen()});
     }
-    if (asked.plane_point) region.planes.push_back({asked.plane_point->eigen(), asked.plane_normal->eigen()});
+    if (requested.plane_point)
+      region.planes.push_back({requested.plane_point->eigen(), requested.plane_normal->eigen()});
     const bool is_covered = std::any_of(task.steps.begin(), task.steps.end(), [&](const TaskStep& step) {
       return step.kind == StepKind::kCover && step.region == n;
     });
     if (is_covered) {
       add_patches(model, region);
       if (region.patches.count() == 0)
-        return Error{ErrorKind::kBadInput, "none of its structures lies in region \"" + asked.name + "\"",
-                     task.where(asked.line), "move its place, or widen its radius"};
+        return Error{ErrorKind::kBadInput, "none of its structures lies in region \"" + requested.name + "\"",
+                     task.where(requested.line), "move its place, or widen its radius"};
     }
     found.regions.push_back(std::move(region));
   }

@@ -42,7 +42,7 @@ Eigen::Vector3d LowPass::position_during(const Eigen::Vector3d& u, double dt_s, 
   return after(u, dt_s, after_s).x;
 }
 
-void MotionMeter::see(double time_s, const Eigen::Vector3d& tip_mm, bool touching) {
+void MotionMeter::observe(double time_s, const Eigen::Vector3d& tip_mm, bool touching) {
   if (!begun_) {
     begun_ = true;
     begun_s_ = time_s_ = time_s;

@@ -11,13 +11,13 @@ namespace {
 
 constexpr std::array kMotionRates_Hz{1000.0, 4000.0, 10000.0};
 
-template <class Way>
-MotionMeter measured(double rate_hz, double length_s, const Way& way, bool touching = false) {
+template <class Trajectory>
+MotionMeter measured(double rate_hz, double length_s, const Trajectory& section, bool touching = false) {
   MotionMeter meter;
   const auto count = static_cast<long>(std::lround(length_s * rate_hz));
   for (long n = 0; n <= count; ++n) {
     const double t = static_cast<double>(n) / rate_hz;
-    meter.see(t, way(t), touching);
+    meter.observe(t, section(t), touching);
   }
   return meter;
 }
@@ -75,13 +75,13 @@ TEST(Motion, LengthAndSmoothnessOfACircleAreItsOwn) {
 
 TEST(Motion, AMoveOfLeastJerkHasItsDimensionlessJerk) {
   // x = L (10 s^3 - 15 s^4 + 6 s^5): integral of jerk squared 720 L^2 / T^5, peak speed 1.875 L / T
-  constexpr double kLength_s = 40, kWay_mm = 300;
+  constexpr double kLength_s = 40, kDistance_mm = 300;
   for (const double rate_hz : kMotionRates_Hz) {
     const MotionMeter meter = measured(rate_hz, kLength_s, [&](double t) {
       const double s = std::clamp(t / kLength_s, 0.0, 1.0);
-      return Eigen::Vector3d(kWay_mm * s * s * s * (10 - 15 * s + 6 * s * s), 0, 0);
+      return Eigen::Vector3d(kDistance_mm * s * s * s * (10 - 15 * s + 6 * s * s), 0, 0);
     });
-    EXPECT_NEAR(meter.path_mm(), kWay_mm, 1e-3 * kWay_mm);
+    EXPECT_NEAR(meter.path_mm(), kDistance_mm, 1e-3 * kDistance_mm);
     // jerk is only accumulated after the settling time: subtract the first 0.3 s
     const double sigma = MotionMeter::kSettled_s / kLength_s;
     const auto integral_to = [](double s) {  // integral of (60 - 360 s + 360 s^2)^2
@@ -104,7 +104,7 @@ TEST(Motion, AnEncodersFlickerIsNoWay) {
     const double x = (random() & 1) ? 0.03 : 0;
     unfiltered += std::abs(x - last);
     last = x;
-    meter.see(n / 1000.0, {x, 0, 0}, false);
+    meter.observe(n / 1000.0, {x, 0, 0}, false);
   }
   EXPECT_GT(unfiltered, 250);
   EXPECT_LT(meter.path_mm(), 0.08 * unfiltered);
@@ -112,10 +112,10 @@ TEST(Motion, AnEncodersFlickerIsNoWay) {
 }
 
 TEST(Motion, IdleIsRestInTheAir) {
-  const auto way = [](double t) { return Eigen::Vector3d(t < 2 ? 0 : t < 5 ? 20 * (t - 2) : 60, 0, 0); };
+  const auto path = [](double t) { return Eigen::Vector3d(t < 2 ? 0 : t < 5 ? 20 * (t - 2) : 60, 0, 0); };
   for (const double rate_hz : kMotionRates_Hz) {
-    EXPECT_NEAR(measured(rate_hz, 10, way).idle_s(), 7, 0.05);
-    EXPECT_EQ(measured(rate_hz, 10, way, true).idle_s(), 0);
+    EXPECT_NEAR(measured(rate_hz, 10, path).idle_s(), 7, 0.05);
+    EXPECT_EQ(measured(rate_hz, 10, path, true).idle_s(), 0);
   }
 }
 
@@ -127,11 +127,11 @@ TEST(Motion, WithoutMotionThereIsNoSmoothness) {
 
 TEST(Motion, AGapOfHoursTakesNoHours) {
   MotionMeter meter;
-  meter.see(0, {0, 0, 0}, false);
-  meter.see(0.001, {1, 0, 0}, false);
-  meter.see(1e9, {2, 0, 0}, false);
+  meter.observe(0, {0, 0, 0}, false);
+  meter.observe(0.001, {1, 0, 0}, false);
+  meter.observe(1e9, {2, 0, 0}, false);
   // motion after the gap is evaluated again
-  for (int n = 1; n <= 2000; ++n) meter.see(1e9 + n * 0.01, {2 + std::sin(n * 0.1), 0, 0}, false);
+  for (int n = 1; n <= 2000; ++n) meter.observe(1e9 + n * 0.01, {2 + std::sin(n * 0.1), 0, 0}, false);
   EXPECT_TRUE(std::isfinite(meter.smoothness()));
   EXPECT_TRUE(std::isfinite(meter.path_mm()));
 }

@@ -186,16 +186,16 @@ class Server final : public OpenIgtLinkServer {
 
   void receive(Client& client) {
     std::array<std::uint8_t, 4096> buffer;
-    const ssize_t got = ::recv(client.socket.get(), buffer.data(), buffer.size(), 0);
-    if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
-    if (got <= 0) {
+    const ssize_t received = ::recv(client.socket.get(), buffer.data(), buffer.size(), 0);
+    if (received < 0 && (errno == EAGAIN || errno == EINTR)) return;
+    if (received <= 0) {
       client.fault = kLeft;
       return;
     }
-    const auto taken = client.input.take(
-        std::span(buffer).first(static_cast<std::size_t>(got)),
+    const auto used = client.input.take(
+        std::span(buffer).first(static_cast<std::size_t>(received)),
         [&](const igtl::Head& head, std::span<const std::uint8_t>) { answer(client, head); });
-    if (!taken) client.fault = "does not send OpenIGTLink messages";
+    if (!used) client.fault = "does not send OpenIGTLink messages";
   }
   void answer(Client& client, const igtl::Head& head) {
     if (head.type == "GET_LBMETA") queue(client, session_.label_list());
@@ -285,14 +285,14 @@ class Server final : public OpenIgtLinkServer {
   static void send(Client& client) {
     while (!client.queue.empty()) {
       const igtl::MessageBytes& bytes = *client.queue.front();
-      const ssize_t taken = ::send(client.socket.get(), bytes.data() + client.sent,
-                                   bytes.size() - client.sent, MSG_NOSIGNAL | MSG_DONTWAIT);
-      if (taken < 0) {
+      const ssize_t used = ::send(client.socket.get(), bytes.data() + client.sent, bytes.size() - client.sent,
+                                  MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (used < 0) {
         if (errno != EAGAIN && errno != EINTR) client.fault = kLeft;
         return;
       }
       client.progress = Clock::now();
-      client.sent += static_cast<std::size_t>(taken);
+      client.sent += static_cast<std::size_t>(used);
       if (client.sent < bytes.size()) return;
       client.queue.pop_front();
       client.sent = 0;

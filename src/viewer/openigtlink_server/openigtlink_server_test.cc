@@ -125,12 +125,12 @@ class Client {
     for (std::size_t had = 0; had < bytes;) {
       pollfd waiting{socket_, POLLIN, 0};
       const bool ready = ::poll(&waiting, 1, 10'000) > 0;
-      const ssize_t got = ready ? ::recv(socket_, out.data() + had, bytes - had, 0) : 0;
-      if (got <= 0) {
+      const ssize_t received = ready ? ::recv(socket_, out.data() + had, bytes - had, 0) : 0;
+      if (received <= 0) {
         ADD_FAILURE() << "no message";
         return {};
       }
-      had += static_cast<std::size_t>(got);
+      had += static_cast<std::size_t>(received);
     }
     return out;
   }

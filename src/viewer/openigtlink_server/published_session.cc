@@ -77,7 +77,7 @@ igtl::MessageBytes PublishedSession::frame(
   std::array<double, kMaxDevices> stiffness_N_per_mm{};
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const Eigen::Matrix3d R_RasWorld =
-      ras_from_patient() * (rotation_of(tick.rotation_felt_wxyz) * R_WorldPatient_).transpose();
+      ras_from_patient() * (rotation_of(tick.rotation_applied_wxyz) * R_WorldPatient_).transpose();
   const std::uint64_t stamp = stamp_now();
   igtl::MessageBytes out;
   const auto add = [&out](const igtl::MessageBytes& message) {

@@ -226,22 +226,22 @@ std::string_view Access::bearer(std::string_view authorization) {
 
 namespace palpate {
 
-Result<std::string> new_viewer_tokens(const NewTokens& wanted) {
-  const bool is_learner = wanted.role == server::name_of(server::Role::kLearner);
-  if (is_learner && wanted.learner.empty())
+Result<std::string> new_viewer_tokens(const NewTokens& requested) {
+  const bool is_learner = requested.role == server::name_of(server::Role::kLearner);
+  if (is_learner && requested.learner.empty())
     return Error{ErrorKind::kUsage, "a learner's token needs a pseudonym", "--role learner",
                  "give a pseudonym: --learner L042"};
-  if (!is_learner && !wanted.learner.empty())
+  if (!is_learner && !requested.learner.empty())
     return Error{ErrorKind::kUsage, "only a learner's token has a pseudonym", "--learner",
                  "give --role learner, or leave it out"};
   if (is_learner)
-    if (const auto named = check_learner(wanted.learner); !named) return named.error();
+    if (const auto named = check_learner(requested.learner); !named) return named.error();
   std::string text;
   for (const std::string& role :
-       wanted.role.empty() ? std::vector<std::string>{"control", "view"} : std::vector{wanted.role}) {
+       requested.role.empty() ? std::vector<std::string>{"control", "view"} : std::vector{requested.role}) {
     const auto token = server::new_token();
     if (!token) return token.error();
-    text += role + " " + *token + (is_learner ? " " + wanted.learner : "") + "\n";
+    text += role + " " + *token + (is_learner ? " " + requested.learner : "") + "\n";
   }
   return text;
 }

@@ -30,7 +30,7 @@ void Connection::begin() {
   if (!http_->is_tls()) return read();
   http_->handshake([self = shared_from_this()](bool ok) {
     if (ok) return self->read();
-    self->hub_.log().say(self->http_->peer(), "no TLS");
+    self->hub_.log().add(self->http_->peer(), "no TLS");
     self->close();
   });
 }
@@ -51,7 +51,7 @@ void Connection::read() {
 void Connection::read_failed(HttpConnection::Head outcome) {
   if (outcome == HttpConnection::Head::kClosed) return close();
   const bool too_long = outcome == HttpConnection::Head::kTooLong;
-  hub_.log().say(http_->peer(), too_long ? "a request head that is too long" : "a malformed request");
+  hub_.log().add(http_->peer(), too_long ? "a request head that is too long" : "a malformed request");
   send(Site::refusal(too_long ? 431 : 400), false);
 }
 
@@ -61,28 +61,28 @@ void Connection::serve() {
   const bool keep_alive = request_.keep_alive && !request_.has_body;
   if (std::holds_alternative<Upgrade>(answer)) return become_viewer();
   if (auto* ready = std::get_if<HttpAnswer>(&answer)) {
-    if (ready->status >= 400) hub_.log().say(http_->peer(), "refused, " + std::to_string(ready->status));
+    if (ready->status >= 400) hub_.log().add(http_->peer(), "refused, " + std::to_string(ready->status));
     return send(std::move(*ready), keep_alive && ready->status < 400);
   }
 
   // the volume or picture may have to be generated first
   about_ = About::kMaking;
   extend_deadline(kGenerationTimeout);
-  if (auto* picture = std::get_if<PictureWanted>(&answer)) {
-    hub_.want_picture(std::move(picture->key), weak_from_this(),
-                      [self = weak_from_this(), picture_head = std::move(picture->head),
-                       keep_alive](PictureStore::Payload payload) mutable {
-                        const auto connection = self.lock();
-                        if (!connection || connection->closed_) return;
-                        if (!payload) return connection->refuse_volume("a picture");
-                        picture_head.body = std::move(payload);
-                        connection->send_volume(std::move(picture_head), keep_alive);
-                      });
+  if (auto* picture = std::get_if<PictureRequest>(&answer)) {
+    hub_.request_picture(std::move(picture->key), weak_from_this(),
+                         [self = weak_from_this(), picture_head = std::move(picture->head),
+                          keep_alive](PictureStore::Payload payload) mutable {
+                           const auto connection = self.lock();
+                           if (!connection || connection->closed_) return;
+                           if (!payload) return connection->refuse_volume("a picture");
+                           picture_head.body = std::move(payload);
+                           connection->send_volume(std::move(picture_head), keep_alive);
+                         });
     return;
   }
-  if (auto* curves = std::get_if<CurvesWanted>(&answer)) {
-    hub_.want_curves(curves->learner, [self = weak_from_this(), curves_head = std::move(curves->head),
-                                       keep_alive](Result<std::string> page) mutable {
+  if (auto* curves = std::get_if<CurvesRequest>(&answer)) {
+    hub_.request_curves(curves->learner, [self = weak_from_this(), curves_head = std::move(curves->head),
+                                          keep_alive](Result<std::string> page) mutable {
       const auto connection = self.lock();
       if (!connection || connection->closed_) return;
       if (!page) return connection->send(Site::refusal(503, page.error().what), false);
@@ -91,19 +91,19 @@ void Connection::serve() {
     });
     return;
   }
-  auto& wanted = std::get<VolumeWanted>(answer);
-  hub_.want_volume(wanted.key, [self = weak_from_this(), wanted_head = std::move(wanted.head),
-                                keep_alive](PayloadStore::Payload payload) mutable {
+  auto& requested = std::get<VolumeRequest>(answer);
+  hub_.request_volume(requested.key, [self = weak_from_this(), requested_head = std::move(requested.head),
+                                      keep_alive](PayloadStore::Payload payload) mutable {
     const auto connection = self.lock();
     if (!connection || connection->closed_) return;
     if (!payload) return connection->refuse_volume("a volume");
-    wanted_head.body = std::move(payload);
-    connection->send_volume(std::move(wanted_head), keep_alive);
+    requested_head.body = std::move(payload);
+    connection->send_volume(std::move(requested_head), keep_alive);
   });
 }
 
 void Connection::refuse_volume(const std::string& what) {
-  hub_.log().say(http_->peer(), what + " could not be created");
+  hub_.log().add(http_->peer(), what + " could not be created");
   send(Site::refusal(503), false);
 }
 
@@ -127,7 +127,7 @@ bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
   answer_ = std::move(answer);
   head_ = hub_.site().head_of(answer_, request_, keep_alive);
   about_ = About::kTaking;
-  taken_bytes_ = written_bytes_ = 0;
+  consumed_bytes_ = written_bytes_ = 0;
   extend_deadline(kWriteTimeout);
   return request_.method != "HEAD" && answer_.status != 304;
 }
@@ -158,14 +158,14 @@ void Connection::send_part(bool keep_alive) {
 
 void Connection::write(std::string_view head, std::string_view body, std::function<void()> then) {
   // every kTaken_bytes that the other side takes renews the time limit
-  auto progress = [this](std::size_t taken) {
-    if (written_bytes_ + taken < taken_bytes_ + kTaken_bytes) return;
-    taken_bytes_ = written_bytes_ + taken;
+  auto progress = [this](std::size_t used) {
+    if (written_bytes_ + used < consumed_bytes_ + kTaken_bytes) return;
+    consumed_bytes_ = written_bytes_ + used;
     extend_deadline(kWriteTimeout);
   };
   http_->write(head, body, std::move(progress),
-               [self = shared_from_this(), then = std::move(then)](bool ok, std::size_t taken) {
-                 self->written_bytes_ += taken;
+               [self = shared_from_this(), then = std::move(then)](bool ok, std::size_t consumed) {
+                 self->written_bytes_ += consumed;
                  if (self->closed_) return;
                  if (!ok) return self->close();
                  then();
@@ -189,9 +189,9 @@ void Connection::linger() {
 void Connection::check(Clock::time_point now) {
   if (now < close_by_) return;
   // browsers open connections that they may never use, and keep used ones open: not worth a log line
-  if (about_ == About::kSilent && http_->has_begun()) hub_.log().say(http_->peer(), "no request in time");
+  if (about_ == About::kSilent && http_->has_begun()) hub_.log().add(http_->peer(), "no request in time");
   if (about_ == About::kTaking && !answer_.text().empty())
-    hub_.log().say(http_->peer(), "receives its answer too slowly");
+    hub_.log().add(http_->peer(), "receives its answer too slowly");
   close();
 }
 

@@ -64,7 +64,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::string head_;
   About about_ = About::kSilent;
   bool closed_ = false;
-  std::size_t taken_bytes_ = 0, written_bytes_ = 0;  // bytes of the answer
+  std::size_t consumed_bytes_ = 0, written_bytes_ = 0;  // bytes of the answer
   std::string_view volume_left_;
   std::unique_ptr<Timer> turn_;
   Clock::time_point since_, close_by_;

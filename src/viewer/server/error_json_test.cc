@@ -17,7 +17,7 @@ using palpate::testing::TestServer;
 using palpate::testing::TestViewer;
 using WireJson = palpate::testing::Json;
 
-namespace told_error_test {
+namespace error_canary {
 
 constexpr const char* kCanary = "DOE^CANARY";
 
@@ -32,8 +32,8 @@ class Refusing : public testing::FakeHost {
  public:
   Refusing() { keep_runs(); }
   using FakeHost::change;
-  Result<Grant> set(const SettingsRequest& asked) override {
-    if (asked.paused) return FakeHost::set(asked);
+  Result<Grant> set(const SettingsRequest& request) override {
+    if (request.paused) return FakeHost::set(request);
     return with_canary();
   }
   Result<Grant> set(const TissueRequest&) override { return with_canary(); }
@@ -45,9 +45,9 @@ class Refusing : public testing::FakeHost {
   Result<void> change(const PlanRequest&) override { return with_canary(); }
   Result<std::string> curves(const std::string&) const override { return with_canary(); }
   std::shared_ptr<const ViewedDebriefing> debriefing() const override {
-    auto told = testing::test_debriefing();
-    told.not_kept = with_canary();
-    return std::make_shared<const ViewedDebriefing>(told);
+    auto reported = testing::test_debriefing();
+    reported.not_stored = with_canary();
+    return std::make_shared<const ViewedDebriefing>(reported);
   }
 };
 
@@ -69,13 +69,13 @@ std::string refusal_of_a_recording() {
   return viewer.text("refused").dump();
 }
 
-}  // namespace told_error_test
+}  // namespace error_canary
 
-TEST(ToldError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
-  const palpate::Json told = error_json(told_error_test::with_canary());
-  EXPECT_EQ(told["what"], "cannot be written, the disk is full");
-  EXPECT_EQ(told["where"], "");
-  EXPECT_EQ(told["how"], "free some space or write elsewhere");
+TEST(ReportedError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
+  const palpate::Json reported = error_json(error_canary::with_canary());
+  EXPECT_EQ(reported["what"], "cannot be written, the disk is full");
+  EXPECT_EQ(reported["where"], "");
+  EXPECT_EQ(reported["how"], "free some space or write elsewhere");
   for (const char* file : {"plan.toml", "plan.toml:7", "./role", "role.h5", "--plan", "/", "DOE"})
     EXPECT_EQ(error_json({ErrorKind::kBadInput, "x", file, ""})["where"], "") << file;
   for (const ForceMethodInfo& method : kForceMethods) EXPECT_TRUE(is_word_of_protocol(method.name));
@@ -83,7 +83,7 @@ TEST(ToldError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
 }
 
 // for any invalid key the answer names it
-TEST(ToldError, EveryKeyOfARequestIsAWordOfTheProtocol) {
+TEST(ReportedError, EveryKeyOfARequestIsAWordOfTheProtocol) {
   const std::map<std::string, std::vector<const char*>> kKeys{
       {"set",
        {"method", "law", "friction", "viscosity", "passivity", "paused", "motor", "max_force_N",
@@ -106,15 +106,15 @@ TEST(ToldError, EveryKeyOfARequestIsAWordOfTheProtocol) {
     }
 }
 
-TEST(ToldError, NoFileOfARefusalLeavesTheMachine) {
-  told_error_test::Refusing host;
+TEST(ReportedError, NoFileOfARefusalLeavesTheMachine) {
+  error_canary::Refusing host;
   host.edit_scene().input = "pointer";
   host.edit_scene().tasks = {testing::test_task()};
   host.rehearse({});
   host.change([](ViewedState& state) {
     state.playback.emplace();
-    state.playback->failure = told_error_test::with_canary();
-    state.method_failure = state.law_failure = told_error_test::with_canary();
+    state.playback->failure = error_canary::with_canary();
+    state.method_failure = state.law_failure = error_canary::with_canary();
   });
   testing::TestLog log;
   ViewerServerOptions options;
@@ -160,19 +160,19 @@ TEST(ToldError, NoFileOfARefusalLeavesTheMachine) {
   host.ask_first();
   viewer.send({{"type", "set"}, {"id", 99}, {"paused", true}});
   wire += viewer.text("asked").dump();
-  host.answer(told_error_test::with_canary());
+  host.answer(error_canary::with_canary());
   wire += viewer.text("refused").dump();
   for (const char* path : {"/", "/api/scene", "/api/curves", "/api/nothing"}) {
     const auto answer = request(port, "GET", path);
     wire += answer.head + answer.body;
   }
-  wire += told_error_test::refusal_of_a_recording();
+  wire += error_canary::refusal_of_a_recording();
   EXPECT_NE(wire.find("the disk is full"), std::string::npos) << "viewers are told the rest";
-  EXPECT_NE(wire.find("not_kept"), std::string::npos);
+  EXPECT_NE(wire.find("not_stored"), std::string::npos);
   EXPECT_NE(wire.find("method_failed"), std::string::npos);
-  EXPECT_EQ(wire.find(told_error_test::kCanary), std::string::npos)
-      << wire.substr(wire.find(told_error_test::kCanary) - 100, 200);
-  EXPECT_EQ(log.text().find(told_error_test::kCanary), std::string::npos);
+  EXPECT_EQ(wire.find(error_canary::kCanary), std::string::npos)
+      << wire.substr(wire.find(error_canary::kCanary) - 100, 200);
+  EXPECT_EQ(log.text().find(error_canary::kCanary), std::string::npos);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 
 namespace palpate::server {
 
-void FaultLog::say(std::string_view who, std::string_view fault, Clock::time_point now) {
+void FaultLog::add(std::string_view who, std::string_view fault, Clock::time_point now) {
   if (!log_) return;
   catch_up(now);
   if (lines_ == 0) begun_ = now;

@@ -16,7 +16,7 @@ class FaultLog {
 
   explicit FaultLog(std::function<void(const std::string&)> log) : log_(std::move(log)) {}
 
-  void say(std::string_view who, std::string_view fault, Clock::time_point now = Clock::now());
+  void add(std::string_view who, std::string_view fault, Clock::time_point now = Clock::now());
   /// Writes the number of lines omitted in past seconds.
   void catch_up(Clock::time_point now = Clock::now());
 

@@ -15,20 +15,20 @@ TEST(FaultLog, AFloodIsCounted) {
   std::vector<std::string> lines;
   FaultLog log([&](const std::string& line) { lines.push_back(line); });
   const auto begin = FaultLog::Clock::now();
-  for (int n = 0; n < 1000; ++n) log.say("10.0.0.1", "a malformed request", begin + n * 100us);
+  for (int n = 0; n < 1000; ++n) log.add("10.0.0.1", "a malformed request", begin + n * 100us);
   EXPECT_EQ(lines.size(), static_cast<std::size_t>(FaultLog::kLinesEachSecond));
   EXPECT_EQ(lines.front(), "viewer 10.0.0.1: a malformed request");
   log.catch_up(begin + 500ms);
   EXPECT_EQ(lines.size(), static_cast<std::size_t>(FaultLog::kLinesEachSecond));
   log.catch_up(begin + 1001ms);
   EXPECT_EQ(lines.back(), "viewers: 990 more faults");
-  log.say("10.0.0.1", "no hello", begin + 2s);
+  log.add("10.0.0.1", "no hello", begin + 2s);
   EXPECT_EQ(lines.back(), "viewer 10.0.0.1: no hello");
 }
 
 TEST(FaultLog, NobodyNeedsToListen) {
   FaultLog log({});
-  log.say("10.0.0.1", "no hello");
+  log.add("10.0.0.1", "no hello");
   log.catch_up();
 }
 
@@ -37,10 +37,10 @@ TEST(TokenBucket, HoldsARate) {
   TokenBucket bucket(250, 250, now);
   // ten seconds at the sustained rate
   for (int n = 0; n < 2500; ++n, now += 4ms) ASSERT_TRUE(bucket.take(now)) << n;
-  int taken = 0;
-  while (taken < 1000 && bucket.take(now)) ++taken;
-  EXPECT_GE(taken, 248);
-  EXPECT_LE(taken, 252);
+  int used = 0;
+  while (used < 1000 && bucket.take(now)) ++used;
+  EXPECT_GE(used, 248);
+  EXPECT_LE(used, 252);
 }
 
 }  // namespace

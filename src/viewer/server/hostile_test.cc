@@ -377,12 +377,12 @@ TEST_F(HostileTest, ViewersThatNeverAnswer) {
 
 TEST_F(HostileTest, DownloadsThatNobodyReads) {
   TestServer large({}, {256, 256, 80});
-  const std::string wanted =
+  const std::string requested =
       "GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + large.host_name() + "\r\n\r\n";
   std::vector<std::unique_ptr<TestSocket>> sockets;
   for (int n = 0; n < 260; ++n) {
     sockets.push_back(std::make_unique<TestSocket>(large.port(), false, 4096));
-    sockets.back()->send(wanted);
+    sockets.back()->send(requested);
     ASSERT_NE(sockets.back()->take_until("\r\n\r\n").find("200 OK"), std::string::npos) << n;
     keep_up();
   }

@@ -134,7 +134,7 @@ void Hub::make_room_for_connection() {
   const auto oldest =
       std::min_element(connections_.begin(), connections_.end(),
                        [&](const auto& one, const auto& other) { return place(one) < place(other); });
-  log_.say((*oldest)->peer(), "too many connections: this one, with the least progress, is closed");
+  log_.add((*oldest)->peer(), "too many connections: this one, with the least progress, is closed");
   std::shared_ptr(*oldest)->close();
 }
 
@@ -166,28 +166,28 @@ bool Hub::make_room_for_viewer(Role role) {
     if (viewer.get() == pointer_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (!has_reserved_place(role) && looking >= kMaxViewers - kKeptForControl) return false;
+  if (!has_reserved_place(role) && looking >= kMaxViewers - kReservedForControl) return false;
   if (all < kMaxViewers) return true;
   if (!has_reserved_place(role) || !latest) return false;
   latest->end(kTryAgainLater, "gives its place to a viewer with control or a teacher");
   return true;
 }
 
-void Hub::want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then) {
+void Hub::request_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then) {
   volumes_.want(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
     loop_.post([then, payload = std::move(payload)] { then(payload); });
   });
 }
 
-void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
-                       std::function<void(PictureStore::Payload)> then) {
+void Hub::request_picture(PictureKey key, std::weak_ptr<const void> asker,
+                          std::function<void(PictureStore::Payload)> then) {
   pictures_.want(std::move(key), std::move(asker),
                  [this, then = std::move(then)](PictureStore::Payload payload) mutable {
                    loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
                  });
 }
 
-void Hub::want_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
+void Hub::request_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
   volumes_.run([this, learner, then = std::move(then)] {
     Result<std::string> page = live_->curves(learner);
     loop_.post([then, page = std::move(page)] { then(page); });
@@ -208,8 +208,8 @@ void Hub::welcome(Viewer& viewer) {
   }
   viewer.show_state();
   // a late viewer gets the current data, not what was last sent to others
-  if (viewer.wants_yields()) publish_yields(Clock::now());
-  if (viewer.wants_training()) publish_training(Clock::now());
+  if (viewer.receives_yields()) publish_yields(Clock::now());
+  if (viewer.receives_training()) publish_training(Clock::now());
   viewer.show_training();
   if (std::exchange(posing_, true)) return;
   next_pose_ = Clock::now();
@@ -225,7 +225,7 @@ void Hub::count() {
 std::string Hub::answer(Viewer& viewer, const Request& request) {
   const auto granted = grant(viewer, request);
   if (!granted) return refused_json(request.id, granted.error());
-  return *granted == Grant::kAsked ? asked_json(request.id) : done_json(request.id);
+  return *granted == Grant::kRequested ? consent_request_json(request.id) : done_json(request.id);
 }
 
 Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
@@ -246,10 +246,10 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
     return granted(grant_pointer(viewer, *pointer));
   if (live_ == nullptr) return takes_no_requests(host_);
-  const auto set = [&](auto asked) {
-    asked.by = viewer.identity();
-    asked.id = request.id;
-    return live_->set(asked);
+  const auto set = [&](auto requested) {
+    requested.by = viewer.identity();
+    requested.id = request.id;
+    return live_->set(requested);
   };
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
   if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
@@ -367,7 +367,7 @@ Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
   // releasing the pointer without having it changes nothing
   if (!request.take && !pointer_) return {};
   if (live_ == nullptr) return takes_no_requests(host_);
-  if (auto taken = live_->take_pointer(request.take, viewer.identity()); !taken) return taken;
+  if (auto used = live_->take_pointer(request.take, viewer.identity()); !used) return used;
   pointer_ = request.take ? &viewer : nullptr;
   return {};
 }
@@ -395,7 +395,7 @@ std::string Hub::state_for(const Viewer& viewer) const {
 }
 
 std::string Hub::welcome_for(const Who& who) const {
-  return welcome_json(who, !host_.scene().tasks.empty(), site_.keeps_runs());
+  return welcome_json(who, !host_.scene().tasks.empty(), site_.stores_runs());
 }
 
 const Veil* Hub::veil_of(const Viewer& viewer) const {
@@ -411,7 +411,7 @@ const std::string& Hub::published_training(const Viewer& viewer) const {
 }
 
 std::shared_ptr<const std::string> Hub::published_plan(const Viewer& viewer) const {
-  return veil_of(viewer) != nullptr ? nullptr : told_plan_;
+  return veil_of(viewer) != nullptr ? nullptr : reported_plan_;
 }
 
 std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewer) const {
@@ -481,7 +481,7 @@ void Hub::publish_plan() {
   auto plan = host_.plan();
   if (plan == plan_) return;
   plan_ = std::move(plan);
-  told_plan_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
+  reported_plan_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
   for (const auto& viewer : viewers_) viewer->show_plan();
 }
 
@@ -505,14 +505,15 @@ void Hub::wait_for_poses() {
 void Hub::publish_yields(Clock::time_point now) {
   next_yields_ = now + kYieldPeriod;
   for (std::size_t device = 0; device < yields_.size(); ++device) {
-    LastPublished& looked = yields_[device];
+    LastPublished& found = yields_[device];
     auto yield = host_.yielded(device);
-    if (looked.message && yield == looked.yield) continue;
-    looked.yield = std::move(yield);
-    YieldMessage next(device, looked.yield.get());
-    if (looked.message && next.looks_like(*looked.message)) continue;
-    looked.told = {looked.told.number + 1, next.rests(), std::make_shared<const std::string>(next.bytes())};
-    looked.message = std::move(next);
+    if (found.message && yield == found.yield) continue;
+    found.yield = std::move(yield);
+    YieldMessage next(device, found.yield.get());
+    if (found.message && next.looks_like(*found.message)) continue;
+    found.reported = {found.reported.number + 1, next.rests(),
+                      std::make_shared<const std::string>(next.bytes())};
+    found.message = std::move(next);
   }
   for (const auto& viewer : viewers_) viewer->show_yields();
 }
@@ -546,21 +547,22 @@ void Hub::publish_navigation(Clock::time_point now) {
   const auto navigation = live_->navigation();
   if (!navigation) return;
   std::string text = navigation_json(*navigation);
-  if (told_navigation_ && text == *told_navigation_) return;
-  told_navigation_ = std::make_shared<const std::string>(std::move(text));
+  if (reported_navigation_ && text == *reported_navigation_) return;
+  reported_navigation_ = std::make_shared<const std::string>(std::move(text));
   for (const auto& viewer : viewers_) viewer->show_navigation();
 }
 
 void Hub::show_pose() {
   const Clock::time_point now = Clock::now();
-  if (now >= next_navigation_ && std::any_of(viewers_.begin(), viewers_.end(),
-                                             [](const auto& viewer) { return viewer->wants_navigation(); }))
+  if (now >= next_navigation_ && std::any_of(viewers_.begin(), viewers_.end(), [](const auto& viewer) {
+        return viewer->receives_navigation();
+      }))
     publish_navigation(now);
   if (now >= next_training_ && std::any_of(viewers_.begin(), viewers_.end(),
-                                           [](const auto& viewer) { return viewer->wants_training(); }))
+                                           [](const auto& viewer) { return viewer->receives_training(); }))
     publish_training(now);
   if (now >= next_yields_ && std::any_of(viewers_.begin(), viewers_.end(),
-                                         [](const auto& viewer) { return viewer->wants_yields(); }))
+                                         [](const auto& viewer) { return viewer->receives_yields(); }))
     publish_yields(now);
   const auto due = [&](const auto& viewer) { return viewer->is_due(now); };
   if (std::none_of(viewers_.begin(), viewers_.end(), due)) return;
@@ -580,7 +582,7 @@ void Hub::show_pose() {
     const Veil* veil = veil_of(*viewer);
     if (veil != nullptr && !veiled) {
       veiled_tick_ = veil->of(tick);
-      veiled_steps_->see(veiled_tick_);
+      veiled_steps_->observe(veiled_tick_);
       veiled.emplace(Veiled{PoseMessage(veiled_tick_, {}, veil->of(health_), clock_ns),
                             NearMessage(veiled_tick_), veil->scene().reports_distances()});
     }
@@ -618,7 +620,7 @@ void Hub::answer_late() {
   for (const LateAnswer& late : live_->take_answers())
     for (const auto& viewer : viewers_)
       if (viewer->identity().number == late.by.number && viewer->welcomed())
-        viewer->say(late.outcome ? done_json(late.id) : refused_json(late.id, late.outcome.error()));
+        viewer->send(late.outcome ? done_json(late.id) : refused_json(late.id, late.outcome.error()));
 }
 
 }  // namespace palpate::server

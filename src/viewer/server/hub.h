@@ -39,7 +39,7 @@ class Hub {
   /// Maximum number of viewers after their hello, and of connections including them.
   static constexpr std::size_t kMaxViewers = 64, kMaxConnections = 256;
   /// Places reserved for viewers with control or a teacher's role.
-  static constexpr std::size_t kKeptForControl = 2;
+  static constexpr std::size_t kReservedForControl = 2;
   /// Maximum number of WebSockets before their hello, when their role is not known yet.
   static constexpr std::size_t kMaxSilent = 16;
   /// A single viewer downloads scan and labels concurrently.
@@ -79,12 +79,12 @@ class Hub {
   /// Next part of a connection's download whose previous part has been sent.
   DownloadPace::Turn next_part(std::size_t left_bytes);
   /// Asynchronous requests; `then` is called on the server's thread.
-  void want_picture(PictureKey key, std::weak_ptr<const void> asker,
-                    std::function<void(PictureStore::Payload)> then);
-  void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
-  /// Only if Site::keeps_runs.
+  void request_picture(PictureKey key, std::weak_ptr<const void> asker,
+                       std::function<void(PictureStore::Payload)> then);
+  void request_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
+  /// Only if Site::stores_runs.
   /// @param learner  pseudonym; empty: all learners
-  void want_curves(const std::string& learner, std::function<void(Result<std::string>)> then);
+  void request_curves(const std::string& learner, std::function<void(Result<std::string>)> then);
 
   // ---- requests of viewers
 
@@ -105,7 +105,7 @@ class Hub {
   /// Message with the next sweeps for a viewer, and marks them as sent; empty: no more.
   std::string sweeps_after(SentSweeps& had) const;
   /// Latest deformation around a device.
-  const PublishedYield& published_yield(std::size_t device) const { return yields_[device].told; }
+  const PublishedYield& published_yield(std::size_t device) const { return yields_[device].reported; }
   /// Latest plan; null if there is none, and for a veiled viewer: the plan's author may have known what is
   /// hidden.
   std::shared_ptr<const std::string> published_plan(const Viewer& viewer) const;
@@ -114,7 +114,7 @@ class Hub {
   /// Progress message published last; empty: the session has no tasks.
   const std::string& published_training(const Viewer& viewer) const;
   /// Latest error estimate of a tracked tip; null: none.
-  const std::shared_ptr<const std::string>& published_navigation() const { return told_navigation_; }
+  const std::shared_ptr<const std::string>& published_navigation() const { return reported_navigation_; }
   /// Debriefing of the last run; null if there is none, and for a learner if it was another learner's run.
   std::shared_ptr<const std::string> published_debriefing(const Viewer& viewer) const;
 
@@ -173,13 +173,13 @@ class Hub {
   struct LastPublished {
     std::shared_ptr<const ViewedYield> yield;
     std::optional<YieldMessage> message;  ///< Message published last
-    PublishedYield told;
+    PublishedYield reported;
   };
   std::array<LastPublished, kMaxDevices> yields_;
   Clock::time_point next_yields_{};
   std::shared_ptr<const ViewedPlan> plan_;
-  std::shared_ptr<const std::string> told_plan_;
-  std::shared_ptr<const std::string> told_navigation_;
+  std::shared_ptr<const std::string> reported_plan_;
+  std::shared_ptr<const std::string> reported_navigation_;
   Clock::time_point next_navigation_{};
   std::string training_, veiled_training_;
   std::shared_ptr<const ViewedDebriefing> debriefed_;

@@ -94,11 +94,11 @@ TEST(Viewer, WhatIsNearComesToWhoAsksWhereTheSceneTellsItAndWhenItIsAnother) {
   pushed.device[0].no_go = 1;
   pushed.device[0].no_go_depth_mm = 0.75;
   telling.host.bring_near(pushed.device[0]);
-  const std::string told = near_message(viewer);
-  EXPECT_EQ(number_at<std::uint16_t>(told, 24), 1);
-  EXPECT_EQ(number_at<float>(told, 28), 0.75f);
+  const std::string reported = near_message(viewer);
+  EXPECT_EQ(number_at<std::uint16_t>(reported, 24), 1);
+  EXPECT_EQ(number_at<float>(reported, 28), 0.75f);
   // the pose of the same tick, or a later one, follows it
-  EXPECT_GE(number_at<std::uint64_t>(viewer.pose(), 16), number_at<std::uint64_t>(told, 8));
+  EXPECT_GE(number_at<std::uint64_t>(viewer.pose(), 16), number_at<std::uint64_t>(reported, 8));
   TestViewer late(telling.port());
   late.greet({{"poses_hz", 120}, {"near", true}});
   EXPECT_EQ(number_at<std::uint16_t>(near_message(late), 24), 1) << "one that comes late";

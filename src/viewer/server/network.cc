@@ -404,11 +404,11 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
                                                 net::const_buffer(write->body.data(), write->body.size())};
     stream_->async_write_some(
         Pieces(left, kPart_bytes),
-        [self = shared_from_this(), write = std::move(write)](ErrorCode failed, std::size_t taken) mutable {
-          const std::size_t of_head = std::min(taken, write->head.size());
+        [self = shared_from_this(), write = std::move(write)](ErrorCode failed, std::size_t used) mutable {
+          const std::size_t of_head = std::min(used, write->head.size());
           write->head.remove_prefix(of_head);
-          write->body.remove_prefix(taken - of_head);
-          write->taken += taken;
+          write->body.remove_prefix(used - of_head);
+          write->taken += used;
           write->progress(write->taken);
           if (failed || (write->head.empty() && write->body.empty()))
             write->then(!failed, write->taken);

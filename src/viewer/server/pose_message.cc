@@ -38,11 +38,11 @@ void write_device(WireWriter& out, const DeviceTick& device, double stiffness_N_
   out.whole(device.label);
   out.whole(std::uint16_t{0});
   out.whole(std::uint32_t{0});
-  for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
-    out.whole(device.felt_label[n]);
+  for (std::size_t n = 0; n < device.path_label.size(); ++n) {
+    out.whole(device.path_label[n]);
     out.whole(std::uint16_t{0});
-    out.real32(device.felt_depth_mm[n]);
-    out.real32(device.felt_share[n]);
+    out.real32(device.path_depth_mm[n]);
+    out.real32(device.path_share[n]);
   }
   for (std::size_t n = 0; n < device.contact_label.size(); ++n) {
     out.whole(device.contact_label[n]);
@@ -72,7 +72,7 @@ PoseMessage::PoseMessage(const TickRecord& tick, const std::array<double, kMaxDe
   out.whole(tick.switches);
   out.whole(static_cast<std::uint8_t>(devices));
   out.whole(std::uint8_t{0});
-  out.reals32(tick.rotation_felt_wxyz);
+  out.reals32(tick.rotation_applied_wxyz);
   out.real32(health.rate_hz);
   out.real32(health.lateness_p50_us);
   out.real32(health.lateness_p99_us);

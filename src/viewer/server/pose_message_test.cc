@@ -20,7 +20,7 @@ TickRecord full_tick(int devices) {
   tick.method = 5;
   tick.switches = 0x15;
   tick.rotation_target_wxyz = {9, 9, 9, 9};
-  tick.rotation_felt_wxyz = {0.5, -0.5, 0.25, 0.75};
+  tick.rotation_applied_wxyz = {0.5, -0.5, 0.25, 0.75};
   tick.devices = devices;
   for (int d = 0; d < kMaxDevices; ++d) {
     DeviceTick& device = tick.device[d];
@@ -39,10 +39,10 @@ TickRecord full_tick(int devices) {
     device.flags = 0x80000001u + static_cast<std::uint32_t>(d);
     device.buttons = 0x11223344;
     device.label = static_cast<std::uint16_t>(0xfe00 + d);
-    for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
-      device.felt_label[n] = static_cast<std::uint16_t>(100 * (d + 1) + static_cast<int>(n));
-      device.felt_depth_mm[n] = base + 30 + static_cast<double>(n);
-      device.felt_share[n] = base + 40 + static_cast<double>(n);
+    for (std::size_t n = 0; n < device.path_label.size(); ++n) {
+      device.path_label[n] = static_cast<std::uint16_t>(100 * (d + 1) + static_cast<int>(n));
+      device.path_depth_mm[n] = base + 30 + static_cast<double>(n);
+      device.path_share[n] = base + 40 + static_cast<double>(n);
     }
     for (std::size_t n = 0; n < device.contact_label.size(); ++n) {
       device.contact_label[n] = static_cast<std::uint16_t>(200 * (d + 1) + static_cast<int>(n));

@@ -139,9 +139,9 @@ SettingsRequest read_settings(Fields& fields) {
   request.law = fields.name(kLawSetting, kMaxName_bytes);
   bool any = request.law.has_value();
   visit_settings([&](const auto& setting) {
-    auto& wanted = request.*setting.change;
-    fields.read(setting.name, wanted);
-    any = any || wanted;
+    auto& requested = request.*setting.change;
+    fields.read(setting.name, requested);
+    any = any || requested;
   });
   fields.end();
   if (!any) fields.refuse("", "the request is empty");
@@ -216,8 +216,9 @@ PlanRequest read_plan(Fields& fields) {
   request.save = fields.flag("save").value_or(false);
   fields.end();
   const bool changes = request.name || request.entry_mm || request.target_mm;
-  const int asked = int{changes} + int{request.remove} + int{request.back_to.has_value()} + int{request.save};
-  if (asked != 1) fields.refuse("", "needs exactly one of a change, remove, back_to and save");
+  const int requested =
+      int{changes} + int{request.remove} + int{request.back_to.has_value()} + int{request.save};
+  if (requested != 1) fields.refuse("", "needs exactly one of a change, remove, back_to and save");
   if (request.trajectory.has_value() != (changes || request.remove))
     fields.refuse("trajectory", "is only for a change and for remove");
   return request;

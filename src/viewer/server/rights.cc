@@ -105,11 +105,11 @@ bool may(Role role, Right right, bool has_tasks) {
   return of == May::kYes || (of == May::kWithoutTasks && !has_tasks);
 }
 
-std::vector<std::string_view> rights_of(Role role, bool has_tasks, bool keeps_runs) {
+std::vector<std::string_view> rights_of(Role role, bool has_tasks, bool stores_runs) {
   std::vector<std::string_view> names;
   for (const RightInfo& info : kRights) {
     const bool is_of_runs = info.right == Right::kOwnRuns || info.right == Right::kAllRuns;
-    if (may(role, info.right, has_tasks) && (keeps_runs || !is_of_runs)) names.push_back(info.name);
+    if (may(role, info.right, has_tasks) && (stores_runs || !is_of_runs)) names.push_back(info.name);
   }
   return names;
 }

@@ -53,8 +53,8 @@ std::span<const RightInfo> right_infos();
 /// @param has_tasks  whether the session or recording has tasks
 bool may(Role role, Right right, bool has_tasks);
 /// Names of a role's permissions, for messages.
-/// @param keeps_runs  whether records exist from which curves are computed
-std::vector<std::string_view> rights_of(Role role, bool has_tasks, bool keeps_runs);
+/// @param stores_runs  whether records exist from which curves are computed
+std::vector<std::string_view> rights_of(Role role, bool has_tasks, bool stores_runs);
 /// Refusal for a missing permission; names the roles that have it.
 Error lacks_right(Role role, Right right);
 

@@ -34,8 +34,8 @@ constexpr const char* kOtherLearner = "other-learner-k7wq2mzr9xbt4";
 
 /// Server with tokens for one viewer of each role and for a second learner.
 struct School {
-  explicit School(std::vector<ViewedTask> tasks = {test_task()}, bool keeps_runs = true)
-      : test(options(), {5, 4, 3}, "pointer", std::move(tasks), {}, keeps_runs) {}
+  explicit School(std::vector<ViewedTask> tasks = {test_task()}, bool stores_runs = true)
+      : test(options(), {5, 4, 3}, "pointer", std::move(tasks), {}, stores_runs) {}
 
   ViewerServerOptions options() {
     std::string lines = std::string("learner ") + kOtherLearner + " L007\n";
@@ -66,7 +66,7 @@ struct School {
 };
 
 /// Answer to a request: "done", or the refusal.
-Json asked(TestViewer& viewer, Json message) {
+Json requested(TestViewer& viewer, Json message) {
   message["id"] = 5;
   viewer.send(message);
   while (true) {
@@ -125,7 +125,7 @@ TEST(Rights, EveryCellIsKeptByTheServer) {
         const auto viewer = school.comes(role);
         EXPECT_EQ(school.welcome["role"], name_of(role));
         for (const Json& message : messages) {
-          const Json answer = asked(*viewer, message);
+          const Json answer = requested(*viewer, message);
           const std::string of = std::string(name_of(role)) + message.dump();
           if (may(role, right, has_tasks)) {
             EXPECT_TRUE(answer["type"] == "done" || answer["where"] != "role") << of << answer;
@@ -153,9 +153,9 @@ TEST(Rights, WhatIsRefusedIsNotDone) {
   const auto learner = school.comes(Role::kLearner);
   EXPECT_EQ(school.welcome["learner"], "L042");
   EXPECT_EQ(school.welcome["may"], Json({"look", "stop", "hand", "own_runs"}));
-  asked(*learner, {{"type", "set"}, {"paused", true}, {"max_force_N", 0.5}});
-  asked(*learner, {{"type", "tissue"}, {"tissue", 0}, {"stiffness_N_per_mm", 9.0}});
-  asked(*learner, {{"type", "lesson"}, {"end", true}});
+  requested(*learner, {{"type", "set"}, {"paused", true}, {"max_force_N", 0.5}});
+  requested(*learner, {{"type", "tissue"}, {"tissue", 0}, {"stiffness_N_per_mm", 9.0}});
+  requested(*learner, {{"type", "lesson"}, {"end", true}});
   const ViewedState state = school.test.host.state();
   EXPECT_FALSE(state.paused);
   EXPECT_EQ(state.max_force_N, 1.4);
@@ -188,28 +188,29 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   const auto teacher = school.comes(Role::kTeacher), one = school.comes(Role::kLearner, {{"task", true}}),
              other = school.comes(kOtherLearner, {{"task", true}});
   // the run is attributed to the token's pseudonym
-  EXPECT_EQ(asked(*one, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
+  EXPECT_EQ(requested(*one, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
   EXPECT_EQ(school.test.host.training().learner, "L042");
   // only a teacher can end another learner's run
-  EXPECT_EQ(asked(*other, {{"type", "task"}, {"end", true}})["where"], "learner");
-  EXPECT_EQ(asked(*other, {{"type", "pointer"}, {"take", true}})["where"], "learner");
-  EXPECT_EQ(asked(*teacher, {{"type", "task"}, {"end", true}})["type"], "done");
+  EXPECT_EQ(requested(*other, {{"type", "task"}, {"end", true}})["where"], "learner");
+  EXPECT_EQ(requested(*other, {{"type", "pointer"}, {"take", true}})["where"], "learner");
+  EXPECT_EQ(requested(*teacher, {{"type", "task"}, {"end", true}})["type"], "done");
   // the debriefing goes to that learner and to the teacher
   EXPECT_EQ(one->text("debriefing")["runs"], 4);
   other->send({{"type", "stop"}, {"id", 9}});
-  for (Json told = other->text(); !told.is_null() && told["type"] != "done"; told = other->text())
-    EXPECT_NE(told["type"], "debriefing");
+  for (Json reported = other->text(); !reported.is_null() && reported["type"] != "done";
+       reported = other->text())
+    EXPECT_NE(reported["type"], "debriefing");
 
   // a teacher chooses the learner, with or without the pointer
-  EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["type"], "done");
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
-  EXPECT_EQ(asked(*one, {{"type", "task"}, {"begin", "hold"}})["where"], "learner");
+  EXPECT_EQ(requested(*one, {{"type", "pointer"}, {"take", true}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
+  EXPECT_EQ(requested(*one, {{"type", "task"}, {"begin", "hold"}})["where"], "learner");
   EXPECT_TRUE(school.test.host.pointer_taken) << "whoever is named gets it";
-  EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["where"], "learner");
-  EXPECT_EQ(asked(*other, {{"type", "pointer"}, {"take", true}})["type"], "done");
-  EXPECT_EQ(asked(*teacher, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
+  EXPECT_EQ(requested(*one, {{"type", "pointer"}, {"take", true}})["where"], "learner");
+  EXPECT_EQ(requested(*other, {{"type", "pointer"}, {"take", true}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
   EXPECT_EQ(school.test.host.training().learner, "L007");
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"end", true}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"end", true}})["type"], "done");
   EXPECT_TRUE(school.test.host.ended());
 }
 
@@ -224,12 +225,13 @@ TEST(Rights, ThePointerGoesToWhomTheTeacherNames) {
   School school;
   // the teacher's page comes first, and takes the pointer
   const auto teacher = school.comes(Role::kTeacher);
-  EXPECT_EQ(asked(*teacher, {{"type", "pointer"}, {"take", true}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "pointer"}, {"take", true}})["type"], "done");
   // states that come before an answer are lost to whoever asks
   const auto watch = school.comes(Role::kTeacher);
   const auto one = school.comes(Role::kLearner);
-  EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["type"], "refused") << "the teacher has it";
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L042"}})["type"], "done");
+  EXPECT_EQ(requested(*one, {{"type", "pointer"}, {"take", true}})["type"], "refused")
+      << "the teacher has it";
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", "L042"}})["type"], "done");
   EXPECT_FALSE(state_when(*one, [](const Json& state) { return state["pointer"] == true; }).is_null());
   const Json listed =
       state_when(*watch, [](const Json& state) { return state["lesson"]["learners"][1]["pointer"] == true; });
@@ -238,22 +240,23 @@ TEST(Rights, ThePointerGoesToWhomTheTeacherNames) {
                             {"learner": "L042", "here": true, "pointer": true}])"));
 
   // a learner that is named before the page is open gets the pointer with the hello
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
   EXPECT_FALSE(school.test.host.pointer_taken) << "nobody has it meanwhile";
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"pointer", "L007"}})["where"], "pointer") << "not here";
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"pointer", "L042"}})["where"], "pointer") << "not meant";
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"pointer", "L007"}})["where"], "pointer") << "not here";
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"pointer", "L042"}})["where"], "pointer")
+      << "not meant";
   const auto other = school.comes(kOtherLearner);
   EXPECT_FALSE(state_when(*other, [](const Json& state) { return state["pointer"] == true; }).is_null());
 
   // a teacher takes it from a learner, and passes it
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"pointer", ""}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"pointer", ""}})["type"], "done");
   EXPECT_FALSE(state_when(*other, [](const Json& state) { return state["pointer_by"].is_null(); }).is_null());
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", ""}, {"pointer", "L042"}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", ""}, {"pointer", "L042"}})["type"], "done");
   const Json passed = state_when(*one, [](const Json& state) { return state["pointer"] == true; });
   ASSERT_FALSE(passed.is_null());
   EXPECT_TRUE(passed["lesson"]["learners"].is_null()) << "only a teacher gets the list";
 
-  EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"end", true}})["type"], "done");
+  EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"end", true}})["type"], "done");
   EXPECT_FALSE(state_when(*one, [](const Json& state) { return state["lesson"]["over"] == true; }).is_null());
 }
 

@@ -76,7 +76,7 @@ Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
   for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
     const ViewedTissue& tissue = scene.tissues[t];
     Json json = {{"name", shown(tissue.name)},
-                 {"felt", tissue.felt},
+                 {"touchable", tissue.touchable},
                  {"protection", tissue.protection},
                  {"colour", colour_json(tissue.colour)},
                  {"opacity", tissue.opacity}};
@@ -156,16 +156,16 @@ Json recording_json(const ViewedRecording& recording) {
 }
 
 // role and permissions of the receiver
-void add_who(Json& json, const Who& who, bool has_tasks, bool keeps_runs) {
+void add_who(Json& json, const Who& who, bool has_tasks, bool stores_runs) {
   json["role"] = name_of(who.role);
   json["learner"] = who.learner.empty() ? Json() : shown(who.learner);
-  json["may"] = rights_of(who.role, has_tasks, keeps_runs);
+  json["may"] = rights_of(who.role, has_tasks, stores_runs);
 }
 
 // the learner is disclosed to teachers and to that learner only
 Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
-  const bool is_told = reader.who.role == Role::kTeacher ||
-                       (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
+  const bool is_reported = reader.who.role == Role::kTeacher ||
+                           (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
   Json learners;
   if (reader.who.role == Role::kTeacher) {
     learners = Json::array();
@@ -173,7 +173,7 @@ Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
       learners.push_back(
           {{"learner", shown(listed.learner)}, {"here", listed.is_here}, {"pointer", listed.has_pointer}});
   }
-  return {{"learner", is_told && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
+  return {{"learner", is_reported && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
           {"of_another", reader.who.role == Role::kLearner && !lesson.is_for(reader.who.learner)},
           {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
           {"names", reader.names},
@@ -208,11 +208,11 @@ std::string hash_text(std::uint64_t hash) {
 }
 
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
-                       const Who& who, bool keeps_runs) {
+                       const Who& who, bool stores_runs) {
   Json json;
   json["protocol"] = kProtocol;
   json["palpate"] = PALPATE_VERSION;
-  add_who(json, who, !scene.tasks.empty(), keeps_runs);
+  add_who(json, who, !scene.tasks.empty(), stores_runs);
   json["side"] = scene.side;
   json["oriented"] = scene.oriented;
   json["caveats"] = Json::array();
@@ -284,7 +284,7 @@ std::string navigation_json(const ViewedNavigation& navigation) {
   const auto shown_mm = [](double mm) { return std::round(100 * mm) / 100; };
   Json json = {{"type", "navigation"},
                {"device", navigation.device},
-               {"seen", navigation.is_seen},
+               {"seen", navigation.is_visible},
                {"fre_mm", shown_mm(navigation.fre_mm)}};
   json["tre_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->rms_mm)) : Json();
   json["tre_95_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->max_mm)) : Json();
@@ -292,9 +292,9 @@ std::string navigation_json(const ViewedNavigation& navigation) {
   return text_of(json);
 }
 
-std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs) {
+std::string welcome_json(const Who& who, bool has_tasks, bool stores_runs) {
   Json json{{"type", "welcome"}};
-  add_who(json, who, has_tasks, keeps_runs);
+  add_who(json, who, has_tasks, stores_runs);
   json["protocol"] = kProtocol;
   return text_of(json);
 }
@@ -319,7 +319,7 @@ std::string done_json(std::int64_t id) {
   return text_of({{"type", "done"}, {"id", id}});
 }
 
-std::string asked_json(std::int64_t id) {
+std::string consent_request_json(std::int64_t id) {
   return text_of({{"type", "asked"}, {"id", id}});
 }
 

@@ -23,9 +23,9 @@ struct VolumeFacts {
 /// Sixteen lower-case hexadecimal digits.
 std::string hash_text(std::uint64_t hash);
 
-/// @param keeps_runs  Site::keeps_runs
+/// @param stores_runs  Site::stores_runs
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
-                       const Who& who, bool keeps_runs);
+                       const Who& who, bool stores_runs);
 
 /// Learner with a token, as shown to a teacher.
 struct ListedLearner {
@@ -49,12 +49,12 @@ std::string state_json(const ViewedState& state, const StateReader& reader);
 /// Rounded to 0.01 mm.
 std::string navigation_json(const ViewedNavigation& navigation);
 /// @param has_tasks   whether the scene has tasks
-/// @param keeps_runs  Site::keeps_runs
-std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs);
+/// @param stores_runs  Site::stores_runs
+std::string welcome_json(const Who& who, bool has_tasks, bool stores_runs);
 /// @param first  index of the first of them, from 0
 std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);
 std::string done_json(std::int64_t id);
-std::string asked_json(std::int64_t id);
+std::string consent_request_json(std::int64_t id);
 std::string refused_json(std::int64_t id, const Error& error);
 
 }  // namespace palpate::server

@@ -38,9 +38,9 @@ TEST(SceneJson, HasTheDocumentsKeys) {
       Json::parse(R"([{"label": 1, "name": "femur", "colour": [240, 220, 190], "tissue": 0, "within": []},
                             {"label": 2, "name": "tibia", "colour": [10, 20, 30], "tissue": -1, "within": [1]}])"));
   EXPECT_EQ(json["tissues"], Json::parse(R"([
-    {"name": "bone", "felt": true, "protection": "none", "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
+    {"name": "bone", "touchable": true, "protection": "none", "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
      "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
-    {"name": "skin", "felt": false, "protection": "none", "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
+    {"name": "skin", "touchable": false, "protection": "none", "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
      "static_friction": 0.0, "friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
   EXPECT_EQ(json["tool"],
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
@@ -193,12 +193,12 @@ TEST(SceneJson, StateAndAnswers) {
 }
 
 TEST(NavigationJson, AsTheDocumentHasIt) {
-  ViewedNavigation told{1, true, 0.3049, ViewedNavigation::Error{0.8049, 1.4151, true}};
-  EXPECT_EQ(Json::parse(navigation_json(told)),
+  ViewedNavigation navigation{1, true, 0.3049, ViewedNavigation::Error{0.8049, 1.4151, true}};
+  EXPECT_EQ(Json::parse(navigation_json(navigation)),
             Json::parse(R"({"type": "navigation", "device": 1, "seen": true,
     "fre_mm": 0.3, "tre_mm": 0.8, "tre_95_mm": 1.42, "far": true})"));
-  told.tip.reset();
-  EXPECT_EQ(Json::parse(navigation_json(told)),
+  navigation.tip.reset();
+  EXPECT_EQ(Json::parse(navigation_json(navigation)),
             Json::parse(R"({"type": "navigation", "device": 1, "seen": true,
     "fre_mm": 0.3, "tre_mm": null, "tre_95_mm": null, "far": false})"));
 }

@@ -104,7 +104,7 @@ class Server : public ViewerServer {
     while (!loop_->is_stopped()) try {
         loop_->run();
       } catch (const std::exception&) {
-        hub_->log().say("", "an error in the server");
+        hub_->log().add("", "an error in the server");
       }
   }
 

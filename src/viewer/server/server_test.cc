@@ -228,14 +228,14 @@ TEST(ViewerServer, ItsThreadsAreOrdinary) {
   std::atomic<int> policy{-1};
   class Host : public FakeHost {
    public:
-    explicit Host(std::atomic<int>& seen) : seen_(seen) {}
+    explicit Host(std::atomic<int>& observed) : observed_(observed) {}
     ViewedState state() const override {
-      seen_ = ::sched_getscheduler(0);
+      observed_ = ::sched_getscheduler(0);
       return FakeHost::state();
     }
 
    private:
-    std::atomic<int>& seen_;
+    std::atomic<int>& observed_;
   } host(policy);
   std::unique_ptr<ViewerServer> server;
   std::thread([&] {

@@ -161,13 +161,13 @@ HttpAnswer Site::scene(const Who& who) const {
   if (veil != nullptr) facts.wide_labels = veil->has_wide_labels();
   answer.body = std::make_shared<std::string>(
       scene_json(veil != nullptr ? veil->scene() : host_.scene(),
-                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, keeps_runs()));
+                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, stores_runs()));
   return answer;
 }
 
-bool Site::keeps_runs() const {
+bool Site::stores_runs() const {
   const LiveHost* const live = host_.live();
-  return live != nullptr && live->keeps_runs();
+  return live != nullptr && live->stores_runs();
 }
 
 std::string Site::hash_for(const Who& who) const {
@@ -181,11 +181,12 @@ SiteAnswer Site::curves(const Who& who) const {
     return refusal(403,
                    "only learners (their own) and teachers may see learning curves: connect with a token for "
                    "learner or teacher");
-  if (!keeps_runs()) return refusal(404, "no runs are recorded in this session");
-  CurvesWanted wanted;
-  wanted.learner = all ? std::string() : who.learner;
-  wanted.head.fields = field("Content-Type", "text/html; charset=utf-8") + field("Cache-Control", "no-store");
-  return wanted;
+  if (!stores_runs()) return refusal(404, "no runs are recorded in this session");
+  CurvesRequest requested;
+  requested.learner = all ? std::string() : who.learner;
+  requested.head.fields =
+      field("Content-Type", "text/html; charset=utf-8") + field("Cache-Control", "no-store");
+  return requested;
 }
 
 SiteAnswer Site::volume(std::string_view path, std::string_view query, const HttpRequest& request,
@@ -197,19 +198,19 @@ SiteAnswer Site::volume(std::string_view path, std::string_view query, const Htt
   if (!query.empty() && query != "shrink=1" && query != "shrink=2" && query != "shrink=4")
     return refusal(404);
 
-  VolumeWanted wanted;
-  wanted.key.labels = labels;
-  wanted.key.veiled = labels && veil_of(who) != nullptr;
-  wanted.key.shrink = query.empty() ? 1 : query.back() - '0';
-  wanted.key.gzip = labels && takes_gzip(request.accept_encoding);
-  std::string name = hash_for(who) + (labels ? "-labels-" : "-scan-") + std::to_string(wanted.key.shrink);
-  if (wanted.key.gzip) name += "-gzip";
+  VolumeRequest requested;
+  requested.key.labels = labels;
+  requested.key.veiled = labels && veil_of(who) != nullptr;
+  requested.key.shrink = query.empty() ? 1 : query.back() - '0';
+  requested.key.gzip = labels && takes_gzip(request.accept_encoding);
+  std::string name = hash_for(who) + (labels ? "-labels-" : "-scan-") + std::to_string(requested.key.shrink);
+  if (requested.key.gzip) name += "-gzip";
   const std::string fields = field("Cache-Control", "private, max-age=31536000, immutable") +
                              field("ETag", in_quotes(name)) + field("Vary", "Accept-Encoding, Authorization");
   if (knows_tag(request.if_none_match, in_quotes(name))) return not_modified(fields);
-  wanted.head.fields = field("Content-Type", "application/octet-stream") + fields;
-  if (wanted.key.gzip) wanted.head.fields += field("Content-Encoding", "gzip");
-  return wanted;
+  requested.head.fields = field("Content-Type", "application/octet-stream") + fields;
+  if (requested.key.gzip) requested.head.fields += field("Content-Encoding", "gzip");
+  return requested;
 }
 
 SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
@@ -222,11 +223,12 @@ SiteAnswer Site::picture(std::string_view hash, std::string_view query, const Ht
   if (!key) return refusal(400);
   key->veil = veil;
   key->gzip = takes_gzip(request.accept_encoding);
-  PictureWanted wanted;
-  wanted.head.fields = field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");
-  if (key->gzip) wanted.head.fields += field("Content-Encoding", "gzip");
-  wanted.key = std::move(*key);
-  return wanted;
+  PictureRequest requested;
+  requested.head.fields =
+      field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");
+  if (key->gzip) requested.head.fields += field("Content-Encoding", "gzip");
+  requested.key = std::move(*key);
+  return requested;
 }
 
 std::string Site::head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const {

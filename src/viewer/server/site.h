@@ -27,19 +27,19 @@ struct HttpAnswer {
 };
 
 /// Answer with a volume that may have to be generated first.
-struct VolumeWanted {
+struct VolumeRequest {
   PayloadKey key;
   HttpAnswer head;  ///< Its body is still to be set
 };
 
 /// Answer with a picture of the volume that has to be rendered.
-struct PictureWanted {
+struct PictureRequest {
   PictureKey key;
   HttpAnswer head;  ///< Its body is still to be set
 };
 
 /// Answer with a page of learning curves that has to be generated.
-struct CurvesWanted {
+struct CurvesRequest {
   std::string learner;  ///< Pseudonym; empty: all learners
   HttpAnswer head;      ///< Its body is still to be set
 };
@@ -47,7 +47,7 @@ struct CurvesWanted {
 /// Upgrade to a WebSocket.
 struct Upgrade {};
 
-using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, CurvesWanted, Upgrade>;
+using SiteAnswer = std::variant<HttpAnswer, VolumeRequest, PictureRequest, CurvesRequest, Upgrade>;
 
 class Site {
  public:
@@ -57,8 +57,8 @@ class Site {
 
   SiteAnswer answer(const HttpRequest& request);
   Access& access() { return access_; }
-  /// LiveHost::keeps_runs; false for a recording.
-  bool keeps_runs() const;
+  /// LiveHost::stores_runs; false for a recording.
+  bool stores_runs() const;
   /// Switches the veil on or off; initially on. On while a quiz is possible and its solution has not been
   /// shown.
   void set_veil_active(bool is_laid) { is_veiled_ = is_laid; }

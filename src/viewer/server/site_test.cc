@@ -165,11 +165,11 @@ TEST_F(SiteTest, AWebSocketHasToBeAskedForAsOne) {
 TEST_F(SiteTest, KnownVolumesAndFilesAreNotSentAgain) {
   HttpRequest request = get("/api/volume/labels/00aa?shrink=2");
   request.accept_encoding = "br, gzip;q=0.8";
-  const auto wanted = std::get<VolumeWanted>(site.answer(request));
-  EXPECT_TRUE(wanted.key.labels && wanted.key.gzip && wanted.key.shrink == 2);
-  EXPECT_NE(wanted.head.fields.find("Content-Encoding: gzip\r\n"), std::string::npos);
-  EXPECT_NE(wanted.head.fields.find("ETag: \"00aa-labels-2-gzip\"\r\n"), std::string::npos);
-  EXPECT_NE(wanted.head.fields.find("immutable"), std::string::npos);
+  const auto requested = std::get<VolumeRequest>(site.answer(request));
+  EXPECT_TRUE(requested.key.labels && requested.key.gzip && requested.key.shrink == 2);
+  EXPECT_NE(requested.head.fields.find("Content-Encoding: gzip\r\n"), std::string::npos);
+  EXPECT_NE(requested.head.fields.find("ETag: \"00aa-labels-2-gzip\"\r\n"), std::string::npos);
+  EXPECT_NE(requested.head.fields.find("immutable"), std::string::npos);
   request.if_none_match = "\"other\", \"00aa-labels-2-gzip\"";
   EXPECT_EQ(status_of(request), 304);
   // the plain body has another ETag
@@ -188,7 +188,7 @@ TEST_F(SiteTest, KnownVolumesAndFilesAreNotSentAgain) {
 TEST_F(SiteTest, ScansAreNotPacked) {
   HttpRequest request = get("/api/volume/scan/00aa");
   request.accept_encoding = "gzip";
-  EXPECT_FALSE(std::get<VolumeWanted>(site.answer(request)).key.gzip);
+  EXPECT_FALSE(std::get<VolumeRequest>(site.answer(request)).key.gzip);
   host.edit_scene().scan = nullptr;
   EXPECT_EQ(status_of(request), 404);
 }

@@ -130,45 +130,45 @@ std::string training_json(const ViewedTraining& training) {
   return line_of(json);
 }
 
-std::string debriefing_json(const ViewedDebriefing& told) {
+std::string debriefing_json(const ViewedDebriefing& debriefing) {
   Json json;
   json["type"] = "debriefing";
-  json["run"] = told.run;
-  json["task"] = printable_name(told.task);
-  json["end"] = told.end;
-  json["in_band"] = told.in_band;
-  json["time_s"] = told.time_s;
-  json["missing_s"] = told.missing_s;
-  json["ticks"] = told.ticks;
-  json["first_tick"] = told.first_tick;
-  json["last_tick"] = told.last_tick;
+  json["run"] = debriefing.run;
+  json["task"] = printable_name(debriefing.task);
+  json["end"] = debriefing.end;
+  json["in_band"] = debriefing.in_band;
+  json["time_s"] = debriefing.time_s;
+  json["missing_s"] = debriefing.missing_s;
+  json["ticks"] = debriefing.ticks;
+  json["first_tick"] = debriefing.first_tick;
+  json["last_tick"] = debriefing.last_tick;
   json["metrics"] = Json::array();
-  for (const ViewedDebriefing::Metric& metric : told.metrics)
+  for (const ViewedDebriefing::Metric& metric : debriefing.metrics)
     json["metrics"].push_back({{"value", metric.value}, {"in_band", metric.in_band}, {"best", metric.best}});
-  json["done"] = steps_json(told.done);
-  json["events"] = events_json(told.events);
-  json["more_events"] = told.more_events;
+  json["done"] = steps_json(debriefing.done);
+  json["events"] = events_json(debriefing.events);
+  json["more_events"] = debriefing.more_events;
   json["samples"] = Json::array();
-  for (const ViewedDebriefing::Sample& sample : told.samples) {
+  for (const ViewedDebriefing::Sample& sample : debriefing.samples) {
     Json row = {thousandths(sample.time_s)};
     for (const double mm : sample.tip_mm) row.push_back(thousandths(mm));
     row.push_back(thousandths(sample.touch_N));
-    for (std::size_t n = 0; n < told.forces; ++n) row.push_back(thousandths(sample.forces_N[n]));
+    for (std::size_t n = 0; n < debriefing.forces; ++n) row.push_back(thousandths(sample.forces_N[n]));
     json["samples"].push_back(std::move(row));
   }
   json["patches"] = Json::array();
-  for (const ViewedDebriefing::Patch& patch : told.patches) {
+  for (const ViewedDebriefing::Patch& patch : debriefing.patches) {
     Json row = place_json(patch.middle_mm);
     row.push_back(patch.covered ? 1 : 0);
     json["patches"].push_back(std::move(row));
   }
-  json["patches_left_out"] = told.patches_left_out;
-  json["answer_mm"] = told.answer_mm ? place_json(*told.answer_mm) : Json();
-  json["to_find_mm"] = told.to_find_mm ? place_json(*told.to_find_mm) : Json();
-  json["runs"] = told.runs;
-  json["in_a_row"] = told.in_a_row;
-  json["kept"] = or_null(told.kept);
-  json["not_kept"] = told.not_kept ? error_json(*told.not_kept) : Json();
+  json["patches_left_out"] = debriefing.patches_left_out;
+  json["answer_mm"] = debriefing.answer_mm ? place_json(*debriefing.answer_mm) : Json();
+  json["to_find_mm"] = debriefing.to_find_mm ? place_json(*debriefing.to_find_mm) : Json();
+  json["runs"] = debriefing.runs;
+  json["in_a_row"] = debriefing.in_a_row;
+  json["kept"] = or_null(debriefing.kept);
+  json["not_stored"] = debriefing.not_stored ? error_json(*debriefing.not_stored) : Json();
   return line_of(json);
 }
 

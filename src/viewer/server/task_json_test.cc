@@ -41,8 +41,8 @@ TEST(TaskJson, HowFarARunIs) {
 }
 
 TEST(TaskJson, ADebriefingHasEveryDigitOfItsFigures) {
-  ViewedDebriefing told = testing::test_debriefing();
-  Json json = Json::parse(debriefing_json(told));
+  ViewedDebriefing debriefing = testing::test_debriefing();
+  Json json = Json::parse(debriefing_json(debriefing));
   EXPECT_EQ(json["type"], "debriefing");
   EXPECT_EQ(json["metrics"][0]["value"].get<double>(), 0.1 + 0.2) << "bit for bit";
   EXPECT_TRUE(json["metrics"][1]["value"].is_null());
@@ -51,15 +51,15 @@ TEST(TaskJson, ADebriefingHasEveryDigitOfItsFigures) {
             Json::parse("[[0.02, 1.0, 2.0, 3.457, 1.5, 1.1], [0.04, null, null, null, 0.0, 0.0]]"));
   EXPECT_EQ(json["patches"], Json::parse("[[0.5, 1.5, 2.5, 1], [0.5, 1.5, 3.5, 0]]"));
   EXPECT_EQ(json["kept"], 17);
-  EXPECT_TRUE(json["not_kept"].is_null());
+  EXPECT_TRUE(json["not_stored"].is_null());
   EXPECT_EQ(json["answer_mm"], Json::parse("[1.0, 2.0, 3.0]"));
   EXPECT_TRUE(json["to_find_mm"].is_null());
   EXPECT_EQ(json.size(), 23u);
-  told.kept.reset();
-  told.not_kept = Error{ErrorKind::kOutput, "the disk is full", "/home/x/records.db", "make room"};
-  json = Json::parse(debriefing_json(told));
-  EXPECT_EQ(json["not_kept"]["what"], "the disk is full");
-  EXPECT_EQ(json["not_kept"]["where"], "") << "no path leaves the machine";
+  debriefing.kept.reset();
+  debriefing.not_stored = Error{ErrorKind::kOutput, "the disk is full", "/home/x/records.db", "make room"};
+  json = Json::parse(debriefing_json(debriefing));
+  EXPECT_EQ(json["not_stored"]["what"], "the disk is full");
+  EXPECT_EQ(json["not_stored"]["where"], "") << "no path leaves the machine";
 }
 
 }  // namespace

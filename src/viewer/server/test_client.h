@@ -69,21 +69,22 @@ class TestSocket {
       if (::poll(&poll, 1, patience_ms) <= 0) return false;
     }
     char buffer[65536];
-    const long got = tls_ ? SSL_read(tls_, buffer, sizeof buffer) : ::recv(handle_, buffer, sizeof buffer, 0);
-    if (got <= 0) {
+    const long received =
+        tls_ ? SSL_read(tls_, buffer, sizeof buffer) : ::recv(handle_, buffer, sizeof buffer, 0);
+    if (received <= 0) {
       ended_ = true;
       return false;
     }
-    input_.append(buffer, static_cast<std::size_t>(got));
+    input_.append(buffer, static_cast<std::size_t>(received));
     return true;
   }
   /// Exactly `bytes` bytes, or fewer if the other side closed.
   std::string take(std::size_t bytes) {
     while (input_.size() < bytes && receive()) {
     }
-    const std::string taken = input_.substr(0, bytes);
-    input_.erase(0, taken.size());
-    return taken;
+    const std::string used = input_.substr(0, bytes);
+    input_.erase(0, used.size());
+    return used;
   }
   /// Input up to and including `end`; all of it if `end` does not arrive.
   std::string take_until(std::string_view end) {

@@ -50,20 +50,21 @@ inline ViewedTraining test_training() {
   return training;
 }
 inline ViewedDebriefing test_debriefing() {
-  ViewedDebriefing told;
-  told.run = 3;
-  told.task = "hold";
-  told.end = "asked";
-  told.metrics = {{0.1 + 0.2, 0.25, true}, {}};
-  told.done = {true};
-  told.events = {{"step_done", 0, 1.5, 1.0}};
-  told.forces = 1;
-  told.samples = {{0.02, {1, 2, 3.45678}, 1.5, {1.1}}, {0.04, {kNotKnown, kNotKnown, kNotKnown}, 0, {}}};
-  told.patches = {{{0.5, 1.5, 2.5}, true}, {{0.5, 1.5, 3.5}, false}};
-  told.answer_mm = std::array{1.0, 2.0, 3.0};
-  told.runs = 4;
-  told.kept = 17;
-  return told;
+  ViewedDebriefing debriefing;
+  debriefing.run = 3;
+  debriefing.task = "hold";
+  debriefing.end = "asked";
+  debriefing.metrics = {{0.1 + 0.2, 0.25, true}, {}};
+  debriefing.done = {true};
+  debriefing.events = {{"step_done", 0, 1.5, 1.0}};
+  debriefing.forces = 1;
+  debriefing.samples = {{0.02, {1, 2, 3.45678}, 1.5, {1.1}},
+                        {0.04, {kNotKnown, kNotKnown, kNotKnown}, 0, {}}};
+  debriefing.patches = {{{0.5, 1.5, 2.5}, true}, {{0.5, 1.5, 3.5}, false}};
+  debriefing.answer_mm = std::array{1.0, 2.0, 3.0};
+  debriefing.runs = 4;
+  debriefing.kept = 17;
+  return debriefing;
 }
 
 class FakeHost : public LiveHost {
@@ -128,7 +129,7 @@ class FakeHost : public LiveHost {
   }
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
     const std::lock_guard lock(mutex_);
-    ++yields_asked;
+    ++yields_requested;
     return yields_.at(device);
   }
   void yield(std::size_t device, std::shared_ptr<const ViewedYield> yield) {
@@ -170,10 +171,10 @@ class FakeHost : public LiveHost {
   }
   Result<Grant> set(const SettingsRequest& request) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = request.by;
+    requested_by_ = request.by;
     if (asks_) {
-      asked_.push_back({request.by, request.id, {}});
-      return Grant::kAsked;
+      requested_.push_back({request.by, request.id, {}});
+      return Grant::kRequested;
     }
     if (request.max_force_N && *request.max_force_N > 3)
       return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
@@ -183,7 +184,7 @@ class FakeHost : public LiveHost {
   }
   Result<Grant> set(const StrokeRequest& request) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = request.by;
+    requested_by_ = request.by;
     const bool undo = request.action == StrokeAction::kUndo;
     std::size_t &from = undo ? state_.strokes_to_undo : state_.strokes_to_redo,
                 &to = undo ? state_.strokes_to_redo : state_.strokes_to_undo;
@@ -194,7 +195,7 @@ class FakeHost : public LiveHost {
   }
   Result<Grant> set(const TissueRequest& request) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = request.by;
+    requested_by_ = request.by;
     if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
       return Error{ErrorKind::kUsage, "is no tissue", "tissue", ""};
     ContactProperties& tissue = state_.tissues[request.tissue];
@@ -208,18 +209,18 @@ class FakeHost : public LiveHost {
   }
   void forget(const ViewerIdentity& viewer) override {
     const std::lock_guard lock(mutex_);
-    std::erase_if(asked_, [&](const LateAnswer& asked) { return asked.by.number == viewer.number; });
+    std::erase_if(requested_, [&](const LateAnswer& request) { return request.by.number == viewer.number; });
   }
   void emergency_stop(const ViewerIdentity& by) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = by;
+    requested_by_ = by;
     state_.stop = ++stops_;
     state_.stopped_by = StoppedBy::kViewer;
     state_.stopped_by_viewer = by.number;
   }
   Result<void> rearm(const RearmRequest& request) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = request.by;
+    requested_by_ = request.by;
     if (state_.armed) return Error{ErrorKind::kUsage, "arming is local", "", "arm at the device"};
     if (state_.stop != request.stop) return Error{ErrorKind::kUsage, "is another stop", "stop", "look again"};
     state_.stop.reset();
@@ -227,7 +228,7 @@ class FakeHost : public LiveHost {
   }
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = by;
+    requested_by_ = by;
     pointer_taken = take;
     return {};
   }
@@ -264,12 +265,12 @@ class FakeHost : public LiveHost {
     state_.lesson.is_over = state_.lesson.is_over || request.end;
     return {};
   }
-  bool keeps_runs() const override { return keeps_runs_; }
+  bool stores_runs() const override { return stores_runs_; }
   Result<std::string> curves(const std::string& learner) const override {
     return "<p>" + (learner.empty() ? "everybody" : learner) + "</p>";
   }
   /// Call before the server starts.
-  void keep_runs() { keeps_runs_ = true; }
+  void keep_runs() { stores_runs_ = true; }
   bool ended() const {
     const std::lock_guard lock(mutex_);
     return state_.lesson.is_over;
@@ -310,20 +311,20 @@ class FakeHost : public LiveHost {
     asks_ = true;
   }
   /// Number of pending questions.
-  std::size_t asked() const {
+  std::size_t requested() const {
     const std::lock_guard lock(mutex_);
-    return asked_.size();
+    return requested_.size();
   }
   /// Answers all pending questions with the same outcome.
   void answer(const Result<void>& outcome) {
     const std::lock_guard lock(mutex_);
-    for (const LateAnswer& asked : asked_) answers_.push_back({asked.by, asked.id, outcome});
-    asked_.clear();
+    for (const LateAnswer& request : requested_) answers_.push_back({request.by, request.id, outcome});
+    requested_.clear();
   }
   /// Originator of the last request.
-  ViewerIdentity asked_by() const {
+  ViewerIdentity requested_by() const {
     const std::lock_guard lock(mutex_);
-    return asked_by_;
+    return requested_by_;
   }
   /// Changes the state as another user would, for example at the terminal.
   template <class Change>
@@ -334,7 +335,7 @@ class FakeHost : public LiveHost {
   /// Call before the server starts.
   ViewedScene& edit_scene() { return scene_; }
 
-  mutable std::atomic<int> snapshots{0}, yields_asked{0};
+  mutable std::atomic<int> snapshots{0}, yields_requested{0};
   std::atomic<bool> pointer_taken{false};
 
  private:
@@ -348,10 +349,10 @@ class FakeHost : public LiveHost {
   ViewedTraining training_;
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::optional<PointerTarget> pointer_;
-  ViewerIdentity asked_by_;
+  ViewerIdentity requested_by_;
   std::uint32_t stops_ = 0;
-  bool asks_ = false, keeps_runs_ = false;
-  std::vector<LateAnswer> asked_, answers_;
+  bool asks_ = false, stores_runs_ = false;
+  std::vector<LateAnswer> requested_, answers_;
 };
 
 /// In-memory recording that stays where it is led.
@@ -418,9 +419,9 @@ struct TestServer {
   /// @param input  ViewedScene::input
   explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},
                       const std::string& input = "script", std::vector<ViewedTask> tasks = {},
-                      std::vector<ViewedNoGo> no_go = {}, bool keeps_runs = false)
+                      std::vector<ViewedNoGo> no_go = {}, bool stores_runs = false)
       : host(dims) {
-    if (keeps_runs) host.keep_runs();
+    if (stores_runs) host.keep_runs();
     host.edit_scene().input = input;
     host.edit_scene().tasks = std::move(tasks);
     host.edit_scene().no_go = std::move(no_go);

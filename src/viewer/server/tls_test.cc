@@ -203,9 +203,10 @@ TEST_F(TlsTest, NoSessionIsOffered) {
   TestServer test(options);
   OfferingClient client(test.port(), TLS1_3_VERSION, "TLS_AES_128_GCM_SHA256");
   ASSERT_TRUE(client.agreed);
-  const std::string asked = "GET / HTTP/1.1\r\nHost: localhost:" + std::to_string(test.port()) + "\r\n\r\n";
-  ASSERT_EQ(SSL_write(client.tls, asked.data(), static_cast<int>(asked.size())),
-            static_cast<int>(asked.size()));
+  const std::string requested =
+      "GET / HTTP/1.1\r\nHost: localhost:" + std::to_string(test.port()) + "\r\n\r\n";
+  ASSERT_EQ(SSL_write(client.tls, requested.data(), static_cast<int>(requested.size())),
+            static_cast<int>(requested.size()));
   std::array<char, 64> answer{};
   ASSERT_GT(SSL_read(client.tls, answer.data(), static_cast<int>(answer.size())), 0);
   EXPECT_FALSE(SSL_SESSION_is_resumable(SSL_get0_session(client.tls)));

@@ -108,8 +108,8 @@ class HttpConnection {
   /// @param progress    called with the number of bytes that the system has taken so far in this write
   /// @param then        false: the connection failed
   virtual void write(std::string_view head, std::string_view body,
-                     std::function<void(std::size_t taken)> progress,
-                     std::function<void(bool ok, std::size_t taken)> then) = 0;
+                     std::function<void(std::size_t used)> progress,
+                     std::function<void(bool ok, std::size_t used)> then) = 0;
   /// Shuts down sending, and reads and discards input until the viewer closes.
   virtual void linger(std::function<void()> then) = 0;
   /// Closes the connection at once; pending operations fail.

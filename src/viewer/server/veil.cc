@@ -91,8 +91,8 @@ void Veil::hide_tissues(const ViewedScene& whole) {
   for (ViewedTissue& tissue : scene_.tissues) {
     std::vector<int> rests_on;
     for (const int below : tissue.rests_on)
-      if (const int place = tissue_place_[static_cast<std::size_t>(below)]; place >= 0)
-        rests_on.push_back(place);
+      if (const int index = tissue_place_[static_cast<std::size_t>(below)]; index >= 0)
+        rests_on.push_back(index);
     tissue.rests_on = std::move(rests_on);
   }
 }
@@ -163,7 +163,7 @@ TickRecord Veil::of(const TickRecord& tick) const {
   veiled.model_version = tick.model_version;
   veiled.method = tick.method;
   veiled.switches = tick.switches;
-  veiled.rotation_felt_wxyz = tick.rotation_felt_wxyz;
+  veiled.rotation_applied_wxyz = tick.rotation_applied_wxyz;
   veiled.devices = tick.devices;
   const auto devices = static_cast<std::size_t>(std::clamp(tick.devices, 1, kMaxDevices));
   for (std::size_t d = 0; d < devices; ++d) {

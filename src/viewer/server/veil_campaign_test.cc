@@ -64,11 +64,11 @@ Eigen::Vector3d place_of(const GridGeometry& grid, std::size_t voxel) {
 }
 
 template <class IsWanted>
-std::optional<Eigen::Vector3d> middle_of(const Volume<LabelId>& labels, const IsWanted& is_wanted) {
+std::optional<Eigen::Vector3d> middle_of(const Volume<LabelId>& labels, const IsWanted& is_requested) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0;
   for (std::size_t v = 0; v < labels.voxels().size(); ++v) {
-    if (!is_wanted(v)) continue;
+    if (!is_requested(v)) continue;
     sum += place_of(labels.geometry(), v);
     ++count;
   }
@@ -264,21 +264,22 @@ std::vector<Eigen::Vector3d> script_of(const Draw& draw, std::mt19937_64& random
       }
   std::ranges::shuffle(skin, random);
   skin.resize(std::min(skin.size(), kTouches));
-  std::vector<Eigen::Vector3d> places;
-  for (const std::size_t voxel : skin) places.push_back(place_of(draw.bare.geometry(), voxel));
-  return places;
+  std::vector<Eigen::Vector3d> positions;
+  for (const std::size_t voxel : skin) positions.push_back(place_of(draw.bare.geometry(), voxel));
+  return positions;
 }
 
 /// Tick in which the tip is pressed in at a place. The hidden structure is softer and affects the nearest
 /// places of the surface; tremor adds noise to single forces. All other values are as a servo records them.
-TickRecord pressed(const Draw& draw, const Eigen::Vector3d& place, double min_mm, std::mt19937_64& random) {
-  constexpr double kFeltWithin_mm = 6, kTremor = 0.5;
+TickRecord pressed(const Draw& draw, const Eigen::Vector3d& position, double min_mm,
+                   std::mt19937_64& random) {
+  constexpr double kContactWithin_mm = 6, kTremor = 0.5;
   std::normal_distribution<double> tremor(0, kTremor);
-  const double distance_mm = (place - draw.centre).norm();
-  const double share = std::clamp(1 - (distance_mm - min_mm) / kFeltWithin_mm, 0.0, 1.0);
+  const double distance_mm = (position - draw.centre).norm();
+  const double share = std::clamp(1 - (distance_mm - min_mm) / kContactWithin_mm, 0.0, 1.0);
   TickRecord tick;
   DeviceTick& device = tick.device[0];
-  device.tip_patient_mm = {place.x(), place.y(), place.z()};
+  device.tip_patient_mm = {position.x(), position.y(), position.z()};
   device.force_N = {0, 0, (1 - 0.7 * share) * std::exp(tremor(random))};
   device.unclamped_force_N = device.force_N[2];
   device.limit_N = 5;
@@ -288,8 +289,8 @@ TickRecord pressed(const Draw& draw, const Eigen::Vector3d& place, double min_mm
   device.label = is_over ? draw.hidden : draw.around;
   device.contact_label = {draw.around, is_over ? draw.hidden : LabelId{0}};
   device.contact_N = {(1 - share) * device.force_N[2], share * device.force_N[2]};
-  device.felt_label = {draw.around, is_over ? draw.hidden : LabelId{0}};
-  device.felt_share = {1 - share, share};
+  device.path_label = {draw.around, is_over ? draw.hidden : LabelId{0}};
+  device.path_share = {1 - share, share};
   device.near_label = {draw.around, draw.hidden};
   device.near_mm = {is_over ? 0.5 : 0, distance_mm};
   device.no_go = is_over;
@@ -317,7 +318,7 @@ Touched read(const std::string_view pose, const std::string_view near) {
 }
 
 /// Uses inconsistent messages if there are any, else the region of low forces.
-Eigen::Vector3d guess_felt(const std::vector<Touched>& touches) {
+Eigen::Vector3d guess_touchable(const std::vector<Touched>& touches) {
   Eigen::Vector3d odd = Eigen::Vector3d::Zero(), best = Eigen::Vector3d::Zero();
   int odd_count = 0;
   double most = -1e9;
@@ -346,15 +347,15 @@ Eigen::Vector3d guess_felt(const std::vector<Touched>& touches) {
 /// Fields that an insecure baseline would leave in the tick.
 enum class Leak { kNone, kForces, kDistances };
 
-TickRecord told(const Veil& veil, const TickRecord& tick, Leak leak) {
+TickRecord reported(const Veil& veil, const TickRecord& tick, Leak leak) {
   TickRecord record = veil.of(tick);
   const DeviceTick& from = tick.device[0];
   DeviceTick& to = record.device[0];
   if (leak == Leak::kForces) {
     to.contact_label = from.contact_label;
     to.contact_N = from.contact_N;
-    to.felt_label = from.felt_label;
-    to.felt_share = from.felt_share;
+    to.path_label = from.path_label;
+    to.path_share = from.path_share;
   }
   if (leak == Leak::kDistances) {
     to.near_label = {from.near_label[0]};
@@ -423,18 +424,19 @@ void look(const Draw& draw, const Veil& veil, Outcome& outcome) {
 
 void touch(const Draw& draw, const Veil& veil, const Veil& bare_veil, std::mt19937_64& random,
            Outcome& outcome) {
-  std::map<Leak, std::vector<Touched>> told_by;
+  std::map<Leak, std::vector<Touched>> reported_by;
   std::vector<Touched> by_force;
-  const std::vector<Eigen::Vector3d> places = script_of(draw, random);
+  const std::vector<Eigen::Vector3d> positions = script_of(draw, random);
   double min_mm = 1e9;
-  for (const Eigen::Vector3d& place : places) min_mm = std::min(min_mm, (place - draw.centre).norm());
-  for (const Eigen::Vector3d& place : places) {
-    const TickRecord tick = pressed(draw, place, min_mm, random);
+  for (const Eigen::Vector3d& position : positions)
+    min_mm = std::min(min_mm, (position - draw.centre).norm());
+  for (const Eigen::Vector3d& at_position : positions) {
+    const TickRecord tick = pressed(draw, at_position, min_mm, random);
     by_force.push_back(
-        {place.cast<float>().cast<double>(), static_cast<float>(tick.device[0].force_N[2]), false});
+        {at_position.cast<float>().cast<double>(), static_cast<float>(tick.device[0].force_N[2]), false});
     for (const Leak leak : {Leak::kNone, Leak::kForces, Leak::kDistances}) {
-      const TickRecord record = told(veil, tick, leak);
-      told_by[leak].push_back(read(PoseMessage(record, {}, {}, 0).bytes(), NearMessage(record).bytes()));
+      const TickRecord record = reported(veil, tick, leak);
+      reported_by[leak].push_back(read(PoseMessage(record, {}, {}, 0).bytes(), NearMessage(record).bytes()));
     }
     // the same pose and force in the anatomy without the hidden structure give identical bytes
     TickRecord bare;
@@ -443,8 +445,8 @@ void touch(const Draw& draw, const Veil& veil, const Veil& bare_veil, std::mt199
     bare.device[0].limit_N = tick.device[0].limit_N;
     ASSERT_TRUE(bytes_of(veil.of(tick)) == bytes_of(bare_veil.of(bare)));
   }
-  const double by_force_mm = draw.error_mm(guess_felt(by_force));
-  const auto error_mm = [&](Leak leak) { return draw.error_mm(guess_felt(told_by[leak])); };
+  const double by_force_mm = draw.error_mm(guess_touchable(by_force));
+  const auto error_mm = [&](Leak leak) { return draw.error_mm(guess_touchable(reported_by[leak])); };
   outcome.touched.add(error_mm(Leak::kNone), by_force_mm);
   outcome.by_forces.add(error_mm(Leak::kForces), by_force_mm);
   outcome.by_distances.add(error_mm(Leak::kDistances), by_force_mm);

@@ -73,9 +73,9 @@ void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
 DeviceTick on_the_ball() {
   DeviceTick device;
   device.label = 2;
-  device.felt_label = {1, 2};
-  device.felt_depth_mm = {3, 1};
-  device.felt_share = {0.4, 0.6};
+  device.path_label = {1, 2};
+  device.path_depth_mm = {3, 1};
+  device.path_share = {0.4, 0.6};
   device.contact_label = {1, 2, 3};
   device.contact_part = {0, 1, 2};
   device.contact_N = {0.5, 1.5, 0.25};
@@ -135,24 +135,24 @@ std::string messages_of(const TickRecord& tick, const ViewedHealth& health = {})
 }
 
 /// Tick with random bytes except for the allowed values: pose, total force, and the results of requests.
-TickRecord random_tick(std::mt19937& random, const DeviceTick& told) {
+TickRecord random_tick(std::mt19937& random, const DeviceTick& device_tick) {
   TickRecord tick;
   static_assert(std::is_trivially_copyable_v<DeviceTick>);
   std::array<unsigned char, sizeof(DeviceTick)> bytes{};
   for (unsigned char& byte : bytes) byte = static_cast<unsigned char>(random());
   std::memcpy(&tick.device[0], bytes.data(), bytes.size());
   DeviceTick& device = tick.device[0];
-  device.tip_patient_mm = told.tip_patient_mm;
-  device.orientation_wxyz = told.orientation_wxyz;
-  device.velocity_patient_mm_s = told.velocity_patient_mm_s;
-  device.buttons = told.buttons;
-  device.force_N = told.force_N;
-  device.limit_N = told.limit_N;
-  device.heat = told.heat;
+  device.tip_patient_mm = device_tick.tip_patient_mm;
+  device.orientation_wxyz = device_tick.orientation_wxyz;
+  device.velocity_patient_mm_s = device_tick.velocity_patient_mm_s;
+  device.buttons = device_tick.buttons;
+  device.force_N = device_tick.force_N;
+  device.limit_N = device_tick.limit_N;
+  device.heat = device_tick.heat;
   constexpr std::uint32_t kOfThePose = kFlagNotFinite | kFlagOutside | kFlagPaused | kFlagRotationIgnored |
                                        kFlagThermal | kFlagRamp | kFlagStale | kFlagJump | kFlagDeviceFault |
                                        kFlagHalted | kFlagEmergencyStop | kFlagClutched | kFlagBlend;
-  device.flags = (device.flags & ~kOfThePose) | (told.flags & kOfThePose);
+  device.flags = (device.flags & ~kOfThePose) | (device_tick.flags & kOfThePose);
   tick.state_hash = random();
   tick.compute_s = tick.lateness_s = 1e-6 * static_cast<double>(random() % 1000);
   tick.yield_frame = static_cast<std::uint32_t>(random());
@@ -161,12 +161,12 @@ TickRecord random_tick(std::mt19937& random, const DeviceTick& told) {
 
 DeviceTick random_pose(std::mt19937& random) {
   std::uniform_real_distribution<double> place(-2, 26), force(-2, 2);
-  DeviceTick told;
-  for (double& mm : told.tip_patient_mm) mm = place(random);
-  for (double& N : told.force_N) N = random() % 4 == 0 ? 0 : force(random);
-  told.limit_N = 1.5;
-  told.flags = static_cast<std::uint32_t>(random());
-  return told;
+  DeviceTick device;
+  for (double& mm : device.tip_patient_mm) mm = place(random);
+  for (double& N : device.force_N) N = random() % 4 == 0 ? 0 : force(random);
+  device.limit_N = 1.5;
+  device.flags = static_cast<std::uint32_t>(random());
+  return device;
 }
 
 TEST(Veil, MessagesFollowFromThePoseAndTheTotalForce) {
@@ -179,9 +179,9 @@ TEST(Veil, MessagesFollowFromThePoseAndTheTotalForce) {
   const Veil veil(here.scene()), other_veil(elsewhere.scene());
   int touches = 0;
   for (int n = 0; n < 2000; ++n) {
-    const DeviceTick told = random_pose(random);
-    const TickRecord one = veil.of(random_tick(random, told)),
-                     other = other_veil.of(random_tick(random, told));
+    const DeviceTick device = random_pose(random);
+    const TickRecord one = veil.of(random_tick(random, device)),
+                     other = other_veil.of(random_tick(random, device));
     ASSERT_EQ(messages_of(one), messages_of(other)) << n;
     touches += one.device[0].label != 0;
   }
@@ -198,13 +198,13 @@ TEST(Veil, WhereATipIsPressedInItIsShownOnWhatIsThere) {
   tick.device[0].force_N = {0, 0, 1.25};
   tick.device[0].limit_N = 3;
   tick.device[0].label = 2;
-  const DeviceTick seen = veil.of(tick).device[0];
-  EXPECT_EQ(seen.label, 1);
-  EXPECT_NEAR(seen.proxy_patient_mm[1], 3.5, 1e-9) << "half a voxel before the first of the block";
-  EXPECT_NEAR(seen.depth_mm, 1.5, 1e-9);
-  EXPECT_NEAR(seen.normal_patient[1], -1, 1e-9);
-  EXPECT_EQ(seen.unclamped_force_N, 1.25);
-  EXPECT_EQ(seen.flags, kFlagContact);
+  const DeviceTick device = veil.of(tick).device[0];
+  EXPECT_EQ(device.label, 1);
+  EXPECT_NEAR(device.proxy_patient_mm[1], 3.5, 1e-9) << "half a voxel before the first of the block";
+  EXPECT_NEAR(device.depth_mm, 1.5, 1e-9);
+  EXPECT_NEAR(device.normal_patient[1], -1, 1e-9);
+  EXPECT_EQ(device.unclamped_force_N, 1.25);
+  EXPECT_EQ(device.flags, kFlagContact);
   tick.device[0].limit_N = 1.25;
   EXPECT_EQ(veil.of(tick).device[0].flags, kFlagContact | kFlagClamped);
   // contact of a tool with a radius includes the radius
@@ -225,11 +225,11 @@ TEST(Veil, WhereAToolMayHaveCutNoContactIsTold) {
   tick.device[0].force_N = {0, 0, 1.25};
   tick.device[0].limit_N = 3;
   tick.device[0].label = 2;
-  const DeviceTick seen = Veil(host.scene()).of(tick).device[0];
-  EXPECT_EQ(seen.label, 0);
-  EXPECT_EQ(seen.flags, 0u);
-  EXPECT_TRUE(std::isnan(seen.depth_mm));
-  EXPECT_EQ(seen.proxy_patient_mm, tick.device[0].tip_patient_mm);
+  const DeviceTick device = Veil(host.scene()).of(tick).device[0];
+  EXPECT_EQ(device.label, 0);
+  EXPECT_EQ(device.flags, 0u);
+  EXPECT_TRUE(std::isnan(device.depth_mm));
+  EXPECT_EQ(device.proxy_patient_mm, tick.device[0].tip_patient_mm);
 }
 
 TEST(Veil, ARegionOfPlanesAloneIsToldAsItPushes) {
@@ -272,30 +272,30 @@ TEST(Veil, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
     tick.device[0].label = 1;
     tick.device[0].proxy_patient_mm = {9, 12, 12};
     tick.device[0].force_N = {0, 3, 4};
-    steps.see(tick);
+    steps.observe(tick);
   }
-  ViewedTraining told = veil.of(run, steps, tick);
-  EXPECT_EQ(told.done, std::vector<bool>({false, false}));
-  EXPECT_NEAR(told.share[0], 0.7, 1e-9);
-  EXPECT_EQ(told.share[1], 0) << "a region of hidden structures has no place";
-  EXPECT_EQ(told.forces_N, std::vector<double>({5}));
-  EXPECT_EQ(told.protected_N, std::vector<double>({0})) << "it is hidden";
-  EXPECT_EQ(told.touch_N, 5);
-  EXPECT_FALSE(told.unseen);
-  ASSERT_EQ(told.events.size(), 1u);
-  EXPECT_STREQ(told.events[0].kind, "ended");
-  EXPECT_EQ(told.events_before, 0u);
-  EXPECT_EQ(told.time_s, run.time_s);
-  EXPECT_EQ(told.phase, run.phase);
+  ViewedTraining training = veil.of(run, steps, tick);
+  EXPECT_EQ(training.done, std::vector<bool>({false, false}));
+  EXPECT_NEAR(training.share[0], 0.7, 1e-9);
+  EXPECT_EQ(training.share[1], 0) << "a region of hidden structures has no place";
+  EXPECT_EQ(training.forces_N, std::vector<double>({5}));
+  EXPECT_EQ(training.protected_N, std::vector<double>({0})) << "it is hidden";
+  EXPECT_EQ(training.touch_N, 5);
+  EXPECT_FALSE(training.unseen);
+  ASSERT_EQ(training.events.size(), 1u);
+  EXPECT_STREQ(training.events[0].kind, "ended");
+  EXPECT_EQ(training.events_before, 0u);
+  EXPECT_EQ(training.time_s, run.time_s);
+  EXPECT_EQ(training.phase, run.phase);
   // the hold is interrupted
   tick.time_s += 0.01;
   tick.device[0].force_N = {};
-  steps.see(tick);
+  steps.observe(tick);
   EXPECT_EQ(steps.share()[0], 0);
   tick.device[0].force_N = {0, 3, 4};
   for (int n = 0; n < 30; ++n) {
     tick.time_s += 0.01;
-    steps.see(tick);
+    steps.observe(tick);
   }
   EXPECT_EQ(steps.done(), std::vector<bool>({true, false}));
   ++run.run;
@@ -306,11 +306,11 @@ TEST(Veil, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
 TEST(Veil, HowLongATickComputesIsNotTold) {
   FakeHost host;
   hide_a_ball(host);
-  const ViewedHealth told = Veil(host.scene()).of(ViewedHealth{999, 1, 2, 3, 4, 5, 6, 7});
-  EXPECT_EQ(told.rate_hz, 999);
-  EXPECT_EQ(told.compute_p50_us, 0);
-  EXPECT_EQ(told.lateness_max_us, 0);
-  EXPECT_EQ(told.stalls, 7u);
+  const ViewedHealth health = Veil(host.scene()).of(ViewedHealth{999, 1, 2, 3, 4, 5, 6, 7});
+  EXPECT_EQ(health.rate_hz, 999);
+  EXPECT_EQ(health.compute_p50_us, 0);
+  EXPECT_EQ(health.lateness_max_us, 0);
+  EXPECT_EQ(health.stalls, 7u);
 }
 
 TEST(Veil, WhatABurrTookIsGoneFromWhatIsShown) {
@@ -375,14 +375,14 @@ TEST(Veil, ALearnerIsToldNothingOfItByAnyWay) {
   learner.greet({{"token", kLearnerToken}, {"near", true}});
   teacher.greet({{"token", kTeacherToken}});
   // no distances before the first pose
-  const std::string told = learner.pose(), open = teacher.pose();
-  ASSERT_EQ(told.substr(0, 4), "PLPT");
+  const std::string reported = learner.pose(), open = teacher.pose();
+  ASSERT_EQ(reported.substr(0, 4), "PLPT");
   constexpr std::size_t kDevice = 96;
   EXPECT_EQ(number_at<std::uint16_t>(open, kDevice + 96), 2);
-  EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 96), 0);
-  EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 104), 0);
-  EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 176), 0);
-  EXPECT_EQ(number_at<float>(told, kDevice + 84), 0);
+  EXPECT_EQ(number_at<std::uint16_t>(reported, kDevice + 96), 0);
+  EXPECT_EQ(number_at<std::uint16_t>(reported, kDevice + 104), 0);
+  EXPECT_EQ(number_at<std::uint16_t>(reported, kDevice + 176), 0);
+  EXPECT_EQ(number_at<float>(reported, kDevice + 84), 0);
   EXPECT_EQ(number_at<float>(open, kDevice + 84), 0.75f);
 }
 
@@ -440,12 +440,15 @@ TEST(Veil, WhatItHidesSendsNoMessage) {
   }
   for (const double mm3 : {1.0, 2.0, 3.0}) {
     quiz.host.change(removed_of_it(mm3));
-    Json told = teacher.text("state");
-    while (told["removed"].empty() || told["removed"][0]["mm3"] != mm3) told = teacher.text("state");
+    Json reported = teacher.text("state");
+    while (reported["removed"].empty() || reported["removed"][0]["mm3"] != mm3)
+      reported = teacher.text("state");
   }
   quiz.host.change([](ViewedState& state) { state.viscosity = !state.viscosity; });
   int states = 0;
-  for (Json told = learner.text("state"); told["viscosity"] == true; told = learner.text("state")) ++states;
+  for (Json is_reported = learner.text("state"); is_reported["viscosity"] == true;
+       is_reported = learner.text("state"))
+    ++states;
   EXPECT_LE(states, 2) << "those of the beginning";
 }
 
@@ -473,10 +476,10 @@ TEST(Veil, APictureShowsNothingOfIt) {
   // soft tissue transparent and the hidden structure opaque: it would be visible alone
   const std::string looks = "&looks=f0dcbe000a141eff09090900", veiled_looks = "&looks=f0dcbe0009090900";
   const TestAnswer open = quiz.get(kTeacherToken, "/api/picture/" + hash + view + looks);
-  const TestAnswer told = quiz.get(kLearnerToken, "/api/picture/" + veiled + view + veiled_looks);
-  ASSERT_EQ(told.status, 200);
+  const TestAnswer reported = quiz.get(kLearnerToken, "/api/picture/" + veiled + view + veiled_looks);
+  ASSERT_EQ(reported.status, 200);
   EXPECT_NE(places(open).find('\2'), std::string::npos);
-  EXPECT_EQ(places(told), std::string(1600, '\0')) << "nothing is seen";
+  EXPECT_EQ(places(reported), std::string(1600, '\0')) << "nothing is seen";
   // soft tissue half transparent: no boundary visible between equal looks
   const TestAnswer half =
       quiz.get(kLearnerToken, "/api/picture/" + veiled + view + "&looks=f0dcbe6009090900");
@@ -500,18 +503,18 @@ TEST(Veil, ATeacherLiftsItAndLaysItAgain) {
   TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
   learner.greet({{"token", kLearnerToken}});
   teacher.greet({{"token", kTeacherToken}});
-  const auto is_told = [&](bool veiled) {
+  const auto is_reported = [&](bool veiled) {
     for (int n = 0; n < 20; ++n)
       if (learner.text("state")["lesson"]["veiled"] == veiled) return true;
     return false;
   };
-  EXPECT_TRUE(is_told(true));
+  EXPECT_TRUE(is_reported(true));
   teacher.send({{"type", "lesson"}, {"id", 1}, {"names", true}});
-  EXPECT_TRUE(is_told(false));
+  EXPECT_TRUE(is_reported(false));
   EXPECT_EQ(quiz.scene(kLearnerToken)["structures"], quiz.scene(kTeacherToken)["structures"]);
   EXPECT_NE(quiz.labels(kLearnerToken).find('\2'), std::string::npos);
   teacher.send({{"type", "lesson"}, {"id", 2}, {"names", false}});
-  EXPECT_TRUE(is_told(true));
+  EXPECT_TRUE(is_reported(true));
   EXPECT_EQ(quiz.labels(kLearnerToken).find('\2'), std::string::npos);
 }
 

@@ -46,15 +46,15 @@ std::vector<Ball> balls_of(const ViewedTool& tool) {
 VeiledContact::VeiledContact(const ViewedScene& scene)
     : scene_(scene),
       X_VoxelPatient_(scene.labels->geometry().X_PatientVoxel().inverse()),
-      is_felt_(std::size_t{std::numeric_limits<LabelId>::max()} + 1),
+      is_touchable_(std::size_t{std::numeric_limits<LabelId>::max()} + 1),
       step_mm_(0.5 * scene.labels->geometry().min_spacing_mm()) {
   for (std::size_t row = 0; row < 3; ++row)
     for (std::size_t column = 0; column < 3; ++column)
       R_WorldPatient_(static_cast<int>(row), static_cast<int>(column)) =
           scene.world_from_patient[row][column];
   for (const ViewedStructure& structure : scene.structures)
-    is_felt_[structure.label] = structure.label != 0 && structure.tissue >= 0 &&
-                                scene.tissues[static_cast<std::size_t>(structure.tissue)].felt;
+    is_touchable_[structure.label] = structure.label != 0 && structure.tissue >= 0 &&
+                                     scene.tissues[static_cast<std::size_t>(structure.tissue)].touchable;
 }
 
 // trilinear interpolation of the solid voxels
@@ -68,7 +68,7 @@ double VeiledContact::solid_at(const Eigen::Vector3d& place_mm) const {
   for (int corner = 0; corner < 8; ++corner) {
     const Eigen::Vector3i side(corner & 1, corner >> 1 & 1, corner >> 2);
     const Eigen::Vector3i at = low.cast<int>() + side;
-    if (!is_felt_[scene_.labels->anywhere(at[0], at[1], at[2])]) continue;
+    if (!is_touchable_[scene_.labels->anywhere(at[0], at[1], at[2])]) continue;
     double weight = 1;
     for (int axis = 0; axis < 3; ++axis) weight *= side[axis] != 0 ? part[axis] : 1 - part[axis];
     solid += weight;
@@ -77,7 +77,7 @@ double VeiledContact::solid_at(const Eigen::Vector3d& place_mm) const {
 }
 
 // nearest voxel in contact among the eight around a place; 0: none
-LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
+LabelId VeiledContact::nearest_touchable(const Eigen::Vector3d& place_mm) const {
   const Eigen::Vector3d voxel = (X_VoxelPatient_ * Point<Patient>(place_mm)).eigen();
   const Eigen::Vector3d low = voxel.array().floor();
   const GridGeometry& grid = scene_.labels->geometry();
@@ -90,7 +90,7 @@ LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
     const LabelId label =
         scene_.labels->anywhere(static_cast<int>(at[0]), static_cast<int>(at[1]), static_cast<int>(at[2]));
     const double apart = (at - voxel).squaredNorm();
-    if (!is_felt_[label] || apart >= nearest) continue;
+    if (!is_touchable_[label] || apart >= nearest) continue;
     nearest = apart;
     found = label;
   }
@@ -101,9 +101,9 @@ LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
 double VeiledContact::exit_distance_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const {
   double before = solid_at(from_mm);
   if (before < kSurface) return 0;
-  for (double way_mm = step_mm_; way_mm <= kMaxDepth_mm; way_mm += step_mm_) {
-    const double now = solid_at(from_mm + way_mm * outward);
-    if (now < kSurface) return way_mm - step_mm_ * (kSurface - now) / (before - now);
+  for (double distance_mm = step_mm_; distance_mm <= kMaxDepth_mm; distance_mm += step_mm_) {
+    const double now = solid_at(from_mm + distance_mm * outward);
+    if (now < kSurface) return distance_mm - step_mm_ * (kSurface - now) / (before - now);
     before = now;
   }
   return kMaxDepth_mm;
@@ -116,7 +116,8 @@ VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t numbe
   const Eigen::Vector3d force_N = vector_of(device.force_N);
   if (!tip.allFinite() || !force_N.allFinite() || force_N.norm() < kMin_N || scene_.tools.empty())
     return touch;
-  const Eigen::Matrix3d R_PatientWorld = (rotation_of(tick.rotation_felt_wxyz) * R_WorldPatient_).transpose();
+  const Eigen::Matrix3d R_PatientWorld =
+      (rotation_of(tick.rotation_applied_wxyz) * R_WorldPatient_).transpose();
   const Eigen::Matrix3d R_PatientTool = R_PatientWorld * rotation_of(device.orientation_wxyz);
   const Eigen::Vector3d outward = (R_PatientWorld * force_N).normalized();
 
@@ -125,17 +126,17 @@ VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t numbe
   double depth_mm = 0;
   LabelId label = 0;
   for (const Ball& ball : balls_of(scene_.tools[std::min(number, scene_.tools.size() - 1)])) {
-    const Eigen::Vector3d place = tip + R_PatientTool * ball.centre_mm - ball.radius_mm * outward;
-    const double way_mm = exit_distance_mm(place, outward);
-    if (way_mm > depth_mm) {
-      depth_mm = way_mm;
-      deepest = place;
+    const Eigen::Vector3d position = tip + R_PatientTool * ball.centre_mm - ball.radius_mm * outward;
+    const double distance_mm = exit_distance_mm(position, outward);
+    if (distance_mm > depth_mm) {
+      depth_mm = distance_mm;
+      deepest = position;
     } else if (depth_mm == 0 && label == 0) {
       // a tool in marginal contact lies outside the voxels, on their smoothed surface
-      label = nearest_felt(place - step_mm_ * outward);
+      label = nearest_touchable(position - step_mm_ * outward);
     }
   }
-  if (depth_mm > 0) label = nearest_felt(deepest + (depth_mm - step_mm_) * outward);
+  if (depth_mm > 0) label = nearest_touchable(deepest + (depth_mm - step_mm_) * outward);
   if (label == 0) return touch;
   return {tip + depth_mm * outward, outward, depth_mm, label};
 }

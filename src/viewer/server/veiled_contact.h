@@ -29,13 +29,13 @@ class VeiledContact {
 
  private:
   double solid_at(const Eigen::Vector3d& place_mm) const;
-  LabelId nearest_felt(const Eigen::Vector3d& place_mm) const;
+  LabelId nearest_touchable(const Eigen::Vector3d& place_mm) const;
   double exit_distance_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const;
 
   const ViewedScene& scene_;
   Eigen::Matrix3d R_WorldPatient_;
   Transform<Voxel, Patient> X_VoxelPatient_;
-  std::vector<bool> is_felt_;  ///< Indexed by label
+  std::vector<bool> is_touchable_;  ///< Indexed by label
   double step_mm_;
 };
 

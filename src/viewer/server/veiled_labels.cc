@@ -82,9 +82,9 @@ class HiddenBox {
 
   PatchOf<LabelId> filled() {
     vote();
-    std::vector<bool> seen(voxels_.size());
+    std::vector<bool> observed(voxels_.size());
     for (std::size_t n = 0; n < voxels_.size(); ++n)
-      if (!seen[n]) fill(component_of(n, seen));
+      if (!observed[n]) fill(component_of(n, observed));
     PatchOf<LabelId> patch{box_, {}};
     patch.values.reserve(box_.voxel_count());
     for (int k = 0; k < box_.size[2]; ++k)
@@ -124,15 +124,15 @@ class HiddenBox {
     }
   }
 
-  Component component_of(std::size_t first, std::vector<bool>& seen) const {
+  Component component_of(std::size_t first, std::vector<bool>& observed) const {
     Component component{first};
-    seen[first] = true;
+    observed[first] = true;
     for (std::size_t n = 0; n < component.size(); ++n)
       for (const Offset& direction : line_directions())
         for (const std::ptrdiff_t by : {stride(direction), -stride(direction)}) {
           const std::int32_t next = number_[step(voxels_[component[n]], by)];
-          if (next == kVisible || seen[static_cast<std::size_t>(next)]) continue;
-          seen[static_cast<std::size_t>(next)] = true;
+          if (next == kVisible || observed[static_cast<std::size_t>(next)]) continue;
+          observed[static_cast<std::size_t>(next)] = true;
           component.push_back(static_cast<std::size_t>(next));
         }
     std::ranges::sort(component);

@@ -23,7 +23,7 @@ std::vector<bool> free_labels(const ViewedScene& scene) {
   std::vector<bool> is_free(std::size_t{std::numeric_limits<LabelId>::max()} + 1, true);
   for (const ViewedStructure& structure : scene.structures)
     if (structure.label != 0 && structure.tissue >= 0)
-      is_free[structure.label] = !scene.tissues[static_cast<std::size_t>(structure.tissue)].felt;
+      is_free[structure.label] = !scene.tissues[static_cast<std::size_t>(structure.tissue)].touchable;
   return is_free;
 }
 
@@ -87,8 +87,8 @@ ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region&
   const std::vector<bool> is_free = free_labels(scene);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero(), outward = Eigen::Vector3d::Zero();
   double count = 0, faces = 0;
-  extent.for_each_voxel([&](int i, int j, int k, const Eigen::Vector3d& place) {
-    sum += place;
+  extent.for_each_voxel([&](int i, int j, int k, const Eigen::Vector3d& position) {
+    sum += position;
     ++count;
     for (int axis = 0; axis < 3; ++axis)
       for (const int side : {1, -1}) {
@@ -105,8 +105,8 @@ ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region&
   const Eigen::Vector3d middle = sum / count;
   view.middle_mm = array_of(middle);
   view.radius_mm = 0;
-  extent.for_each_voxel([&](int, int, int, const Eigen::Vector3d& place) {
-    view.radius_mm = std::max(view.radius_mm, (place - middle).norm());
+  extent.for_each_voxel([&](int, int, int, const Eigen::Vector3d& at_position) {
+    view.radius_mm = std::max(view.radius_mm, (at_position - middle).norm());
   });
   if (outward.norm() > kMinOutwardShare * faces) view.outward = array_of(outward.normalized());
   return view;

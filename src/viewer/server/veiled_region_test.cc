@@ -34,12 +34,12 @@ TEST(VeiledRegion, IsLookedAtAsTheSessionLooksAtIt) {
   model.labels = label_bricks(labels);
   model.segments = {{1, "slab", {}, 0, 1}, {2, "block", {}, 0, 2}, {3, "fluff", {}, 0, 3}};
   model.tissues.resize(2);
-  model.tissues[1].felt = false;
+  model.tissues[1].touchable = false;
   model.tissue_of_label = {-1, 0, 0, 1};
   ViewedScene scene;
   scene.labels = model.labels;
   scene.structures = {{1, "slab", {}, 0}, {2, "block", {}, 0}, {3, "fluff", {}, 1}};
-  scene.tissues = {{"felt", true, {}, 1, {}}, {"not felt", false, {}, 1, {}}};
+  scene.tissues = {{"touchable", true, {}, 1, {}}, {"not felt", false, {}, 1, {}}};
 
   std::vector<std::pair<std::string, Extent>> regions;
   regions.emplace_back("structures = [\"slab\"]", Extent{{1}, {}, {}, {}, 0, {}});

@@ -15,16 +15,16 @@ void VeiledSteps::follow(const ViewedTraining& training) {
   const auto task = std::ranges::find(scene_.tasks, training.task, &ViewedTask::name);
   if (task == scene_.tasks.end()) return;
   ordered_ = task->ordered;
-  for (const ViewedTask::Step& asked : task->steps) {
-    steps_.push_back({asked, {}});
-    const ViewedTask::Region& region = task->regions[asked.region];
+  for (const ViewedTask::Step& requested : task->steps) {
+    steps_.push_back({requested, {}});
+    const ViewedTask::Region& region = task->regions[requested.region];
     if (region.extent) steps_.back().region.emplace(*scene_.labels, *region.extent);
   }
 }
 
 bool VeiledSteps::is_met(const Step& step, const TickRecord& tick) const {
-  if (!step.region || step.asked.seen) return false;
-  const std::string_view kind = step.asked.kind;
+  if (!step.region || step.requested.seen) return false;
+  const std::string_view kind = step.requested.kind;
   if (kind == "visit") return step.region->bounds(vector_of(tick.device[0].tip_patient_mm));
   if (kind != "touch") return false;
   double force_N = 0;
@@ -36,11 +36,11 @@ bool VeiledSteps::is_met(const Step& step, const TickRecord& tick) const {
       continue;
     force_N += vector_of(device.force_N).norm();
   }
-  const bool is_below = step.asked.force_N[1] < force_N;
-  return force_N > 0 && force_N >= step.asked.force_N[0] && !is_below;
+  const bool is_below = step.requested.force_N[1] < force_N;
+  return force_N > 0 && force_N >= step.requested.force_N[0] && !is_below;
 }
 
-void VeiledSteps::see(const TickRecord& tick) {
+void VeiledSteps::observe(const TickRecord& tick) {
   // a gap between samples counts at most as long as the slowest viewer's pose period
   constexpr double kMaxBetween_s = 0.1;
   const double dt_s = std::clamp(tick.time_s - last_s_, 0.0, kMaxBetween_s);
@@ -49,10 +49,10 @@ void VeiledSteps::see(const TickRecord& tick) {
   for (std::size_t n = 0; n < steps_.size(); ++n) {
     Step& step = steps_[n];
     if (step.done || (ordered_ && n > 0 && !steps_[n - 1].done)) continue;
-    const bool met = is_met(step, tick);
-    step.met_s = met && step.was_met ? step.met_s + dt_s : 0;
-    step.was_met = met;
-    step.done = met && step.met_s >= step.asked.seconds;
+    const bool encountered = is_met(step, tick);
+    step.met_s = encountered && step.was_met ? step.met_s + dt_s : 0;
+    step.was_met = encountered;
+    step.done = encountered && step.met_s >= step.requested.seconds;
   }
 }
 
@@ -65,9 +65,9 @@ std::vector<bool> VeiledSteps::done() const {
 std::vector<double> VeiledSteps::share() const {
   std::vector<double> share;
   for (const Step& step : steps_)
-    share.push_back(step.done                ? 1
-                    : step.asked.seconds > 0 ? std::min(1.0, step.met_s / step.asked.seconds)
-                                             : 0);
+    share.push_back(step.done                    ? 1
+                    : step.requested.seconds > 0 ? std::min(1.0, step.met_s / step.requested.seconds)
+                                                 : 0);
   return share;
 }
 

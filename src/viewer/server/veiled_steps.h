@@ -21,14 +21,14 @@ class VeiledSteps {
   /// Restarts all steps if the run has changed.
   void follow(const ViewedTraining& training);
   /// @param tick  veiled tick
-  void see(const TickRecord& tick);
+  void observe(const TickRecord& tick);
 
   std::vector<bool> done() const;
   std::vector<double> share() const;
 
  private:
   struct Step {
-    ViewedTask::Step asked;
+    ViewedTask::Step requested;
     std::optional<RegionExtent> region;
     double met_s = 0;
     bool was_met = false, done = false;

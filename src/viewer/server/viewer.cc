@@ -52,7 +52,7 @@ void Viewer::begin() {
 // ---- input
 
 void Viewer::read() {
-  if (reading_ || ending_ || gone_) return;
+  if (reading_ || ending_ || removed_) return;
   socket_->read([self = shared_from_this()](WebSocket::Read outcome, std::string_view text) {
     self->reading_ = false;
     self->take_whole(text, outcome);
@@ -83,7 +83,7 @@ void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
 
 void Viewer::read_failed(WebSocket::Read outcome) {
   if (!ending_ && outcome == WebSocket::Read::kMalformed)
-    hub_.log().say(peer_, "a frame that is malformed or too long");
+    hub_.log().add(peer_, "a frame that is malformed or too long");
   gone();
 }
 
@@ -101,12 +101,12 @@ void Viewer::take(const Request& request) {
   const bool room = answers_.size() < kMaxAnswers;
   if (!room && !std::holds_alternative<StopRequest>(request.what)) {
     if (!std::exchange(has_dropped_requests_, true))
-      hub_.log().say(peer_, "receives no answers, so its requests are refused");
+      hub_.log().add(peer_, "receives no answers, so its requests are refused");
     return;
   }
   std::string answer = hub_.answer(*this, request);
   // the answer precedes the state that it changed
-  if (room) say(std::move(answer));
+  if (room) send(std::move(answer));
   has_dropped_requests_ = has_dropped_requests_ && !room;
   hub_.publish_state();
 }
@@ -119,20 +119,20 @@ void Viewer::greet(const Hello& hello) {
   if (!hub_.make_room_for_viewer(admitted.who->role)) return end(kTryAgainLater, "too many viewers");
   who_ = *std::move(admitted.who);
   welcomed_ = true;
-  wants_yields_ = hello.yielded;
-  wants_training_ = hello.task;
-  wants_near_ = hello.near;
-  wants_plan_ = hello.plan;
-  wants_navigation_ = hello.navigation;
+  receives_yields_ = hello.yielded;
+  receives_training_ = hello.task;
+  receives_near_ = hello.near;
+  receives_plan_ = hello.plan;
+  receives_navigation_ = hello.navigation;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
-  say(hub_.welcome_for(who_));
+  send(hub_.welcome_for(who_));
   hub_.welcome(*this);
 }
 
 // ---- output
 
-void Viewer::say(std::string text) {
+void Viewer::send(std::string text) {
   answers_.push_back(std::move(text));
   write_next();
 }
@@ -144,21 +144,21 @@ void Viewer::show_state() {
 }
 
 void Viewer::show_yields() {
-  if (welcomed_ && wants_yields_) write_next();
+  if (welcomed_ && receives_yields_) write_next();
 }
 
 void Viewer::show_training() {
-  if (!welcomed_ || !wants_training_) return;
+  if (!welcomed_ || !receives_training_) return;
   training_due_ = true;
   write_next();
 }
 
 void Viewer::show_plan() {
-  if (welcomed_ && wants_plan_) write_next();
+  if (welcomed_ && receives_plan_) write_next();
 }
 
 void Viewer::show_navigation() {
-  if (welcomed_ && wants_navigation_) write_next();
+  if (welcomed_ && receives_navigation_) write_next();
 }
 
 bool Viewer::is_due(Clock::time_point now) const {
@@ -173,7 +173,7 @@ void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_
   pose_ = pose;
   pose_.set_sequence(++sequence_);
   pose_due_ = true;
-  if (wants_near_ && near && !(near_ && near->equals_except_tick(*near_))) {
+  if (receives_near_ && near && !(near_ && near->equals_except_tick(*near_))) {
     near_ = *near;
     near_due_ = true;
   }
@@ -181,7 +181,7 @@ void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_
 }
 
 void Viewer::write_next() {
-  if (writing_ || ending_ || gone_) return;
+  if (writing_ || ending_ || removed_) return;
   if (!answers_.empty()) {
     text_out_ = std::move(answers_.front());
     answers_.pop_front();
@@ -223,10 +223,10 @@ bool Viewer::next_sweeps() {
 
 // rarely changes
 bool Viewer::next_plan() {
-  if (!welcomed_ || !wants_plan_) return false;
-  const auto told = hub_.published_plan(*this);
-  if (plan_had_ == told) return false;
-  plan_had_ = told;
+  if (!welcomed_ || !receives_plan_) return false;
+  const auto reported = hub_.published_plan(*this);
+  if (plan_had_ == reported) return false;
+  plan_had_ = reported;
   if (!plan_had_) return false;
   text_out_ = *plan_had_;
   return true;
@@ -234,7 +234,7 @@ bool Viewer::next_plan() {
 
 // alternates with poses
 bool Viewer::next_navigation() {
-  if (!welcomed_ || !wants_navigation_ || navigation_had_ == hub_.published_navigation()) return false;
+  if (!welcomed_ || !receives_navigation_ || navigation_had_ == hub_.published_navigation()) return false;
   navigation_had_ = hub_.published_navigation();
   text_out_ = *navigation_had_;
   return true;
@@ -242,9 +242,9 @@ bool Viewer::next_navigation() {
 
 // the debriefing precedes the message that the run is over; alternates with poses
 bool Viewer::next_training() {
-  if (!welcomed_ || !wants_training_) return false;
-  if (auto told = hub_.published_debriefing(*this); debriefing_had_ != told) {
-    debriefing_had_ = std::move(told);
+  if (!welcomed_ || !receives_training_) return false;
+  if (auto reported = hub_.published_debriefing(*this); debriefing_had_ != reported) {
+    debriefing_had_ = std::move(reported);
     if (debriefing_had_) {
       text_out_ = *debriefing_had_;
       return true;
@@ -257,17 +257,17 @@ bool Viewer::next_training() {
 
 // latest message of one device; alternates with poses
 bool Viewer::next_yield() {
-  if (!welcomed_ || !wants_yields_ || Clock::now() < no_yield_before_) return false;
+  if (!welcomed_ || !receives_yields_ || Clock::now() < no_yield_before_) return false;
   for (std::size_t n = 0; n < yields_had_.size(); ++n) {
     const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
     // the deformation of tissue reveals its structure
     const bool is_veiled = hub_.veil_of(*this) != nullptr;
     if (is_veiled && yields_had_[device] == 0) continue;
-    const PublishedYield told = is_veiled ? message_at_rest(device) : hub_.published_yield(device);
-    const std::uint64_t had = std::exchange(yields_had_[device], told.number);
+    const PublishedYield published = is_veiled ? message_at_rest(device) : hub_.published_yield(device);
+    const std::uint64_t had = std::exchange(yields_had_[device], published.number);
     // a viewer that has received nothing assumes tissue at rest
-    if (had == told.number || (had == 0 && told.rests)) continue;
-    yield_out_ = told.bytes;
+    if (had == published.number || (had == 0 && published.rests)) continue;
+    yield_out_ = published.bytes;
     yield_is_out_ = true;
     return true;
   }
@@ -301,8 +301,8 @@ void Viewer::write_failed() {
 // ---- the end
 
 void Viewer::end(std::uint16_t code, std::string_view fault) {
-  if (gone_ || std::exchange(ending_, true)) return;
-  if (!fault.empty()) hub_.log().say(peer_, fault);
+  if (removed_ || std::exchange(ending_, true)) return;
+  if (!fault.empty()) hub_.log().add(peer_, fault);
   // a WebSocket cannot send a close frame before it is open
   if (!open_) return gone();
   end_by_ = Clock::now() + kLeaveWithin;
@@ -315,7 +315,7 @@ void Viewer::check(Clock::time_point now) {
   } else if (!welcomed_ && now >= hello_by_) {
     end(kNoHello, "no hello");
   } else if (writing_ && now >= write_begun_ + kReadWithin) {
-    hub_.log().say(peer_, "receives nothing");
+    hub_.log().add(peer_, "receives nothing");
     gone();
   } else if (open_) {
     read();
@@ -323,7 +323,7 @@ void Viewer::check(Clock::time_point now) {
 }
 
 void Viewer::gone() {
-  if (std::exchange(gone_, true)) return;
+  if (std::exchange(removed_, true)) return;
   socket_->drop();
   hub_.remove(shared_from_this());
 }

@@ -69,7 +69,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   /// Announces a changed plan.
   void show_plan();
   /// Queues an answer.
-  void say(std::string text);
+  void send(std::string text);
   /// Closes the connection with a close code, and logs the reason.
   void end(std::uint16_t code, std::string_view fault);
   /// Leaves the hub, with or without a close frame.
@@ -77,11 +77,11 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
   bool welcomed() const { return welcomed_; }
   /// Whether the viewer has not said hello, and still may.
-  bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
+  bool is_silent() const { return !welcomed_ && !ending_ && !removed_; }
   bool is_ending() const { return ending_; }
-  bool wants_yields() const { return wants_yields_ && !ending_; }
-  bool wants_training() const { return wants_training_ && !ending_; }
-  bool wants_navigation() const { return wants_navigation_ && !ending_; }
+  bool receives_yields() const { return receives_yields_ && !ending_; }
+  bool receives_training() const { return receives_training_ && !ending_; }
+  bool receives_navigation() const { return receives_navigation_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   const Who& who() const { return who_; }
   /// Invalidates the received sweeps beyond `count`, after an undo.
@@ -117,7 +117,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   const AddressBlock from_;
   TokenBucket messages_;
 
-  bool open_ = false, welcomed_ = false, ending_ = false, gone_ = false, reading_ = false, writing_ = false;
+  bool open_ = false, welcomed_ = false, ending_ = false, removed_ = false, reading_ = false,
+       writing_ = false;
   Who who_;
   std::uint32_t number_ = 0;
   Clock::time_point hello_by_, end_by_, write_begun_;
@@ -128,20 +129,20 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool has_dropped_requests_ = false;  // has ignored requests for want of room for answers
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
   SentSweeps sweeps_had_;
-  bool wants_yields_ = false, yield_is_out_ = false;
+  bool receives_yields_ = false, yield_is_out_ = false;
   std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< PublishedYield::number; 0: none shown
   std::size_t next_yielding_ = 0;                        ///< next device in round-robin order
   Clock::time_point no_yield_before_{};
   std::shared_ptr<const std::string> yield_out_;
-  bool wants_plan_ = false;
+  bool receives_plan_ = false;
   std::shared_ptr<const std::string> plan_had_;
-  bool wants_navigation_ = false;
+  bool receives_navigation_ = false;
   std::shared_ptr<const std::string> navigation_had_;
-  bool wants_training_ = false, training_due_ = false;
+  bool receives_training_ = false, training_due_ = false;
   std::shared_ptr<const std::string> debriefing_had_;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;
-  bool wants_near_ = false, near_due_ = false;
+  bool receives_near_ = false, near_due_ = false;
   std::optional<NearMessage> near_;
   NearMessage near_out_;
   std::string text_out_;

@@ -83,7 +83,7 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
   TestViewer first(test.port());
   first.greet();
   std::uint64_t had = 0;
-  const auto hear = [](TestViewer& viewer, std::uint64_t& heard, std::uint64_t until) {
+  const auto on_event = [](TestViewer& viewer, std::uint64_t& heard, std::uint64_t until) {
     while (heard < until) {
       const Json cut = viewer.text("cut");
       ASSERT_FALSE(cut.is_null());
@@ -94,15 +94,15 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
     }
     EXPECT_EQ(heard, until);
   };
-  hear(first, had, 450);
+  on_event(first, had, 450);
   // poses are interleaved, and a late viewer receives all sweeps
   EXPECT_FALSE(first.pose().empty());
   test.host.cut(3);
-  hear(first, had, 453);
+  on_event(first, had, 453);
   TestViewer later(test.port());
   later.greet();
   std::uint64_t later_had = 0;
-  hear(later, later_had, 453);
+  on_event(later, later_had, 453);
   // repeated sweeps are dropped first
   for (const std::uint64_t left : {200u, 0u}) {
     test.host.uncut(later_had - left);
@@ -113,10 +113,10 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
   }
   // other sweeps in place of some, the same number as before
   test.host.cut(50);
-  hear(later, later_had, 50);
+  on_event(later, later_had, 50);
   test.host.cut_anew(20, 20);
   later_had = 30;
-  hear(later, later_had, 50);
+  on_event(later, later_had, 50);
 }
 
 TEST(Viewer, StrokesAreUndoneAndDoneAgain) {
@@ -203,8 +203,8 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   viewer.send({{"type", "stop"}, {"id", 4}});
   EXPECT_EQ(viewer.text("done")["id"], 4);
   EXPECT_TRUE(test.host.state().stop);
-  EXPECT_EQ(test.host.asked_by().number, 1u);
-  EXPECT_TRUE(test.host.asked_by().control);
+  EXPECT_EQ(test.host.requested_by().number, 1u);
+  EXPECT_TRUE(test.host.requested_by().control);
   // a rearm names the stop that it refers to; an outdated one is refused
   Json stopped = other.text("state");
   while (!stopped.is_null() && stopped["stop"].is_null()) stopped = other.text("state");
@@ -217,7 +217,7 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   EXPECT_TRUE(test.host.state().stop);
   other.send({{"type", "rearm"}, {"id", 5}, {"stop", *test.host.state().stop}});
   EXPECT_EQ(other.text("done")["id"], 5);
-  EXPECT_EQ(test.host.asked_by().number, 2u) << "in the order in which they said hello";
+  EXPECT_EQ(test.host.requested_by().number, 2u) << "in the order in which they said hello";
   EXPECT_FALSE(test.host.state().stop);
   viewer.send({{"type", "nonsense"}, {"id", 6}});
   EXPECT_EQ(viewer.text("refused")["id"], 6);
@@ -241,21 +241,21 @@ TEST(Viewer, EachIsToldWhoMovesTheTip) {
   EXPECT_TRUE(one->text("state").at("pointer_by").is_null());
   other.greet(control);
   // other state messages may come first
-  const auto is_told = [](TestViewer& viewer, const Json& by) {
+  const auto is_reported = [](TestViewer& viewer, const Json& by) {
     for (int n = 0; n < 10; ++n)
       if (const Json state = viewer.text("state"); state.is_null() || state.at("pointer_by") == by)
         return !state.is_null();
     return false;
   };
   one->send({{"type", "pointer"}, {"id", 1}, {"take", true}});
-  EXPECT_TRUE(is_told(*one, "you"));
-  EXPECT_TRUE(is_told(other, "viewer"));
+  EXPECT_TRUE(is_reported(*one, "you"));
+  EXPECT_TRUE(is_reported(other, "viewer"));
   other.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
   EXPECT_EQ(other.text("refused")["what"], "another viewer moves the tip");
   one.reset();
-  EXPECT_TRUE(is_told(other, Json()));
+  EXPECT_TRUE(is_reported(other, Json()));
   other.send({{"type", "pointer"}, {"id", 2}, {"take", true}});
-  EXPECT_TRUE(is_told(other, "you"));
+  EXPECT_TRUE(is_reported(other, "you"));
 }
 
 TEST(Viewer, RolesAreKept) {
@@ -263,22 +263,22 @@ TEST(Viewer, RolesAreKept) {
   const int port = guarded.test.port();
   TestViewer viewer(port);
   EXPECT_EQ(viewer.greet({{"token", kViewToken}})["role"], "view");
-  for (const Json& asked :
+  for (const Json& requested :
        {Json{{"type", "set"}, {"id", 1}, {"paused", true}},
         Json{{"type", "tissue"}, {"id", 1}, {"tissue", 0}, {"stiffness_N_per_mm", 1}},
         Json{{"type", "rearm"}, {"id", 1}, {"stop", 1}}, Json{{"type", "task"}, {"id", 1}, {"begin", "hold"}},
         Json{{"type", "task"}, {"id", 1}, {"end", true}},
         Json{{"type", "pointer"}, {"id", 1}, {"take", true}}}) {
-    viewer.send(asked);
-    EXPECT_EQ(viewer.text("refused")["where"], "role") << asked;
+    viewer.send(requested);
+    EXPECT_EQ(viewer.text("refused")["where"], "role") << requested;
   }
   viewer.send({{"type", "tip"}, {"patient_mm", {7, 8, 9}}});
   // every viewer may stop
   viewer.send({{"type", "stop"}, {"id", 2}});
   EXPECT_EQ(viewer.text("done")["id"], 2);
   EXPECT_TRUE(guarded.test.host.state().stop);
-  EXPECT_EQ(guarded.test.host.asked_by().number, 1u);
-  EXPECT_FALSE(guarded.test.host.asked_by().control);
+  EXPECT_EQ(guarded.test.host.requested_by().number, 1u);
+  EXPECT_FALSE(guarded.test.host.requested_by().control);
   EXPECT_FALSE(guarded.test.host.state().paused);
   EXPECT_FALSE(guarded.test.host.pointer_taken);
   EXPECT_EQ(guarded.test.host.training().run, 0u);
@@ -328,7 +328,7 @@ TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
   EXPECT_TRUE(test.host.state().stop);
   // a viewer that disconnected no longer waits
   other.socket().end_sending();
-  EXPECT_TRUE(soon([&] { return test.host.asked() == 1; }));
+  EXPECT_TRUE(soon([&] { return test.host.requested() == 1; }));
   test.host.answer({});
   EXPECT_EQ(one.text("done")["id"], 7);
   one.send({{"type", "set"}, {"id", 10}, {"paused", true}});
@@ -372,13 +372,13 @@ TEST_F(TaskTest, ARunIsToldToWhoWantsItAndDebriefedOnce) {
   TestViewer first(test.port()), plain(test.port());
   first.greet({{"task", true}});
   plain.greet();
-  Json told = first.text("task");
-  EXPECT_EQ(told["phase"], "none");
+  Json reported = first.text("task");
+  EXPECT_EQ(reported["phase"], "none");
   first.send({{"type", "task"}, {"id", 1}, {"begin", "hold"}});
   EXPECT_EQ(first.text("done")["id"], 1);
-  told = first.text("task");
-  EXPECT_EQ(told["phase"], "running");
-  EXPECT_EQ(told["run"], 3);
+  reported = first.text("task");
+  EXPECT_EQ(reported["phase"], "running");
+  EXPECT_EQ(reported["run"], 3);
   test.host.train_on(7);
   EXPECT_EQ(first.text("task")["time_s"], 7.0);
   first.send({{"type", "task"}, {"id", 2}, {"end", true}});
@@ -519,11 +519,11 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   // a viewer that disconnects releases the pointer
   first.socket().end_sending();
   EXPECT_TRUE(soon([&] { return !test.host.pointer_taken; }));
-  EXPECT_EQ(test.host.asked_by().number, 1u) << "by him, whom nobody asks any more";
+  EXPECT_EQ(test.host.requested_by().number, 1u) << "by him, whom nobody asks any more";
   second.send({{"type", "pointer"}, {"id", 5}, {"take", true}});
   EXPECT_EQ(second.text("done")["id"], 5);
-  EXPECT_EQ(test.host.asked_by().number, 2u);
-  EXPECT_TRUE(test.host.asked_by().control);
+  EXPECT_EQ(test.host.requested_by().number, 2u);
+  EXPECT_TRUE(test.host.requested_by().control);
   second.send({{"type", "pointer"}, {"id", 6}, {"take", false}});
   EXPECT_EQ(second.text("done")["id"], 6);
   EXPECT_FALSE(test.host.pointer_taken);
@@ -549,7 +549,7 @@ TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
   for (TestViewer* viewer : {&slow, &other, &beside}) viewer->greet({{"poses_hz", 120}});
   struct Sequence {
     std::uint64_t last, missed = 0;
-    void see(const std::string& pose) {
+    void observe(const std::string& pose) {
       missed += number_at<std::uint64_t>(pose, 8) - last - 1;
       last = number_at<std::uint64_t>(pose, 8);
     }
@@ -562,8 +562,8 @@ TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
     pose = other.pose();
     const std::string same_time = beside.pose();
     ASSERT_FALSE(pose.empty() || same_time.empty());
-    of_other.see(pose);
-    of_beside.see(same_time);
+    of_other.observe(pose);
+    of_beside.observe(same_time);
   }
   EXPECT_LT(of_other.missed, 30 + 2 * of_beside.missed);
   const std::uint64_t now = number_at<std::uint64_t>(pose, 16);
@@ -653,7 +653,8 @@ TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
   // two reserved places, and further viewers with control displace others
   for (int n = 0; n < 5; ++n) EXPECT_EQ(crowd.comes(Crowd::kControl), "welcome") << n;
   // the most recent ones are closed; earlier viewers are not affected
-  for (const std::size_t gone : {59, 60, 61}) EXPECT_EQ(crowd.inside[gone]->close_code(), 1013) << gone;
+  for (const std::size_t removed : {59, 60, 61})
+    EXPECT_EQ(crowd.inside[removed]->close_code(), 1013) << removed;
   for (const std::size_t stays : {0, 1, 58, 62, 66})
     EXPECT_FALSE(crowd.inside[stays]->pose().empty()) << stays;
   EXPECT_TRUE(soon([&] { return crowd.test->server->viewers() == 64; }));

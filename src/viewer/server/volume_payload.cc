@@ -148,15 +148,15 @@ std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::ato
     return nullptr;
   auto packed = std::make_shared<std::string>();
   std::string out(kPart_bytes, '\0');
-  std::size_t taken = 0;
+  std::size_t used = 0;
   bool last = false;
   while (!last && !stop) {
-    const std::size_t part = std::min(kPart_bytes, bytes.size() - taken);
+    const std::size_t part = std::min(kPart_bytes, bytes.size() - used);
     // zlib does not modify its input
-    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + taken));
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + used));
     stream.avail_in = static_cast<uInt>(part);
-    taken += part;
-    last = taken == bytes.size();
+    used += part;
+    last = used == bytes.size();
     do {
       stream.next_out = reinterpret_cast<Bytef*>(out.data());
       stream.avail_out = static_cast<uInt>(out.size());

@@ -218,12 +218,12 @@ TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   const auto labels = label_bricks(Volume<LabelId>(grid_of({3, 1, 1}), LabelId{4}));
   PayloadStore store(volume_maker(scan, ScanScale::of(*scan), labels, false));
   std::mutex mutex;
-  std::vector<PayloadStore::Payload> got;
+  std::vector<PayloadStore::Payload> received;
   std::atomic<bool> elsewhere{true};
   const auto caller = std::this_thread::get_id();
   const auto take = [&](PayloadStore::Payload payload) {
     const std::lock_guard lock(mutex);
-    got.push_back(std::move(payload));
+    received.push_back(std::move(payload));
     if (std::this_thread::get_id() == caller) elsewhere = false;
   };
   store.want({false, 1, false}, take);
@@ -232,18 +232,18 @@ TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   store.want({false, 1, false}, take);
   ASSERT_TRUE(palpate::testing::soon([&] {
     const std::lock_guard lock(mutex);
-    return got.size() == 4;
+    return received.size() == 4;
   }));
   EXPECT_TRUE(elsewhere);
-  EXPECT_EQ(got[0]->size(), 6u);
-  EXPECT_EQ(*got[1], "\4\4\4");
-  EXPECT_EQ(gunzip(*got[2], 3), "\4\4\4");
-  EXPECT_EQ(got[3].get(), got[0].get());
+  EXPECT_EQ(received[0]->size(), 6u);
+  EXPECT_EQ(*received[1], "\4\4\4");
+  EXPECT_EQ(gunzip(*received[2], 3), "\4\4\4");
+  EXPECT_EQ(received[3].get(), received[0].get());
 }
 
 TEST(PayloadStore, EndsWithWishesOpen) {
   const auto labels = label_bricks(Volume<LabelId>(grid_of({256, 256, 128}), LabelId{4}));
-  std::atomic<int> told{0};
+  std::atomic<int> reported{0};
   {
     const auto make = volume_maker(nullptr, {}, labels, true);
     PayloadStore store([&](const PayloadKey& key, const std::atomic<bool>& stop) {
@@ -251,9 +251,9 @@ TEST(PayloadStore, EndsWithWishesOpen) {
       while (!stop) std::this_thread::yield();
       return make(key, stop);
     });
-    for (const int shrink : {1, 2, 4}) store.want({true, shrink, true}, [&](const auto&) { ++told; });
+    for (const int shrink : {1, 2, 4}) store.want({true, shrink, true}, [&](const auto&) { ++reported; });
   }
-  EXPECT_EQ(told, 0);
+  EXPECT_EQ(reported, 0);
 }
 
 PayloadStore::Payload wait_for(PayloadStore& store) {

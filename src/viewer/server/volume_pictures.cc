@@ -26,7 +26,7 @@ constexpr int kMinSide = 16, kMaxSide = 2048, kMaxPixels = 3 << 20;
 constexpr double kMax_mm = 1e5;
 constexpr double kMinPixel_mm = 1e-5;
 /// Time after the last request for which prepared data are cached.
-constexpr auto kKeptFor = std::chrono::seconds(60);
+constexpr auto kRetainedFor = std::chrono::seconds(60);
 constexpr std::size_t kHead_bytes = 24;
 /// Fastest compression level: latency matters more than size.
 constexpr int kGzipLevel = 1;
@@ -197,7 +197,7 @@ void PictureStore::work() {
   while (true) {
     std::unique_lock lock(mutex_);
     const auto is_due = [this] { return stop_ || !wishes_.empty(); };
-    if (renderer_ && !wished_.wait_for(lock, kKeptFor, is_due)) {
+    if (renderer_ && !wished_.wait_for(lock, kRetainedFor, is_due)) {
       renderer_.reset();
       prepared_.clear();
     }
@@ -236,7 +236,7 @@ bool PictureStore::prepare(const PictureKey& key) {
     looks[of.label_of[n]] = {key.colours[n], key.opacities[n]};
   if (!looks.empty()) looks[0].opacity = 0;
   // the deformation of tissue reveals its structure
-  const auto labels = key.veil != nullptr ? veiled_->cuts.of(host_.labels()) : host_.seen_labels();
+  const auto labels = key.veil != nullptr ? veiled_->cuts.of(host_.labels()) : host_.visible_labels();
   // nothing prepared is reused between original and veiled labels: the time for the update would reveal how
   // much differs
   if (renderer_ && prepared_for_ == key.veil && are_equal(looks, prepared_)) {
@@ -280,9 +280,9 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   const double h = grid.min_spacing_mm();
   const auto place_at = [&](int column, int row, double depth) -> std::uint8_t {
     const Point<Patient> pixel = camera.at(column, row);
-    const Vector<Patient> way = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
+    const Vector<Patient> displacement = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
     for (const double behind : {0.4, 1.0, 0.0, 1.8, 3.0}) {
-      const Point<Patient> at = (camera.is_parallel() ? pixel : eye) + way * (depth + behind * h);
+      const Point<Patient> at = (camera.is_parallel() ? pixel : eye) + displacement * (depth + behind * h);
       // at a silhouette the rendered structure lies beside the ray: use the nearest of the eight voxels
       // around
       const Eigen::Vector3d voxel = (X_VoxelPatient * at).eigen();

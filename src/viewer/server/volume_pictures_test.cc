@@ -51,8 +51,8 @@ std::shared_ptr<const std::string> wait_for(PictureStore& store, const std::stri
   return promise.get_future().get();
 }
 
-struct Seen {
-  explicit Seen(const std::string& payload)
+struct Observed {
+  explicit Observed(const std::string& payload)
       : bytes(payload),
         width(number_at<std::uint16_t>(payload, 8)),
         height(number_at<std::uint16_t>(payload, 10)) {}
@@ -76,22 +76,22 @@ TEST(PictureStore, DrawsWhatIsThereAndSaysWhatItIs) {
   const auto payload = wait_for(store, kFront);
   ASSERT_NE(payload, nullptr);
   ASSERT_EQ(payload->substr(0, 4), "PLPV");
-  const Seen seen(*payload);
+  const Observed observed(*payload);
   ASSERT_EQ(payload->size(), 24u + 6 * 48 * 48);
-  int met = 0;
+  int encountered = 0;
   for (int row = 0; row < 48; ++row)
     for (int column = 0; column < 48; ++column) {
       const double off = std::hypot(-4 + column + 0.5 - 20, 44 - row - 0.5 - 20);
-      if (seen.place(column, row) != 0) ++met;
+      if (observed.place(column, row) != 0) ++encountered;
       if (off > 13) {
-        EXPECT_EQ(seen.place(column, row), 0) << column << " " << row;
+        EXPECT_EQ(observed.place(column, row), 0) << column << " " << row;
       }
       if (off > 11) continue;
       // the second structure, at the ball's surface
-      EXPECT_EQ(seen.place(column, row), 2) << column << " " << row;
-      EXPECT_NEAR(seen.depth_mm(column, row), -std::sqrt(144 - off * off), off < 9 ? 1.3 : 2.4) << off;
+      EXPECT_EQ(observed.place(column, row), 2) << column << " " << row;
+      EXPECT_NEAR(observed.depth_mm(column, row), -std::sqrt(144 - off * off), off < 9 ? 1.3 : 2.4) << off;
     }
-  EXPECT_NEAR(met, std::numbers::pi * 144, 40);
+  EXPECT_NEAR(encountered, std::numbers::pi * 144, 40);
 }
 
 TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
@@ -101,20 +101,20 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   // transparent
   const auto hidden = wait_for(store, front + "&looks=ffffffffff000000");
   ASSERT_NE(hidden, nullptr);
-  EXPECT_EQ(Seen(*hidden).place(24, 24), 0);
+  EXPECT_EQ(Observed(*hidden).place(24, 24), 0);
   // red
   const auto red = wait_for(store, front + "&looks=ffffffffff0000ff");
   ASSERT_NE(red, nullptr);
-  EXPECT_GT(Seen(*red).red(24, 24), 180);
+  EXPECT_GT(Observed(*red).red(24, 24), 180);
   // without its front half the ball begins at its centre, 0 mm from the picture's plane at y = 20
   const auto cut = wait_for(store, front + "&cut=20,20,20,0,-1,0");
   ASSERT_NE(cut, nullptr);
-  EXPECT_NEAR(Seen(*cut).depth_mm(24, 24), 0, 0.7);
+  EXPECT_NEAR(Observed(*cut).depth_mm(24, 24), 0, 0.7);
   // perspective from 60 mm in front of that plane
   const auto near = wait_for(store, front + ",20,-40,20");
   ASSERT_NE(near, nullptr);
-  EXPECT_NEAR(Seen(*near).depth_mm(24, 24), 60 - 12, 0.8);
-  EXPECT_NE(Seen(*near).place(12, 24), 0);
+  EXPECT_NEAR(Observed(*near).depth_mm(24, 24), 60 - 12, 0.8);
+  EXPECT_NE(Observed(*near).place(12, 24), 0);
 }
 
 TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
@@ -122,7 +122,7 @@ TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
   PictureStore store(host);
   const auto whole = wait_for(store, kFront);
   ASSERT_NE(whole, nullptr);
-  EXPECT_NEAR(Seen(*whole).depth_mm(24, 24), -12, 1.3);
+  EXPECT_NEAR(Observed(*whole).depth_mm(24, 24), -12, 1.3);
   // a hole from the front to the centre
   Bricks<LabelId> holed =
       host.ball.labels->with({{{16, 4, 16}, {8, 16, 8}}, std::vector<LabelId>(8 * 16 * 8, 0)});
@@ -133,8 +133,8 @@ TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
   put(std::make_shared<const Bricks<LabelId>>(holed));
   const auto cut = wait_for(store, kFront);
   ASSERT_NE(cut, nullptr);
-  EXPECT_NEAR(Seen(*cut).depth_mm(24, 24), 0, 1.3);
-  EXPECT_NEAR(Seen(*cut).depth_mm(16, 24), Seen(*whole).depth_mm(16, 24), 0.1);
+  EXPECT_NEAR(Observed(*cut).depth_mm(24, 24), 0, 1.3);
+  EXPECT_NEAR(Observed(*cut).depth_mm(16, 24), Observed(*whole).depth_mm(16, 24), 0.1);
   // equal to a new store with the same labels, with other looks, too
   BallHost other;
   other.ball.labels = std::make_shared<const Bricks<LabelId>>(holed);
@@ -166,10 +166,10 @@ TEST(PictureStore, EndsWithWishesOpen) {
   const auto key = parse_picture_query(kFront, 2);
   ASSERT_TRUE(key);
   // the oldest requests beyond the limit are answered with null at once
-  std::atomic<int> told{0};
+  std::atomic<int> reported{0};
   for (std::size_t n = 0; n < 3 * PictureStore::kMaxWaiting; ++n)
-    store.want(*key, asker, [&](PictureStore::Payload) { ++told; });
-  EXPECT_GE(told, 1);
+    store.want(*key, asker, [&](PictureStore::Payload) { ++reported; });
+  EXPECT_GE(reported, 1);
 }
 
 TEST(ViewerServer, DrawsPicturesOfTheVolume) {
@@ -197,7 +197,7 @@ TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
             smaller.at(i, j, k) = Eigen::Vector3d(i - 20, j - 20, k - 20).norm() < 6 ? 2 : 0;
       seen = label_bricks(smaller);
     }
-    std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen; }
+    std::shared_ptr<const Bricks<LabelId>> visible_labels() const override { return seen; }
     std::shared_ptr<const Bricks<LabelId>> seen;
   };
   const DentedHost host;
@@ -211,9 +211,9 @@ TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
     store.want(*key, asker, [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
     const auto payload = promise.get_future().get();
     if (payload == nullptr) return -1;
-    const Seen seen(*payload);
+    const Observed observed(*payload);
     int column = 24;
-    while (column < 48 && seen.place(column, 24) != 0) ++column;
+    while (column < 48 && observed.place(column, 24) != 0) ++column;
     return column - 24;
   };
   EXPECT_NEAR(edge_at(nullptr), 6, 1);

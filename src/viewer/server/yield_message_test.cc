@@ -145,7 +145,7 @@ TEST(Viewer, HowTissueYieldsComesWhereItIsAnotherWayAndToOneThatComesLate) {
   TestViewer first(test.port()), other(test.port());
   other.greet({{"poses_hz", 120}});
   EXPECT_EQ(yield_message(other, 10), "");
-  EXPECT_EQ(test.host.yields_asked, 0) << "nobody wants it";
+  EXPECT_EQ(test.host.yields_requested, 0) << "nobody wants it";
   first.greet({{"poses_hz", 120}, {"yielded", true}});
   EXPECT_EQ(yield_message(first, 30), "") << "nothing has yielded";
   test.host.yield(1, shared(pressed));
@@ -174,26 +174,26 @@ TEST(Viewer, ASlowViewerIsToldOfTheNewestTissue) {
   for (TestViewer* viewer : {&slow, &other}) viewer->greet({{"yielded", true}});
   // more than the kernel's buffers hold
   ViewedYield yield = yield_of({20, 20, 20}, {0, 0, 0}, {20, 20, 20});
-  constexpr int kTold = 6;
-  for (int n = 0; n < kTold; ++n) {
+  constexpr int kReported = 6;
+  for (int n = 0; n < kReported; ++n) {
     yield.frame = static_cast<std::uint32_t>(n);
     yield.spacing_mm = 1 + n;
     test.host.yield(0, shared(yield));
-    std::string told;
+    std::string reported;
     // the message may be of the previous frame
-    while ((told = yield_message(other)) != "" && number_at<std::uint32_t>(told, 12) != yield.frame) {
+    while ((reported = yield_message(other)) != "" && number_at<std::uint32_t>(reported, 12) != yield.frame) {
     }
-    ASSERT_FALSE(told.empty());
+    ASSERT_FALSE(reported.empty());
   }
-  int got = 0;
+  int received = 0;
   std::uint32_t frame = 0;
-  while (frame != kTold - 1) {
-    const std::string told = yield_message(slow);
-    ASSERT_FALSE(told.empty());
-    frame = number_at<std::uint32_t>(told, 12);
-    ++got;
+  while (frame != kReported - 1) {
+    const std::string is_reported = yield_message(slow);
+    ASSERT_FALSE(is_reported.empty());
+    frame = number_at<std::uint32_t>(is_reported, 12);
+    ++received;
   }
-  EXPECT_LE(got, 3);
+  EXPECT_LE(received, 3);
 }
 
 }  // namespace

@@ -115,7 +115,7 @@ void take_quaternion(Bytes bytes, PoseMessage& out) {
 }
 
 // status according to PLUS; without a status a pose is valid
-bool is_said_to_be_seen(const Words& words, const std::string& key) {
+bool is_stated_visible(const Words& words, const std::string& key) {
   const auto found = words.find(key);
   return found == words.end() || found->second == "OK";
 }
@@ -203,7 +203,7 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
     if (const auto whole_name = content->words.find("IGTL_DEVICE_NAME"); whole_name != content->words.end())
       message.name = whole_name->second;
     take_numbers(content->poses, message);
-    message.seen = message.seen && is_said_to_be_seen(content->words, "TransformStatus");
+    message.seen = message.seen && is_stated_visible(content->words, "TransformStatus");
     return on_pose(message);
   }
 
@@ -226,7 +226,7 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
           message.name = word.substr(0, word.size() - kStatus.size());
         }
     take_numbers(one.subspan(kElementHead_bytes), message);
-    message.seen = message.seen && is_said_to_be_seen(content->words, key);
+    message.seen = message.seen && is_stated_visible(content->words, key);
     on_pose(message);
   }
 }

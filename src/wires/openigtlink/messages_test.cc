@@ -43,9 +43,9 @@ Read read(const MessageBytes& bytes, std::size_t piece = 0) {
   Read out;
   const std::size_t step = piece > 0 ? piece : std::max<std::size_t>(1, bytes.size());
   for (std::size_t from = 0; from < bytes.size() && out.refused.empty(); from += step) {
-    const auto taken = reader.take(std::span(bytes).subspan(from, std::min(step, bytes.size() - from)),
-                                   [&](const PoseMessage& message) { out.poses.push_back(message); });
-    if (!taken) out.refused = taken.error().message();
+    const auto used = reader.take(std::span(bytes).subspan(from, std::min(step, bytes.size() - from)),
+                                  [&](const PoseMessage& message) { out.poses.push_back(message); });
+    if (!used) out.refused = used.error().message();
   }
   out.damaged = reader.damaged();
   return out;
@@ -71,11 +71,11 @@ TEST(IgtlMessages, TheChecksumIsTheProtocols) {
 }
 
 TEST(IgtlMessages, PosesOfEveryKindAndVersionInPiecesOfAnyLength) {
-  const MessageWords said{{"TransformStatus", "OK"}}, of_each{{"StylusToTrackerStatus", "OK"}};
+  const MessageWords words{{"TransformStatus", "OK"}}, of_each{{"StylusToTrackerStatus", "OK"}};
   const MessageBytes all = joined({
       test::transform_message("StylusToTracker", some_pose(), 77),
-      message_bytes("STATUS", "PLUS", MessageBytes(31, 0), &said),
-      message_bytes("TRANSFORM", "StylusToTracker", matrix_bytes(some_pose()), &said),
+      message_bytes("STATUS", "PLUS", MessageBytes(31, 0), &words),
+      message_bytes("TRANSFORM", "StylusToTracker", matrix_bytes(some_pose()), &words),
       message_bytes("POSITION", "StylusToTracker", quaternion_bytes(some_pose())),
       message_bytes("IMAGE", "Image", MessageBytes(100'000, 7)),
       message_bytes("TDATA", "all",
@@ -86,12 +86,12 @@ TEST(IgtlMessages, PosesOfEveryKindAndVersionInPiecesOfAnyLength) {
   });
   for (const std::size_t piece : {0u, 1u, 57u, 1000u}) {
     SCOPED_TRACE(piece);
-    const Read seen = read(all, piece);
-    EXPECT_EQ(seen.refused, "");
-    EXPECT_EQ(seen.damaged, 0u);
-    ASSERT_EQ(seen.poses.size(), 6u);
-    for (const PoseMessage& pose : seen.poses) expect_some_pose(pose, "StylusToTracker");
-    EXPECT_EQ(seen.poses[0].stamp, 77u);
+    const Read observed = read(all, piece);
+    EXPECT_EQ(observed.refused, "");
+    EXPECT_EQ(observed.damaged, 0u);
+    ASSERT_EQ(observed.poses.size(), 6u);
+    for (const PoseMessage& pose : observed.poses) expect_some_pose(pose, "StylusToTracker");
+    EXPECT_EQ(observed.poses[0].stamp, 77u);
   }
 }
 
@@ -121,70 +121,72 @@ TEST(IgtlMessages, ThoseOfTheReferenceLibraryAreUnderstood) {
     MessageBytes bytes;
     for (std::size_t n = 0; n < digits.size(); n += 2)
       bytes.push_back(static_cast<std::uint8_t>(std::stoi(digits.substr(n, 2), nullptr, 16)));
-    const Read seen = read(bytes);
-    EXPECT_EQ(seen.damaged, 0u);
-    ASSERT_EQ(seen.poses.size(), 1u);
-    EXPECT_EQ(seen.poses[0].name, "StylusToTracker");
-    EXPECT_TRUE(seen.poses[0].seen);
-    EXPECT_LT((seen.poses[0].rotation - turn).norm(), 1e-6);
-    EXPECT_EQ(seen.poses[0].at_mm, Eigen::Vector3d(100.25, -50.5, 900.125));
-    EXPECT_NEAR(static_cast<double>(seen.poses[0].stamp) / 4294967296.0,
+    const Read observed = read(bytes);
+    EXPECT_EQ(observed.damaged, 0u);
+    ASSERT_EQ(observed.poses.size(), 1u);
+    EXPECT_EQ(observed.poses[0].name, "StylusToTracker");
+    EXPECT_TRUE(observed.poses[0].seen);
+    EXPECT_LT((observed.poses[0].rotation - turn).norm(), 1e-6);
+    EXPECT_EQ(observed.poses[0].at_mm, Eigen::Vector3d(100.25, -50.5, 900.125));
+    EXPECT_NEAR(static_cast<double>(observed.poses[0].stamp) / 4294967296.0,
                 kind == std::string("transform") ? 1234.5 : 0, 1e-6);
   }
 }
 
 // PLUS reports it in the metadata, and before version 2 of the protocol by the identity
 TEST(IgtlMessages, AToolThatWasNotSeenHasNoPose) {
-  const auto seen = [](const MessageBytes& bytes) {
-    const Read got = read(bytes);
-    EXPECT_EQ(got.poses.size(), 1u);
-    return !got.poses.empty() && got.poses[0].seen;
+  const auto observed = [](const MessageBytes& bytes) {
+    const Read received = read(bytes);
+    EXPECT_EQ(received.poses.size(), 1u);
+    return !received.poses.empty() && received.poses[0].seen;
   };
   const MessageBytes fine = matrix_bytes(some_pose());
-  for (const auto& [status, is_seen] : {std::pair("OK", true), {"OUT_OF_VIEW", false}, {"MISSING", false}}) {
-    const MessageWords said{{"TransformValid", "x"}, {"TransformStatus", status}},
+  for (const auto& [status, is_visible] :
+       {std::pair("OK", true), {"OUT_OF_VIEW", false}, {"MISSING", false}}) {
+    const MessageWords words{{"TransformValid", "x"}, {"TransformStatus", status}},
         of_each{{"ToolStatus", status}};
-    EXPECT_EQ(seen(message_bytes("TRANSFORM", "Tool", fine, &said)), is_seen) << status;
-    EXPECT_EQ(seen(message_bytes("POSITION", "Tool", quaternion_bytes(some_pose()), &said)), is_seen)
+    EXPECT_EQ(observed(message_bytes("TRANSFORM", "Tool", fine, &words)), is_visible) << status;
+    EXPECT_EQ(observed(message_bytes("POSITION", "Tool", quaternion_bytes(some_pose()), &words)), is_visible)
         << status;
-    EXPECT_EQ(seen(message_bytes("TDATA", "all", element_bytes("Tool", fine), &of_each)), is_seen) << status;
+    EXPECT_EQ(observed(message_bytes("TDATA", "all", element_bytes("Tool", fine), &of_each)), is_visible)
+        << status;
   }
-  EXPECT_FALSE(seen(test::transform_message("Tool", Eigen::Isometry3d::Identity())));
+  EXPECT_FALSE(observed(test::transform_message("Tool", Eigen::Isometry3d::Identity())));
   Eigen::Isometry3d odd = some_pose();
   odd.linear() *= 1.1;
-  EXPECT_FALSE(seen(test::transform_message("Tool", odd)));
+  EXPECT_FALSE(observed(test::transform_message("Tool", odd)));
   odd = some_pose();
   odd.linear().col(0) *= -1;
-  EXPECT_FALSE(seen(test::transform_message("Tool", odd)));
+  EXPECT_FALSE(observed(test::transform_message("Tool", odd)));
   odd = some_pose();
   odd.translation().x() = std::nan("");
-  EXPECT_FALSE(seen(test::transform_message("Tool", odd)));
-  EXPECT_FALSE(seen(message_bytes("POSITION", "Tool", MessageBytes(28, 0))));
+  EXPECT_FALSE(observed(test::transform_message("Tool", odd)));
+  EXPECT_FALSE(observed(message_bytes("POSITION", "Tool", MessageBytes(28, 0))));
 }
 
 // names that exceed the message's field are in the metadata
 TEST(IgtlMessages, LongNamesAreWhole) {
   const std::string name = "AVeryLongInstrumentToTracker", shorter = name.substr(0, 20);
-  const MessageWords said{{"IGTL_DEVICE_NAME", name}, {"TransformStatus", "OK"}},
+  const MessageWords words{{"IGTL_DEVICE_NAME", name}, {"TransformStatus", "OK"}},
       of_each{{name + "Status", "OK"}};
-  const Read seen =
-      read(joined({message_bytes("TRANSFORM", shorter, matrix_bytes(some_pose()), &said),
+  const Read observed =
+      read(joined({message_bytes("TRANSFORM", shorter, matrix_bytes(some_pose()), &words),
                    message_bytes("TDATA", "all", element_bytes(shorter, matrix_bytes(some_pose())), &of_each),
                    test::transform_message(shorter, some_pose())}));
-  ASSERT_EQ(seen.poses.size(), 3u);
-  expect_some_pose(seen.poses[0], name);
-  expect_some_pose(seen.poses[1], name);
-  expect_some_pose(seen.poses[2], shorter);
+  ASSERT_EQ(observed.poses.size(), 3u);
+  expect_some_pose(observed.poses[0], name);
+  expect_some_pose(observed.poses[1], name);
+  expect_some_pose(observed.poses[2], shorter);
 }
 
 TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
   MessageBytes wrong = test::transform_message("Tool", some_pose());
   wrong.back() ^= 1;
   const MessageBytes fine = test::transform_message("Tool", some_pose());
-  const Read seen = read(joined({wrong, fine, message_bytes("TRANSFORM", "Tool", MessageBytes(47, 0)),
-                                 message_bytes("TDATA", "Tool", MessageBytes(71, 0)), fine}));
-  EXPECT_EQ(seen.damaged, 3u);
-  EXPECT_EQ(seen.poses.size(), 2u);
+  const Read observed = read(joined({wrong, fine, message_bytes("TRANSFORM", "Tool", MessageBytes(47, 0)),
+                                     message_bytes("TDATA", "Tool", MessageBytes(71, 0)), fine}));
+  EXPECT_EQ(observed.damaged, 3u);
+  EXPECT_EQ(observed.poses.size(), 2u);
   // inconsistent lengths
   MessageBytes body;
   test::put_whole(body, 2, 12);
@@ -231,9 +233,9 @@ TEST(IgtlMessages, APoseWhereNoTrackerSeesIsNone) {
   for (const double mm : {9'000.0, 11'000.0, 1e30, std::numeric_limits<double>::infinity(), std::nan("")}) {
     Eigen::Isometry3d pose = some_pose();
     pose.translation() = Eigen::Vector3d(0, mm, 0);
-    const Read seen = read(test::transform_message("Tool", pose));
-    ASSERT_EQ(seen.poses.size(), 1u);
-    EXPECT_EQ(seen.poses[0].seen, mm < 10'000) << mm;
+    const Read observed = read(test::transform_message("Tool", pose));
+    ASSERT_EQ(observed.poses.size(), 1u);
+    EXPECT_EQ(observed.poses[0].seen, mm < 10'000) << mm;
   }
 }
 
@@ -252,10 +254,10 @@ TEST(IgtlMessages, TheGreetingIsAWholeMessage) {
 // Seed corpus of messages_fuzzer. PALPATE_WRITE_SEEDS=src/devices/tracker/messages_fuzzer_corpus regenerates
 // it.
 TEST(IgtlSeeds, AreUnderstood) {
-  const MessageWords said{{"TransformStatus", "OK"}}, of_each{{"StylusToTrackerStatus", "MISSING"}};
+  const MessageWords words{{"TransformStatus", "OK"}}, of_each{{"StylusToTrackerStatus", "MISSING"}};
   const std::pair<const char*, MessageBytes> seeds[] = {
       {"transform", test::transform_message("StylusToTracker", some_pose(), 77)},
-      {"transform_2", message_bytes("TRANSFORM", "StylusToTracker", matrix_bytes(some_pose()), &said)},
+      {"transform_2", message_bytes("TRANSFORM", "StylusToTracker", matrix_bytes(some_pose()), &words)},
       {"position", message_bytes("POSITION", "StylusToTracker", quaternion_bytes(some_pose()))},
       {"tdata_2",
        message_bytes("TDATA", "all", element_bytes("StylusToTracker", matrix_bytes(some_pose())), &of_each)},
@@ -269,9 +271,9 @@ TEST(IgtlSeeds, AreUnderstood) {
     std::ifstream in(
         std::filesystem::path(PALPATE_SOURCE_DIR) / "src/devices/tracker/messages_fuzzer_corpus" / name,
         std::ios::binary);
-    const MessageBytes kept{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-    EXPECT_EQ(read(kept).poses.size(), 1u) << name;
-    EXPECT_EQ(kept, bytes) << name;
+    const MessageBytes stored{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+    EXPECT_EQ(read(stored).poses.size(), 1u) << name;
+    EXPECT_EQ(stored, bytes) << name;
   }
 }
 

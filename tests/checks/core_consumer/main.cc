@@ -78,26 +78,27 @@ int main() {
   auto made = palpate::make_model(ball_of_bone());
   if (!made) return std::puts(made.error().message().c_str()), 1;
   const palpate::ForceMethod proxy = palpate::ForceMethod::kProxy;
-  auto felt = palpate::prepared_for(*std::move(made), {&proxy, 1});
-  if (!felt) return std::puts(felt.error().message().c_str()), 1;
+  auto prepared = palpate::prepared_for(*std::move(made), {&proxy, 1});
+  if (!prepared) return std::puts(prepared.error().message().c_str()), 1;
 
   // the force comes in over half a second in free space, and follows the depth
-  Simulator simulator(**felt);
+  Simulator simulator(**prepared);
   const double pressed_mm = kRadius_mm - kDepth_mm;
-  simulator.hold(**felt, kRadius_mm + 2);
-  simulator.hold(**felt, pressed_mm);
-  bool good = is_about("pressed", simulator.hold(**felt, pressed_mm), kStiffness_N_per_mm * kDepth_mm);
+  simulator.hold(**prepared, kRadius_mm + 2);
+  simulator.hold(**prepared, pressed_mm);
+  bool good = is_about("pressed", simulator.hold(**prepared, pressed_mm), kStiffness_N_per_mm * kDepth_mm);
 
   // a ball of 3 mm is cut away around the tip, whose next tick is in the open
   const palpate::Point<palpate::Patient> tip(0, 0, pressed_mm);
   const palpate::Cut hole{.sweep = {tip, tip, 3}};
-  const palpate::ModelChange cut{.version = (*felt)->version + 1, .tissue = palpate::ModelChange::kCut};
-  const auto next = palpate::next_version({*felt, *felt}, cut, {&hole, 1});
+  const palpate::ModelChange cut{.version = (*prepared)->version + 1, .tissue = palpate::ModelChange::kCut};
+  const auto next = palpate::next_version({*prepared, *prepared}, cut, {&hole, 1});
   if (!next) return std::puts(next.error().message().c_str()), 1;
-  good = is_about("cut", simulator.hold(*next->felt, pressed_mm), 0) && good;
+  good = is_about("cut", simulator.hold(*next->current, pressed_mm), 0) && good;
   // the hole's bottom lies as deep as the ball reached
   const double bottom_mm = pressed_mm - 3;
-  good = is_about("at the bottom", simulator.hold(*next->felt, bottom_mm - 0.5), 0.5 * kStiffness_N_per_mm) &&
-         good;
+  good =
+      is_about("at the bottom", simulator.hold(*next->current, bottom_mm - 0.5), 0.5 * kStiffness_N_per_mm) &&
+      good;
   return good ? 0 : 1;
 }

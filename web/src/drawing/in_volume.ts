@@ -36,7 +36,7 @@ const piecesOf = (frame: Frame, a: [number, number], b: [number, number]): numbe
 
 export function drawLine(
   frame: Frame,
-  seen: InVolume,
+  projection: InVolume,
   a: Vec3,
   b: Vec3,
   thick: number,
@@ -45,10 +45,10 @@ export function drawLine(
   dash: number[] = [],
 ): void {
   const { context } = frame;
-  for (const run of runs(a, b, piecesOf(frame, seen.pixel(a), seen.pixel(b)), (p) => seen.hides(p, slack_mm))) {
+  for (const run of runs(a, b, piecesOf(frame, projection.pixel(a), projection.pixel(b)), (p) => projection.hides(p, slack_mm))) {
     context.save();
     if (run.isHidden) context.globalAlpha *= 0.5;
-    line(frame, seen.pixel(run.from), seen.pixel(run.to), thick, colour, run.isHidden ? [3, 5] : dash);
+    line(frame, projection.pixel(run.from), projection.pixel(run.to), thick, colour, run.isHidden ? [3, 5] : dash);
     context.restore();
   }
 }
@@ -56,7 +56,7 @@ export function drawLine(
 /** Outline of a capsule of the tool: filled where visible, dashed where occluded. */
 export function drawShaft(
   frame: Frame,
-  seen: InVolume,
+  projection: InVolume,
   from: Vec3,
   to: Vec3,
   radii_mm: readonly [number, number],
@@ -67,13 +67,13 @@ export function drawShaft(
   const long = length(sub(to, from));
   const radiusAt = (p: Vec3): number =>
     radii_mm[0] + (radii_mm[1] - radii_mm[0]) * (long > 0 ? length(sub(p, from)) / long : 0);
-  for (const run of runs(from, to, piecesOf(frame, seen.pixel(from), seen.pixel(to)), (p) =>
-    seen.hides(p, slack_mm + radiusAt(p)),
+  for (const run of runs(from, to, piecesOf(frame, projection.pixel(from), projection.pixel(to)), (p) =>
+    projection.hides(p, slack_mm + radiusAt(p)),
   )) {
-    const [a, b] = [seen.pixel(run.from), seen.pixel(run.to)];
+    const [a, b] = [projection.pixel(run.from), projection.pixel(run.to)];
     const towards = Math.atan2(b[1] - a[1], b[0] - a[0]) + Math.PI / 2;
     const side = (at: [number, number], p: Vec3, sign: number): [number, number] => {
-      const wide = sign * Math.max(1.5 * ratio, radiusAt(p) * seen.pixelsPerMm(p));
+      const wide = sign * Math.max(1.5 * ratio, radiusAt(p) * projection.pixelsPerMm(p));
       return [at[0] + wide * Math.cos(towards), at[1] + wide * Math.sin(towards)];
     };
     const [left, right] = [1, -1].map((sign) => [side(a, run.from, sign), side(b, run.to, sign)] as const) as [
@@ -84,7 +84,7 @@ export function drawShaft(
     // dashed where occluded
     context.globalAlpha = run.isHidden ? 0.6 : 1;
     if (!run.isHidden) {
-      const wide = (p: Vec3) => Math.max(1.5 * ratio, radiusAt(p) * seen.pixelsPerMm(p));
+      const wide = (p: Vec3) => Math.max(1.5 * ratio, radiusAt(p) * projection.pixelsPerMm(p));
       drawRod(context, a, b, [wide(run.from), wide(run.to)]);
     }
     for (const [begin, end] of [left, right]) {
@@ -97,13 +97,13 @@ export function drawShaft(
       [to, run.to, Math.PI],
     ] as const) {
       if (end.some((x, i) => Math.abs(x - at[i]!) > 1e-9)) continue;
-      const [x, y] = seen.pixel(end);
+      const [x, y] = projection.pixel(end);
       context.setLineDash(run.isHidden ? [3 * ratio, 4 * ratio] : []);
       context.beginPath();
       context.arc(
         x,
         y,
-        Math.max(1.5 * ratio, radiusAt(end) * seen.pixelsPerMm(end)),
+        Math.max(1.5 * ratio, radiusAt(end) * projection.pixelsPerMm(end)),
         towards + phase,
         towards + phase + Math.PI,
       );
@@ -118,7 +118,7 @@ export function drawShaft(
 /** Draws the height of a tool: a line down to the nearest surface with contact below, and a shadow on the latter. */
 export function drawHeight(
   frame: Frame,
-  seen: InVolume,
+  projection: InVolume,
   tool: Vec3,
   ground: { foot: Vec3; height_mm: number },
   radius_mm: number,
@@ -135,19 +135,19 @@ export function drawHeight(
   for (let n = 0; n < 24; n++) {
     const angle = (n * Math.PI) / 12;
     context.lineTo(
-      ...seen.pixel(add(foot, add(scale(aside, size * Math.cos(angle)), scale(forward, size * Math.sin(angle))))),
+      ...projection.pixel(add(foot, add(scale(aside, size * Math.cos(angle)), scale(forward, size * Math.sin(angle))))),
     );
   }
   context.closePath();
-  context.globalAlpha = seen.hides(foot, 2) ? 0.3 : 0.65;
+  context.globalAlpha = projection.hides(foot, 2) ? 0.3 : 0.65;
   context.fillStyle = "#06090b";
   context.fill();
   context.lineWidth = ratio;
   context.strokeStyle = colour;
   context.stroke();
   context.restore();
-  drawLine(frame, seen, tool, foot, 1.2, colour, 2, [2, 2]);
-  const [a, b] = [seen.pixel(tool), seen.pixel(foot)];
+  drawLine(frame, projection, tool, foot, 1.2, colour, 2, [2, 2]);
+  const [a, b] = [projection.pixel(tool), projection.pixel(foot)];
   if (Math.hypot(a[0] - b[0], a[1] - b[1]) > 16 * ratio)
     text(
       frame,
@@ -181,6 +181,6 @@ export function boxSection(plane: Plane, volumes: Volumes): Vec3[] {
   const angle = (p: Vec3) => Math.atan2(dot(sub(p, middle), plane.down), dot(sub(p, middle), plane.right));
   return met.sort((p, q) => angle(p) - angle(q));
 }
-export function drawPlane(frame: Frame, seen: InVolume, corners: Vec3[], colour: string): void {
-  corners.forEach((corner, n) => drawLine(frame, seen, corner, corners[(n + 1) % corners.length]!, 1.6, colour, 1));
+export function drawPlane(frame: Frame, projection: InVolume, corners: Vec3[], colour: string): void {
+  corners.forEach((corner, n) => drawLine(frame, projection, corner, corners[(n + 1) % corners.length]!, 1.6, colour, 1));
 }

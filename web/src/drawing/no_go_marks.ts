@@ -100,15 +100,15 @@ function hatchDisc(frame: Frame, [x, y]: [number, number], radius: number): void
 }
 
 /** Draws the intersection of planes with the volume's bounding box, and balls as three great circles. */
-export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session, volumes: Volumes): void {
+export function drawNoGoInVolume(frame: Frame, projection: InVolume, session: Session, volumes: Volumes): void {
   for (const { plane, ball } of session.scene.value!.no_go) {
     if (plane) {
       const [right, down] = tangents(plane.outward);
       const corners = boxSection({ centre: plane.point_mm, right, down }, volumes);
-      corners.forEach((corner, n) => drawLine(frame, seen, corner, corners[(n + 1) % corners.length]!, 1.8, NO_GO, 1));
+      corners.forEach((corner, n) => drawLine(frame, projection, corner, corners[(n + 1) % corners.length]!, 1.8, NO_GO, 1));
       // short strokes on the forbidden side
       corners.forEach((corner) =>
-        drawLine(frame, seen, corner, add(corner, scale(plane.outward, -0.03 * volumes.size)), 1.8, NO_GO, 1),
+        drawLine(frame, projection, corner, add(corner, scale(plane.outward, -0.03 * volumes.size)), 1.8, NO_GO, 1),
       );
     }
     if (!ball) continue;
@@ -131,7 +131,7 @@ export function drawNoGoInVolume(frame: Frame, seen: InVolume, session: Session,
         const angle = (2 * Math.PI * n) / PARTS;
         return add(ball.centre_mm, scale(add(scale(a, Math.cos(angle)), scale(b, Math.sin(angle))), ball.radius_mm));
       };
-      for (let n = 0; n < PARTS; n++) drawLine(frame, seen, at(n), at(n + 1), 1.5, NO_GO, 1);
+      for (let n = 0; n < PARTS; n++) drawLine(frame, projection, at(n), at(n + 1), 1.5, NO_GO, 1);
     }
   }
 }

@@ -79,10 +79,10 @@ export function drawPlanOnPlane(
   });
 }
 
-export function drawPlanInVolume(frame: Frame, seen: InVolume, { drawn, chosen }: PlanStore): void {
+export function drawPlanInVolume(frame: Frame, projection: InVolume, { drawn, chosen }: PlanStore): void {
   drawn.forEach((trajectory, place) => {
     const colour = place === chosen.value ? CHOSEN : PLANNED;
-    drawLine(frame, seen, trajectory.entry_mm, trajectory.target_mm, 2, colour, 1);
-    drawEnds(frame, trajectory, seen.pixel, (p) => (seen.hides(p, 1) ? 0.55 : 1), colour);
+    drawLine(frame, projection, trajectory.entry_mm, trajectory.target_mm, 2, colour, 1);
+    drawEnds(frame, trajectory, projection.pixel, (p) => (projection.hides(p, 1) ? 0.55 : 1), colour);
   });
 }

@@ -17,7 +17,7 @@ const removable = ({ structures, tissues }: Scene): boolean[] => [
   false,
   ...structures.map(({ tissue }) => {
     const of = tissues[tissue];
-    return of !== undefined && of.felt && of.protection !== "keep";
+    return of !== undefined && of.touchable && of.protection !== "keep";
   }),
 ];
 
@@ -86,7 +86,7 @@ export class VoxelChanges {
   private cut(): void {
     this.then(async () => {
       const cuts = this.sweeps.some(([, { length }]) => length > 0) ? await this.cuts.get() : this.cuts.now;
-      for (const report of this.sweeps.splice(0)) cuts?.tell(...report);
+      for (const report of this.sweeps.splice(0)) cuts?.receive(...report);
       const volumes = this.session.volumes.value,
         scene = this.session.scene.value;
       const box = volumes && scene && cuts?.takeFrom(volumes, removable(scene));
@@ -116,8 +116,8 @@ export class VoxelChanges {
 
   // ---- deformation
 
-  tellYield(told: Yield): void {
-    this.yields.push(told);
+  addYield(received: Yield): void {
+    this.yields.push(received);
     this.isDeformationDue = true;
   }
   /** Displays the latest deformation, if it has changed; to be called for every frame. */
@@ -130,7 +130,7 @@ export class VoxelChanges {
     this.isDeformationDue = false;
     this.isDeforming = true;
     const deformation = this.yields.some(({ nodes }) => nodes) ? await this.deformation.get() : this.deformation.now;
-    for (const told of this.yields.splice(0)) deformation?.tell(told);
+    for (const received of this.yields.splice(0)) deformation?.receive(received);
     const by = deformation?.displaced((p) => volumes.structureAt(p) === null);
     if (by || this.displacement) await this.displaceBy(by ? new Displacement(by.nodes, by.mm) : null);
     this.isDeforming = false;

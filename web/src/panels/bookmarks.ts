@@ -4,29 +4,29 @@ import { effect, signal, untracked } from "@preact/signals-core";
 import { byId, element } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3, type PlaneKind } from "../base/geometry.js";
-import { keepScene, recallScene } from "../state/kept.js";
-import { ALONG, type Along, type SectionStand, type SectionView } from "../section/section_view.js";
+import { keepScene, recallScene } from "../state/local_storage.js";
+import { ALONG, type Along, type SectionPlacement, type SectionView } from "../section/section_view.js";
 import { LAYOUTS, type Layout, type Session, type Window } from "../state/session.js";
 import type { VolumeView } from "../volume/volume_view.js";
 import { says, words } from "../words/words.js";
 
-interface SectionSeen extends SectionStand {
+interface BookmarkedSection extends SectionPlacement {
   kind: PlaneKind;
 }
-export interface Seen {
+export interface BookmarkedView {
   layout: Layout;
   window: Window;
   camera: { right: Vec3; up: Vec3; focus: Vec3; across_mm: number };
   cross: Vec3 | null; // point of all planes; null: they follow the tip
   normal: Vec3; // unit normal of the oblique plane
   along: Along;
-  like: Anatomical;
-  sections: SectionSeen[];
+  anatomical: Anatomical;
+  sections: BookmarkedSection[];
   rotation: Quaternion | null; // rotation of the object; null: unknown
 }
 export interface Bookmark {
   name: string;
-  seen: Seen;
+  view: BookmarkedView;
 }
 /** Bookmarks of a scene, as this browser stores them. */
 interface KeptBookmarks {
@@ -37,21 +37,21 @@ const areNumbers = (x: unknown, count: number): boolean =>
   Array.isArray(x) && x.length === count && x.every(Number.isFinite);
 /** Whether a value from the browser's storage is a valid bookmark. */
 export function isBookmark(x: unknown): x is Bookmark {
-  const { name, seen } = (x ?? {}) as Partial<Bookmark>;
-  const { window, camera, sections } = seen ?? ({} as Partial<Seen>);
+  const { name, view } = (x ?? {}) as Partial<Bookmark>;
+  const { window, camera, sections } = view ?? ({} as Partial<BookmarkedView>);
   return (
     typeof name === "string" &&
-    typeof seen === "object" &&
+    typeof view === "object" &&
     Number.isFinite(window?.level) &&
     window!.width > 0 &&
     camera !== undefined &&
-    [camera.right, camera.up, camera.focus, seen.normal].every((v) => areNumbers(v, 3)) &&
+    [camera.right, camera.up, camera.focus, view.normal].every((v) => areNumbers(v, 3)) &&
     camera.across_mm >= 0 &&
-    (seen.cross === null || areNumbers(seen.cross, 3)) &&
-    (seen.rotation === null || areNumbers(seen.rotation, 4)) &&
-    LAYOUTS.includes(seen.layout!) &&
-    ALONG.includes(seen.along!) &&
-    ANATOMICAL.includes(seen.like!) &&
+    (view.cross === null || areNumbers(view.cross, 3)) &&
+    (view.rotation === null || areNumbers(view.rotation, 4)) &&
+    LAYOUTS.includes(view.layout!) &&
+    ALONG.includes(view.along!) &&
+    ANATOMICAL.includes(view.anatomical!) &&
     Array.isArray(sections) &&
     sections.every((one) => one.across_mm > 0 && areNumbers(one.pan, 2) && Number.isFinite(one.offset_mm))
   );
@@ -76,7 +76,7 @@ export class Bookmarks {
       const name = byId<HTMLInputElement>("bookmark-name");
       this.change([
         ...this.list.value,
-        { name: name.value.trim() || words.bookmarkNumber(String(this.list.value.length + 1)), seen: this.seen() },
+        { name: name.value.trim() || words.bookmarkNumber(String(this.list.value.length + 1)), view: this.view() },
       ]);
       name.value = "";
       // moves the focus out of the text field, in which the space bar is not the emergency stop
@@ -116,7 +116,7 @@ export class Bookmarks {
           { title: "showBookmark" },
           bookmark.name,
         );
-        go.addEventListener("click", () => this.recall(bookmark.seen));
+        go.addEventListener("click", () => this.recall(bookmark.view));
         const remove = says(
           element("button", { type: "button", textContent: "×" }),
           { label: "deleteNamed", title: "deleteNamed" },
@@ -136,40 +136,40 @@ export class Bookmarks {
     );
   }
 
-  private seen(): Seen {
+  private view(): BookmarkedView {
     const { session, volume, sections } = this.page;
     const oblique = sections[0]!;
     return {
       layout: session.layout.value,
       window: session.window.value,
-      camera: volume.stand,
+      camera: volume.placement,
       cross: session.planes.value.follow ? null : session.anchor(),
       normal: oblique.normal,
       along: oblique.along.value,
-      like: oblique.like.value,
+      anatomical: oblique.anatomical.value,
       // sections that were never shown have no extent
-      sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, stand }) => ({ kind, ...stand })),
+      sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, placement }) => ({ kind, ...placement })),
       rotation: session.pose.value?.rotation ?? null,
     };
   }
-  private recall(seen: Seen): void {
+  private recall(view: BookmarkedView): void {
     const { session, history, volume, sections, turn } = this.page;
-    session.layout.value = seen.layout;
+    session.layout.value = view.layout;
     history.change("bookmark", () => {
-      session.window.value = seen.window;
+      session.window.value = view.window;
       session.planes.value = {
-        follow: seen.cross === null,
-        cross: seen.cross,
-        obliqueNormal: seen.cross && seen.normal,
+        follow: view.cross === null,
+        cross: view.cross,
+        obliqueNormal: view.cross && view.normal,
       };
       for (const section of sections) {
-        const own = seen.sections.find(({ kind }) => kind === section.kind);
-        if (own) section.stand = own;
+        const own = view.sections.find(({ kind }) => kind === section.kind);
+        if (own) section.placement = own;
       }
       const oblique = sections[0]!;
-      [oblique.along.value, oblique.like.value] = [seen.along, seen.like];
-      volume.stand = seen.camera;
+      [oblique.along.value, oblique.anatomical.value] = [view.along, view.anatomical];
+      volume.placement = view.camera;
     });
-    if (seen.rotation) turn(seen.rotation);
+    if (view.rotation) turn(view.rotation);
   }
 }

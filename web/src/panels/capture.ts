@@ -142,7 +142,7 @@ export class Capture {
       label: d.label,
       depth: Number.isFinite(d.depth) ? d.depth : null,
       flags: d.flags,
-      felt: d.felt.map(({ label, depth, share }) => ({ label, depth: Number.isFinite(depth) ? depth : null, share })),
+      path: d.path.map(({ label, depth, share }) => ({ label, depth: Number.isFinite(depth) ? depth : null, share })),
       contacts: d.contacts,
     }));
     this.recording.poses.push(

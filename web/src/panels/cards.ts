@@ -1,6 +1,6 @@
 // Cards of the panel, open or closed as this browser has stored it.
 
-import { keep, recall } from "../state/kept.js";
+import { keep, recall } from "../state/local_storage.js";
 import { PAGE_KEY, type KeptPage } from "../state/session.js";
 
 export function keepCards(): void {

@@ -6,7 +6,7 @@ import { limitText, measured, quantity } from "../words/figures.js";
 import { angleOf_deg, length } from "../base/geometry.js";
 import type { Session } from "../state/session.js";
 import { whyText } from "./why.js";
-import { type Contact, type DevicePose, type Felt, Flag, type Pose } from "../protocol/wire.js";
+import { type Contact, type DevicePose, type PathPart, Flag, type Pose } from "../protocol/wire.js";
 import { words, type Words } from "../words/words.js";
 
 /** Flags of a tick, in display order. */
@@ -56,7 +56,7 @@ export class ContactPanel {
     write(byId("stiffness"), contact.label > 0 && device.stiffness > 0 ? quantity(device.stiffness, "N/mm") : "–");
     write(byId("depth"), Number.isFinite(device.depth) ? quantity(device.depth, "mm") : "–");
     write(byId("speed"), quantity(device.speed, "mm/s"));
-    this.drawFelt(contact.label > 0 ? device.felt : []);
+    this.drawPathParts(contact.label > 0 ? device.path : []);
     this.drawContacts(contact.label > 0 ? device.contacts : []);
     write(byId("heat"), Number.isFinite(device.heat) ? `${Math.round(100 * device.heat)} %` : "–");
     write(byId("why"), contact.label > 0 ? whyText(device, session.toPatient(pose, device.force)) : "");
@@ -69,12 +69,12 @@ export class ContactPanel {
   }
 
   /** Draws the structures along the penetration path, outermost first: path length in each and share of the force. */
-  private drawFelt(felt: Felt[]): void {
+  private drawPathParts(path: PathPart[]): void {
     const rows = byId<HTMLTableElement>("felt").tBodies[0]!;
-    while (rows.rows.length < felt.length)
+    while (rows.rows.length < path.length)
       rows.append(element("tr", {}, element("th", { scope: "row" }), element("td"), element("td")));
     for (const [n, row] of [...rows.rows].entries()) {
-      const part = felt[n];
+      const part = path[n];
       row.hidden = part === undefined;
       if (part === undefined) continue;
       const [name, depth, share] = row.cells;

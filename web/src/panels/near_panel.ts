@@ -6,7 +6,7 @@ import { ApproachSound } from "./approach_sound.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { quantity } from "../words/figures.js";
-import { keep, recall } from "../state/kept.js";
+import { keep, recall } from "../state/local_storage.js";
 import type { NearStructure } from "../protocol/near.js";
 import { PAGE_KEY, type KeptPage, type Session } from "../state/session.js";
 import { words } from "../words/words.js";

@@ -220,7 +220,7 @@ export class PlanPanel {
     const name = worst ? session.nameOf(worst.label) : "";
     write(
       byId("plan-breach"),
-      worst ? `⚠ ${words.planBreach(name, quantity(worst.mm, "mm"), quantity(worst.asked_mm, "mm"))}` : "",
+      worst ? `⚠ ${words.planBreach(name, quantity(worst.mm, "mm"), quantity(worst.requested_mm, "mm"))}` : "",
     );
     byId("plan-breach").hidden = !worst;
     if (name !== this.spoken && worst) announce(words.planBreachSpoken(name));

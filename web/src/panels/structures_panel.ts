@@ -5,7 +5,7 @@ import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { digits, quantity } from "../words/figures.js";
 import type { History } from "../state/history.js";
-import { keepScene } from "../state/kept.js";
+import { keepScene } from "../state/local_storage.js";
 import { hasBone, keptLooks, presetLooks, PRESETS, type LooksPreset, type Look } from "../state/looks.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
@@ -19,8 +19,8 @@ const fromHex = (text: string): Rgb => [1, 3, 5].map((i) => parseInt(text.slice(
 export const toSlider = (value: number, [low, high]: [number, number]): number =>
   Math.log(Math.max(value, low) / low) / Math.log(high / low);
 /** Inverse of toSlider(), rounded to three digits. */
-export const fromSlider = (place: number, [low, high]: [number, number]): number =>
-  Number((low * (high / low) ** place).toPrecision(3));
+export const fromSlider = (index: number, [low, high]: [number, number]): number =>
+  Number((low * (high / low) ** index).toPrecision(3));
 
 /** Whether a name contains every word of a search, in any order. */
 export const isFound = (name: string, wanted: string): boolean =>
@@ -39,7 +39,7 @@ interface TissueRow {
 /** Structures of one tissue, or all structures without a tissue; folded and switched on and off together. */
 interface Group {
   tissue: number; // index in the scene; -1: none
-  places: number[]; // indices of its structures in the scene
+  indices: number[]; // indices of its structures in the scene
   box: HTMLElement;
   fold: HTMLElement;
   eye: HTMLElement;
@@ -56,9 +56,9 @@ export class StructuresPanel {
   private shownLooks: Look[] = []; // displayed by the controls
   private groups: Group[] = [];
   private readonly folded = new Set<number>(); // indices of folded tissues
-  private entered: HTMLElement | null = null; // row whose controls are in the tab order; null: none is visible
+  private focusedRow: HTMLElement | null = null; // row whose controls are in the tab order; null: none is visible
   // structure that is shown alone, and the visibility of each structure before that; null: none
-  private alone: { place: number; before: boolean[] } | null = null;
+  private alone: { index: number; before: boolean[] } | null = null;
 
   constructor(
     private readonly session: Session,
@@ -75,7 +75,7 @@ export class StructuresPanel {
     byId("structures").addEventListener("keydown", (event) => this.goByKey(event));
     byId("structures").addEventListener("focusin", (event) => {
       const line = (event.target as HTMLElement).closest<HTMLElement>(".structure");
-      if (line && line !== this.entered) this.enter(line);
+      if (line && line !== this.focusedRow) this.enter(line);
     });
     const choice = byId<HTMLSelectElement>("looks");
     choice.addEventListener("change", () => {
@@ -106,12 +106,12 @@ export class StructuresPanel {
     this.lines.clear();
     this.controls = [];
     this.alone = null;
-    this.groups = scene.tissues.flatMap((tissue, place) =>
+    this.groups = scene.tissues.flatMap((tissue, index) =>
       this.groupOf(
         scene,
-        place,
+        index,
         readable(tissue.name),
-        tissue.felt ? this.feelOf(scene, place) : says(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
+        tissue.touchable ? this.feelOf(scene, index) : says(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
       ),
     );
     this.groups.push(...this.groupOf(scene, -1, null, null));
@@ -131,16 +131,16 @@ export class StructuresPanel {
    * @param feel    controls of the contact properties, or a note in their place; null: nothing
    */
   private groupOf(scene: Scene, tissue: number, name: string | null, feel: HTMLElement | null): Group[] {
-    const places = scene.structures.flatMap((structure, place) =>
-      structure.tissue === tissue || (tissue < 0 && structure.tissue < 0) ? [place] : [],
+    const indices = scene.structures.flatMap((structure, index) =>
+      structure.tissue === tissue || (tissue < 0 && structure.tissue < 0) ? [index] : [],
     );
-    if (places.length === 0) return [];
+    if (indices.length === 0) return [];
     const title = element("span", { className: "title" });
     const fold = element(
       "button",
       { type: "button", className: "fold" },
       title,
-      element("span", { className: "quiet" }, String(places.length)),
+      element("span", { className: "quiet" }, String(indices.length)),
     );
     if (name === null) says(title, { text: "feltNot" });
     else write(title, name);
@@ -151,7 +151,7 @@ export class StructuresPanel {
       "div",
       { id: `tissue-${tissue}` },
       ...(feel ? [feel] : []),
-      ...places.map((place) => this.lineOf(scene, scene.structures[place]!)),
+      ...indices.map((index) => this.lineOf(scene, scene.structures[index]!)),
     );
     fold.setAttribute("aria-controls", rows.id);
     const box = element("div", { className: "tissue" }, element("div", { className: "head" }, fold, eye), rows);
@@ -161,16 +161,16 @@ export class StructuresPanel {
     });
     eye.addEventListener("click", () => {
       const looks = this.session.looks.value;
-      const isShown = !places.every((place) => looks[place]!.visible);
-      this.setShown(looks.map((look, place) => (places.includes(place) ? isShown : look.visible)));
+      const isShown = !indices.every((index) => looks[index]!.visible);
+      this.setShown(looks.map((look, index) => (indices.includes(index) ? isShown : look.visible)));
     });
-    return [{ tissue, places, box, fold, eye, rows }];
+    return [{ tissue, indices, box, fold, eye, rows }];
   }
   /** Updates the visibility buttons of the groups: all, some or none of the structures are visible. */
   private showGroups(looks: Look[]): void {
-    for (const { places, eye } of this.groups) {
-      const count = places.filter((place) => looks[place]!.visible).length;
-      const isAll = count === places.length;
+    for (const { indices, eye } of this.groups) {
+      const count = indices.filter((index) => looks[index]!.visible).length;
+      const isAll = count === indices.length;
       eye.setAttribute("aria-pressed", isAll ? "true" : count === 0 ? "false" : "mixed");
       says(eye, { text: isAll ? "shown" : count === 0 ? "hidden" : "partly" });
     }
@@ -188,7 +188,7 @@ export class StructuresPanel {
       fold.setAttribute("aria-expanded", String(!rows.hidden));
     }
     byId("none-found").hidden = this.groups.some(({ box }) => !box.hidden);
-    this.enter(this.entered);
+    this.enter(this.focusedRow);
   }
 
   /**
@@ -197,9 +197,9 @@ export class StructuresPanel {
    */
   private enter(wanted: HTMLElement | null): void {
     const shown = [...this.lines.values()].filter((line) => line.closest("[hidden]") === null);
-    this.entered = wanted && shown.includes(wanted) ? wanted : (shown[0] ?? null);
+    this.focusedRow = wanted && shown.includes(wanted) ? wanted : (shown[0] ?? null);
     for (const line of this.lines.values()) {
-      for (const control of line.children) (control as HTMLElement).tabIndex = line === this.entered ? 0 : -1;
+      for (const control of line.children) (control as HTMLElement).tabIndex = line === this.focusedRow ? 0 : -1;
     }
   }
   /** Moves the focus to the same control of another visible row. */
@@ -209,12 +209,12 @@ export class StructuresPanel {
     // arrow keys change the value of a slider
     if (!line || target.matches("input[type=range]") || event.ctrlKey || event.metaKey || event.altKey) return;
     const shown = [...this.lines.values()].filter((one) => one.closest("[hidden]") === null);
-    const place = shown.indexOf(line);
+    const index = shown.indexOf(line);
     const next = {
-      ArrowUp: place - 1,
-      ArrowDown: place + 1,
-      PageUp: Math.max(0, place - 10),
-      PageDown: Math.min(shown.length - 1, place + 10),
+      ArrowUp: index - 1,
+      ArrowDown: index + 1,
+      PageUp: Math.max(0, index - 10),
+      PageDown: Math.min(shown.length - 1, index + 10),
       Home: 0,
       End: shown.length - 1,
     }[event.key];
@@ -253,22 +253,22 @@ export class StructuresPanel {
   private showLooks(looks: Look[]): void {
     // looks of another scene, whose list is not built yet
     if (looks.length !== this.controls.length) return;
-    looks.forEach((look, place) => look !== this.shownLooks[place] && this.showLook(look, place));
+    looks.forEach((look, index) => look !== this.shownLooks[index] && this.showLook(look, index));
     this.shownLooks = looks;
     this.showGroups(looks);
   }
-  private showLook({ colour, opacity, visible }: Look, place: number): void {
-    const controls = this.controls[place]!;
+  private showLook({ colour, opacity, visible }: Look, index: number): void {
+    const controls = this.controls[index]!;
     press(controls.eye, visible);
     says(controls.eye, { text: visible ? "shown" : "hidden" });
     controls.colour.value = hex(colour);
     controls.opacity.value = String(opacity);
   }
   /** Changes the look of one structure. */
-  private changeOne(place: number, key: string, look: Partial<Look>): void {
+  private changeOne(index: number, key: string, look: Partial<Look>): void {
     this.change(
-      `${key} ${place}`,
-      this.session.looks.value.map((one, other) => (other === place ? { ...one, ...look } : one)),
+      `${key} ${index}`,
+      this.session.looks.value.map((one, other) => (other === index ? { ...one, ...look } : one)),
     );
   }
   /** Sets the visibility of every structure as one undo step. */
@@ -276,53 +276,53 @@ export class StructuresPanel {
     this.history.gesture += 1;
     this.change(
       "shown",
-      this.session.looks.value.map((look, place) => ({ ...look, visible: shown[place]! })),
+      this.session.looks.value.map((look, index) => ({ ...look, visible: shown[index]! })),
     );
     this.alone = alone;
   }
   /** Hides all other structures, or restores their visibility if the structure is already shown alone. */
-  private toggleAlone(place: number): void {
+  private toggleAlone(index: number): void {
     const shown = this.session.looks.value.map((look) => look.visible);
-    if (this.alone?.place === place) this.setShown(this.alone.before);
+    if (this.alone?.index === index) this.setShown(this.alone.before);
     else
       this.setShown(
-        shown.map((_, other) => other === place),
-        { place, before: this.alone?.before ?? shown },
+        shown.map((_, other) => other === index),
+        { index, before: this.alone?.before ?? shown },
       );
   }
 
   /** Sliders of a tissue's stiffness and static friction. */
-  private feelOf(scene: Scene, place: number): HTMLElement {
+  private feelOf(scene: Scene, index: number): HTMLElement {
     const { stiffness_N_per_mm: range, friction } = scene.limits;
     // range of the slider, N/mm: useful stiffnesses, as far as they are valid
     const limits: [number, number] = [Math.max(range[0], 0.01), Math.min(range[1], 10)];
-    const name = readable(scene.tissues[place]!.name);
+    const name = readable(scene.tissues[index]!.name);
     const slider = (label: MessageAbout, max: number, step: number) =>
       says(element("input", { type: "range", min: "0", max: String(max), step: String(step) }), { label }, name);
     const stiffness = slider("stiffnessOf", 1, 0.005);
     const frictionSlider = slider("frictionOf", Math.min(friction[1], 1.5), 0.01);
-    stiffness.dataset.tissue = String(place);
+    stiffness.dataset.tissue = String(index);
     const row: TissueRow = {
       stiffness,
       friction: frictionSlider,
       stiffnessValue: element("output"),
       frictionValue: element("output"),
     };
-    this.rows[place] = row;
+    this.rows[index] = row;
     stiffness.addEventListener("input", () => {
       const value = fromSlider(Number(stiffness.value), limits);
       write(row.stiffnessValue, quantity(value, "N/mm"));
-      void this.requests.latest(`stiffness ${place}`, { type: "tissue", tissue: place, stiffness_N_per_mm: value });
+      void this.requests.latest(`stiffness ${index}`, { type: "tissue", tissue: index, stiffness_N_per_mm: value });
     });
     frictionSlider.addEventListener("input", () => {
       const value = Number(frictionSlider.value);
-      const before = this.session.state.value?.tissues[place];
+      const before = this.session.state.value?.tissues[index];
       const ratio =
         before && before.static_friction > 0 ? before.friction / before.static_friction : FRICTION_OF_STATIC;
       write(row.frictionValue, digits(value));
-      void this.requests.latest(`friction ${place}`, {
+      void this.requests.latest(`friction ${index}`, {
         type: "tissue",
-        tissue: place,
+        tissue: index,
         static_friction: value,
         friction: Number((value * ratio).toPrecision(4)),
       });
@@ -351,7 +351,7 @@ export class StructuresPanel {
 
   /** Row of a structure: colour, name, opacity, visibility. */
   private lineOf(scene: Scene, structure: Structure): HTMLElement {
-    const place = scene.structures.indexOf(structure);
+    const index = scene.structures.indexOf(structure);
     const { session } = this;
     const name = readable(structure.name);
     const colour = says(element("input", { type: "color" }), { label: "colourOf", title: "colour" }, name);
@@ -361,18 +361,18 @@ export class StructuresPanel {
       name,
     );
     const eye = says(element("button", { type: "button", className: "eye" }), { label: "show" }, name);
-    this.controls[place] = { eye, colour, opacity };
-    colour.addEventListener("input", () => this.changeOne(place, "colour", { colour: fromHex(colour.value) }));
-    opacity.addEventListener("input", () => this.changeOne(place, "opacity", { opacity: Number(opacity.value) }));
+    this.controls[index] = { eye, colour, opacity };
+    colour.addEventListener("input", () => this.changeOne(index, "colour", { colour: fromHex(colour.value) }));
+    opacity.addEventListener("input", () => this.changeOne(index, "opacity", { opacity: Number(opacity.value) }));
     eye.addEventListener("click", () =>
-      this.setShown(session.looks.value.map((one, other) => (other === place ? !one.visible : one.visible))),
+      this.setShown(session.looks.value.map((one, other) => (other === index ? !one.visible : one.visible))),
     );
     const alone = says(
       element("button", { type: "button", className: "name", textContent: name }),
       { title: "alone" },
       name,
     );
-    alone.addEventListener("click", () => this.toggleAlone(place));
+    alone.addEventListener("click", () => this.toggleAlone(index));
     const line = element("div", { className: "structure" }, colour, alone, opacity, eye);
     this.lines.set(structure.label, line);
     return line;
@@ -382,8 +382,8 @@ export class StructuresPanel {
   private show(state: State): void {
     const isAllowed = this.permissions.feel.value;
     // visits existing rows only: tissues without contact or structures have none
-    this.rows.forEach((row, place) => {
-      const tissue = state.tissues[place];
+    this.rows.forEach((row, index) => {
+      const tissue = state.tissues[index];
       if (!tissue) return;
       const limits: [number, number] = [Number(row.stiffness.dataset.low), Number(row.stiffness.dataset.high)];
       if (!row.stiffness.matches(":active")) {

@@ -4,7 +4,7 @@ import { effect } from "@preact/signals-core";
 import { byId, press } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import type { Connection } from "../protocol/connection.js";
-import { keep, recall } from "../state/kept.js";
+import { keep, recall } from "../state/local_storage.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
 import { LAYOUTS, PAGE_KEY, type KeptPage, type Layout, type Session, type Tool } from "../state/session.js";

@@ -44,7 +44,7 @@ export interface Listener {
   /** Burr sweeps, which replace all from number `first` on. */
   onCut(first: number, sweeps: Sweep[]): void;
   /** Deformation of tissue around a device; reported in full on each connection. */
-  onYield(told: Yield): void;
+  onYield(received: Yield): void;
   /** Distances of each tool, sent before the first pose that they apply to; reported again on each connection. */
   onNear(near: Near[]): void;
   /** The plan; reported again on each connection. */

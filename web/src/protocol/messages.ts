@@ -41,7 +41,7 @@ export interface Structure {
 
 export interface Tissue extends ContactProperties {
   name: string;
-  felt: boolean;
+  touchable: boolean;
   protection: "none" | "alarm" | "keep"; // against a burr: "alarm" reports cuts, "keep" prevents them
   colour: Rgb;
   opacity: number;
@@ -309,5 +309,5 @@ export interface Debriefing {
   runs: number;
   in_a_row: number;
   kept: number | null; // number in the records; null: not stored
-  not_kept: Refusal | null;
+  not_stored: Refusal | null;
 }

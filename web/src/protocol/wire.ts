@@ -7,7 +7,7 @@ export const PROTOCOL = 3;
 const HEAD_BYTES = 96;
 const DEVICE_BYTES = 296;
 const MOST_DEVICES = 4;
-const MOST_FELT = 6;
+const MOST_PATH_PARTS = 6;
 const MOST_CONTACTS = 6;
 
 /** Bits of palpate::TickFlag that the page evaluates. */
@@ -35,7 +35,7 @@ export const Flag = {
 } as const;
 
 /** Contribution of one structure along the penetration path. */
-export interface Felt {
+export interface PathPart {
   label: number;
   depth: number; // path length within the structure, mm; NaN: beyond the measured range
   share: number; // fraction of the total force, 0 to 1
@@ -56,7 +56,7 @@ export interface DevicePose {
   normal: Vec3; // patient, outward; zero in free space
   orientation: Quaternion; // tool to World
   force: Vec3; // force on the hand, World
-  askedForce: number; // magnitude of the force before the output stage
+  requestedForce: number; // magnitude of the force before the output stage
   forceLimit: number;
   heat: number; // thermal load of the motors, 0 to 1
   depth: number; // penetration depth; NaN: no surface within reach
@@ -65,7 +65,7 @@ export interface DevicePose {
   flags: number;
   buttons: number;
   label: number; // label in contact; 0: none
-  felt: Felt[]; // contributions to the force, outermost structure first
+  path: PathPart[]; // contributions to the force, outermost structure first
   contacts: Contact[]; // sorted by layer, outermost first, then by decreasing force
 }
 
@@ -120,7 +120,7 @@ export function decodePose(message: ArrayBuffer): Pose {
       normal: vec3(at + 24),
       orientation: quaternion(at + 36),
       force: vec3(at + 52),
-      askedForce: f32(at + 64),
+      requestedForce: f32(at + 64),
       forceLimit: f32(at + 68),
       heat: f32(at + 72),
       depth: f32(at + 76),
@@ -129,7 +129,7 @@ export function decodePose(message: ArrayBuffer): Pose {
       flags: u32(at + 88),
       buttons: u32(at + 92),
       label: view.getUint16(at + 96, true),
-      felt: Array.from({ length: MOST_FELT }, (_, n) => at + 104 + 12 * n)
+      path: Array.from({ length: MOST_PATH_PARTS }, (_, n) => at + 104 + 12 * n)
         .map((there) => ({ label: view.getUint16(there, true), depth: f32(there + 4), share: f32(there + 8) }))
         .filter(({ label }) => label !== 0),
       contacts: Array.from({ length: MOST_CONTACTS }, (_, n) => at + 176 + 20 * n)

@@ -32,15 +32,15 @@ export function addObliqueHead(section: SectionView, session: Session, history: 
     ["force", "alongForce"],
     ["fixed", "fixed"],
   ]);
-  const like = choose<Anatomical>("sectionLike", section.like, [
+  const anatomical = choose<Anatomical>("sectionLike", section.anatomical, [
     ["sagittal", "likeSagittal"],
     ["coronal", "likeCoronal"],
     ["axial", "likeAxial"],
   ]);
-  section.picture.head.append(along, like);
+  section.picture.head.append(along, anatomical);
   history.part(
     "section",
-    () => [section.along.value, section.like.value] as [Along, Anatomical],
-    (to) => ([section.along.value, section.like.value] = to),
+    () => [section.along.value, section.anatomical.value] as [Along, Anatomical],
+    (to) => ([section.along.value, section.anatomical.value] = to),
   );
 }

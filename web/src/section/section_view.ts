@@ -53,7 +53,7 @@ import { Flag } from "../protocol/wire.js";
 import { words } from "../words/words.js";
 
 /** Undoable view of a section: `across_mm`, `pan` and `offset_mm` of SectionView. */
-export interface SectionStand {
+export interface SectionPlacement {
   across_mm: number;
   pan: [number, number];
   offset_mm: number;
@@ -94,7 +94,7 @@ export class SectionView {
   readonly picture: Picture;
   readonly along = signal<Along>("tool");
   /** Anatomical plane whose normal the oblique plane's normal is as close to as its direction allows. */
-  readonly like = signal<Anatomical>("sagittal");
+  readonly anatomical = signal<Anatomical>("sagittal");
   private readonly view = signal<View>({ mmPerPixel: 0.25, pan: [0, 0], offset_mm: 0 });
   normal: Vec3 = [1, 0, 0]; // unit normal of the plane, patient frame; smoothed for the oblique plane
   private hanging: Hanging | undefined; // display convention of the previous frame
@@ -102,7 +102,7 @@ export class SectionView {
   private byKeys = false; // the tip is held by a key
   private readonly touching: Touching;
   /** Position of the cursor, or target of the keys, while this picture moves the tip; the plane contains it. */
-  private readonly held = signal<Vec3 | null>(null);
+  private readonly heldTip = signal<Vec3 | null>(null);
   private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // mouse over this picture
   private drawn = ""; // key of all that the drawn pixels depend on, besides the appearance of the volume
   private drawnAppearance: Session["appearance"]["value"] | null = null;
@@ -134,8 +134,8 @@ export class SectionView {
     this.picture = new Picture(kind);
     history.part(
       kind,
-      () => this.stand,
-      (to) => (this.stand = to),
+      () => this.placement,
+      (to) => (this.placement = to),
     );
     this.picture.element.append(this.chooser.element);
     this.touching = new Touching(
@@ -144,7 +144,7 @@ export class SectionView {
       // an outline next to the cursor, which is pressed on along the plane
       (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
       (at) => this.patientAt(at),
-      () => (this.held.peek() && this.touching.isFelt(this.held.peek()!) ? words.insideThere : words.nothingThere),
+      () => (this.heldTip.peek() && this.touching.isTouchable(this.heldTip.peek()!) ? words.insideThere : words.nothingThere),
     );
     this.listen();
   }
@@ -181,11 +181,11 @@ export class SectionView {
     this.size = Math.min(clientWidth, clientHeight) || this.size;
     if (this.size > 0 && mm > 0) this.show({ mmPerPixel: mm / this.size });
   }
-  get stand(): SectionStand {
+  get placement(): SectionPlacement {
     const { pan, offset_mm } = this.view.value;
     return { across_mm: this.across_mm, pan, offset_mm };
   }
-  set stand({ across_mm, pan, offset_mm }: SectionStand) {
+  set placement({ across_mm, pan, offset_mm }: SectionPlacement) {
     this.across_mm = across_mm;
     this.show({ pan, offset_mm });
   }
@@ -198,7 +198,7 @@ export class SectionView {
     this.history.change(`${by} ${this.kind}`, act, gesture);
   }
   /** Adapts the scale to a changed size of the picture, so that the extent stays the same. */
-  private keepShown(): void {
+  private clampToVisible(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
     const size = Math.min(clientWidth, clientHeight);
     const { mmPerPixel, pan, offset_mm } = this.view.peek();
@@ -212,7 +212,7 @@ export class SectionView {
   /** Point that the target plane contains; patient frame. */
   private through(): Vec3 {
     return (
-      this.held.value ?? add(this.restsAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
+      this.heldTip.value ?? add(this.restsAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
     );
   }
   /**
@@ -231,9 +231,9 @@ export class SectionView {
     const device = pose?.devices[0];
     const { follow, obliqueNormal } = session.planes.value;
     if (obliqueNormal && !follow) this.normal = obliqueNormal;
-    else if (pose && device && !this.held.value && !this.restsAt.value && session.isFresh.value) {
-      const wanted = NORMALS[this.like.value];
-      const fallback = NORMALS[this.like.value === "sagittal" ? "coronal" : "sagittal"];
+    else if (pose && device && !this.heldTip.value && !this.restsAt.value && session.isFresh.value) {
+      const wanted = NORMALS[this.anatomical.value];
+      const fallback = NORMALS[this.anatomical.value === "sagittal" ? "coronal" : "sagittal"];
       let normal: Vec3 | null = null;
       if (this.along.value === "fixed") normal = wanted;
       else if (this.along.value === "tool")
@@ -308,7 +308,7 @@ export class SectionView {
     if (resized) {
       // another size clears a canvas, even if it is that of the previous picture
       this.drawn = "";
-      this.keepShown();
+      this.clampToVisible();
     }
     if (this.measure.value && this.measure.value.kind !== session.tool.value) this.dropMeasure();
     this.plane = this.place();
@@ -420,7 +420,7 @@ export class SectionView {
     const { first_mm, step_mm } = slicesAlong(session.volumes.value, normal);
     // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
-    if (this.held.value) this.moveTipThrough(by);
+    if (this.heldTip.value) this.moveTipThrough(by);
     else if (this.restsAt.value) this.restsAt.value = add(this.restsAt.value, by);
     else this.change("slice", () => session.showPlace(add(session.anchor(), by)));
   }
@@ -453,7 +453,7 @@ export class SectionView {
     if (!this.session.volumes.value) return;
     const normal = normalOf(this.plane);
     const shift = scale(normal, count * slicesAlong(this.session.volumes.value, normal).step_mm);
-    if (this.held.value) this.moveTipThrough(shift);
+    if (this.heldTip.value) this.moveTipThrough(shift);
     // the displayed normal may be opposite to the stored one
     else this.change(by, () => this.show({ offset_mm: this.view.peek().offset_mm + dot(shift, this.normal) }));
   }
@@ -565,13 +565,13 @@ export class SectionView {
   private holdAt(p: Vec3): void {
     // an offset would take effect again at the release, and a plane that follows the tip would jump
     if (this.session.planes.value.follow) this.centre();
-    this.held.value = p;
+    this.heldTip.value = p;
   }
   /** Moves the plane of a held tip by a displacement, and the tip with it, without force. */
   private moveTipThrough(by: Vec3): void {
-    const held = this.nearContact(add(this.held.value!, by));
-    this.held.value = held;
-    this.pointer.move({ at: held, into: null });
+    const heldTip = this.nearContact(add(this.heldTip.value!, by));
+    this.heldTip.value = heldTip;
+    this.pointer.move({ at: heldTip, into: null });
   }
   /** Limits the distance of a target from a contact, which would follow a farther one with a jump. */
   private nearContact(to: Vec3): Vec3 {
@@ -588,8 +588,8 @@ export class SectionView {
   }
   /** Releases the tip if it is held here. */
   private release(): void {
-    if (!this.held.value) return;
-    this.held.value = null;
+    if (!this.heldTip.value) return;
+    this.heldTip.value = null;
     this.byKeys = false;
     this.touching.release();
     this.pointer.release();
@@ -615,7 +615,7 @@ export class SectionView {
     const isTouching = this.session.tool.value === "touch" && this.pointer.isAvailable;
     if (!direction || !tip || !isTouching || this.pointers.size > 0) return false;
     const to = this.nearContact(
-      add(this.held.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel)),
+      add(this.heldTip.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel)),
     );
     if (!this.byKeys) this.pointer.hold([], false);
     this.byKeys = true;
@@ -641,7 +641,7 @@ export class SectionView {
     } else if (this.plans) {
       session.plans.move(this.patientAt(at));
     } else if (this.touching.isOn) {
-      this.held.value = this.patientAt(at);
+      this.heldTip.value = this.patientAt(at);
       this.touching.drag(event, (each) => this.picture.at(each));
     } else if (event.buttons & 2) {
       this.show({ mmPerPixel: zoomed(mmPerPixel, Math.exp(-dy / 150)) });

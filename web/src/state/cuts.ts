@@ -115,7 +115,7 @@ export class Cuts {
   private readonly before: number[] = []; // for each applied sweep: number of voxels removed before it
 
   /** Replaces all sweeps from number `first` on; ignored if earlier ones are missing. */
-  tell(first: number, sweeps: readonly Sweep[]): void {
+  receive(first: number, sweeps: readonly Sweep[]): void {
     if (first > this.sweeps.length) return;
     this.sweeps.length = first;
     this.same = Math.min(this.same, first);
@@ -123,7 +123,7 @@ export class Cuts {
   }
   /** Discards all sweeps; each connection reports them again. */
   beginAnew(): void {
-    this.tell(0, []);
+    this.receive(0, []);
   }
 
   /**

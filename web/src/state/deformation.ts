@@ -126,8 +126,8 @@ export class Deformation {
   private readonly latest: (Yield | undefined)[] = [];
   private seen: Field[] = []; // fields of the latest call of displaced()
 
-  tell(told: Yield): void {
-    this.latest[told.device] = told;
+  receive(received: Yield): void {
+    this.latest[received.device] = received;
   }
   /** Discards everything; each connection reports again in full. */
   forget(): void {

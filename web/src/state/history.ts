@@ -19,7 +19,7 @@ interface Part {
   get(): unknown;
   set(to: unknown): void;
 }
-type Seen = Map<string, unknown>; // states of the parts, by name
+type BookmarkedView = Map<string, unknown>; // states of the parts, by name
 
 const areSame = (a: unknown, b: unknown): boolean => JSON.stringify(a) === JSON.stringify(b);
 
@@ -53,7 +53,7 @@ export class History {
       before.delete(name);
       after.delete(name);
     }
-    const go = (_: Seen, to: Seen) => {
+    const go = (_: BookmarkedView, to: BookmarkedView) => {
       for (const [name, state] of to) this.parts.get(name)!.set(state);
       return true;
     };

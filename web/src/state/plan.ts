@@ -40,15 +40,15 @@ export function shaftOf({ capsules }: HeldTool): Vec3 | null {
 export interface Breach {
   label: number;
   mm: number;
-  asked_mm: number;
+  requested_mm: number;
 }
 /** Structures closer than planned, the largest deficit first. */
 export function breachesOf({ keep_away }: Plan, near: NearStructure[]): Breach[] {
   return keep_away
-    .flatMap(({ label, mm: asked_mm }) =>
-      near.filter((one) => one.label === label && one.mm < asked_mm).map(({ mm }) => ({ label, mm, asked_mm })),
+    .flatMap(({ label, mm: requested_mm }) =>
+      near.filter((one) => one.label === label && one.mm < requested_mm).map(({ mm }) => ({ label, mm, requested_mm })),
     )
-    .sort((a, b) => a.mm - a.asked_mm - (b.mm - b.asked_mm));
+    .sort((a, b) => a.mm - a.requested_mm - (b.mm - b.requested_mm));
 }
 
 /** Plan file in TOML, without the parts that palpate does not report (title, regions, `enters`). */

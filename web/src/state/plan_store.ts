@@ -22,7 +22,7 @@ type PixelsTo = (p: Vec3) => number;
 export class PlanStore {
   /** Index of the edited trajectory; -1: none. */
   readonly chosen = signal(-1);
-  private readonly told = signal<Plan | null>(null); // palpate's plan
+  private readonly published = signal<Plan | null>(null); // palpate's plan
   private readonly own = signal<Plan | null>(null); // this page's plan
   private readonly begun = signal<Vec3 | null>(null); // entry of a new trajectory that still lacks a target
   private readonly grip = signal<{ place: number; end: End; to: Vec3 } | null>(null);
@@ -39,14 +39,14 @@ export class PlanStore {
 
   /** Whether edits apply to palpate's plan. */
   get isShared(): boolean {
-    return this.told.value?.can_change === true && this.mayAsk();
+    return this.published.value?.can_change === true && this.mayAsk();
   }
   get isOwn(): boolean {
     return !this.isShared && this.own.value !== null;
   }
   /** Displayed plan; null: none. */
   get plan(): Plan | null {
-    return this.isShared ? this.told.value : (this.own.value ?? this.told.value);
+    return this.isShared ? this.published.value : (this.own.value ?? this.published.value);
   }
   get list(): Trajectory[] {
     return this.plan?.trajectories ?? [];
@@ -58,7 +58,7 @@ export class PlanStore {
     return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
   }
   tell(plan: Plan | null): void {
-    this.change(() => (this.told.value = plan));
+    this.change(() => (this.published.value = plan));
   }
   /** Discards the page's own plan; to be called when another scene is loaded. */
   forget(): void {
@@ -97,7 +97,7 @@ export class PlanStore {
   }
   /** Requests that palpate saves the plan to its file. */
   save(): Promise<boolean> {
-    return this.ask({ version: this.told.value?.version, save: true });
+    return this.ask({ version: this.published.value?.version, save: true });
   }
 
   private async edit(trajectories: Trajectory[], request: Record<string, unknown>): Promise<void> {
@@ -115,7 +115,7 @@ export class PlanStore {
       this.setOwn(after);
       return;
     }
-    const { version } = this.told.value!;
+    const { version } = this.published.value!;
     if (!(await this.ask({ version, ...request }))) return;
     // palpate increments the version for every change, undo included
     this.history.note("plan", { before: version, after: version + 1, go: (_, to) => this.goBack(to) });
@@ -125,8 +125,8 @@ export class PlanStore {
     return true;
   }
   private goBack(version: number): boolean | Promise<boolean> {
-    const told = this.told.value;
-    return told !== null && this.ask({ version: told.version, back_to: version });
+    const published = this.published.value;
+    return published !== null && this.ask({ version: published.version, back_to: version });
   }
   /** Changes the plan, and the chosen trajectory if that is gone. */
   private change(act: () => void): void {

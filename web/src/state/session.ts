@@ -4,7 +4,7 @@
 import { batch, computed, effect, signal, untracked, type Signal } from "@preact/signals-core";
 import type { Debriefing, HeldTool, Scene, State, TaskRun, Tracked } from "../protocol/messages.js";
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "../base/geometry.js";
-import { keep, recall, recallScene } from "./kept.js";
+import { keep, recall, recallScene } from "./local_storage.js";
 import type { Near, NearStructure } from "../protocol/near.js";
 import type { PlanStore } from "./plan_store.js";
 import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
@@ -322,18 +322,18 @@ export class Session {
   /** Whether no structure of the scene has contact forces. */
   private readonly hasNothingToFeel = computed(() => {
     const scene = this.scene.value;
-    return scene !== null && !this.quiz.value && !scene.tissues.some(({ felt }) => felt);
+    return scene !== null && !this.quiz.value && !scene.tissues.some(({ touchable }) => touchable);
   });
   contactOf(device: DevicePose): Contact {
     const touches = device.label > 0;
-    const isFelt = touches && !(device.flags & WITHHELD && length(device.force) === 0);
+    const isTouchable = touches && !(device.flags & WITHHELD && length(device.force) === 0);
     // a tip that started inside a structure has no contact without being in free space
     const place = this.volumes.value?.structureAt(device.tip) ?? null;
     const around = place === null ? null : this.nameAt(place);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
     if (!touches && this.hasNothingToFeel.value) return { label: 0, words: words.nothingToFeel };
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
-    return isFelt
+    return isTouchable
       ? { label: device.label, words: this.withEnclosing(readable(name), device.label) }
       : { label: 0, words: words.notFelt(readable(name)) };
   }

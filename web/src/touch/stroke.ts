@@ -3,7 +3,7 @@
 
 import { add, dot, length, normalize, scale, sub, tangents, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
-import { firstFelt, type IsFelt } from "./surface.js";
+import { firstTouchable, type IsTouchable } from "./surface.js";
 import { FARTHEST_MM, type Step } from "../state/pointer.js";
 
 /** Point on a surface; patient frame. */
@@ -49,24 +49,24 @@ const CIRCLE: [number, number][] = Array.from({ length: 24 }, (_, n) => [
  * @param directions  unit directions to sample
  * @param fallback  unit direction for a point without a preferred side, as of a thin sheet
  */
-function inward(isFelt: IsFelt, at: Vec3, voxel_mm: number, directions: Vec3[], fallback: Vec3): Vec3 {
+function inward(isTouchable: IsTouchable, at: Vec3, voxel_mm: number, directions: Vec3[], fallback: Vec3): Vec3 {
   let sum: Vec3 = [0, 0, 0];
   for (const far_mm of [1.2 * voxel_mm, 2.4 * voxel_mm])
     for (const direction of directions)
-      sum = add(sum, scale(direction, isFelt(add(at, scale(direction, far_mm))) ? 1 : -1));
+      sum = add(sum, scale(direction, isTouchable(add(at, scale(direction, far_mm))) ? 1 : -1));
   if (length(sum) < 0.05 * directions.length) return fallback;
   return normalize(sum);
 }
 
 /** Path of the tip, free of contact, to a position in front of a surface: waypoints. */
-export function pathTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
+export function pathTo(isTouchable: IsTouchable, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
   const outside = sub(surface, scale(into, OUTSIDE_MM));
   // leaves_mm: initial path length within which the tip may be in contact
   const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
     const far = length(sub(b, a));
     let hasLeft = false;
     for (let distance_mm = 0; distance_mm < far; distance_mm += step_mm) {
-      const felt = isFelt(add(a, scale(sub(b, a), distance_mm / far)));
+      const felt = isTouchable(add(a, scale(sub(b, a), distance_mm / far)));
       hasLeft ||= !felt;
       if (felt && (hasLeft || distance_mm > leaves_mm)) return false;
     }
@@ -109,7 +109,7 @@ export class Stroke {
    */
   constructor(
     private readonly volumes: Volumes,
-    private readonly isFelt: IsFelt,
+    private readonly isTouchable: IsTouchable,
     tip: Vec3,
     private readonly radius_mm: number,
     private readonly hover: (share: number, end: Vec3) => Vec3,
@@ -124,10 +124,10 @@ export class Stroke {
    */
   surfaceAlong(
     { from, into }: { from: Vec3; into: Vec3 },
-    isSolid: IsFelt = this.isFelt,
+    isSolid: IsTouchable = this.isTouchable,
     min_mm = -Infinity,
   ): SurfacePoint | null {
-    const at = firstFelt(this.volumes, isSolid, from, into, min_mm);
+    const at = firstTouchable(this.volumes, isSolid, from, into, min_mm);
     if (!at) return null;
     const inwards = inward(isSolid, at, this.volumes.voxelSize, SPHERE, into);
     // the side that faces the viewer, also where the surface is seen edge-on
@@ -140,19 +140,19 @@ export class Stroke {
    * the contact is, is preferred.
    */
   outlineNear(p: Vec3, { right, down }: { right: Vec3; down: Vec3 }): SurfacePoint | null {
-    const { volumes, isFelt, point } = this;
-    const isInside = isFelt(p);
+    const { volumes, isTouchable, point } = this;
+    const isInside = isTouchable(p);
     const step_mm = volumes.voxelSize / 2;
     const directions = CIRCLE.map(([x, y]) => add(scale(right, x), scale(down, y)));
     const max_mm = isInside ? INSIDE_MM : BESIDE_MM;
     const found: { at: Vec3; direction: Vec3; cost: number }[] = [];
     for (const direction of directions) {
       let far = step_mm;
-      while (far <= max_mm && isFelt(add(p, scale(direction, far))) === isInside) far += step_mm;
+      while (far <= max_mm && isTouchable(add(p, scale(direction, far))) === isInside) far += step_mm;
       if (far > max_mm) continue;
       for (let [n, near] = [0, far - step_mm]; n < 5; n++) {
         const middle = (near + far) / 2;
-        if (isFelt(add(p, scale(direction, middle))) === isInside) near = middle;
+        if (isTouchable(add(p, scale(direction, middle))) === isInside) near = middle;
         else far = middle;
       }
       const at = add(p, scale(direction, far));
@@ -161,7 +161,7 @@ export class Stroke {
     }
     found.sort((a, b) => a.cost - b.cost);
     const points = found.slice(0, point ? 12 : 1).map(({ at, direction }) => {
-      const into = inward(isFelt, at, volumes.voxelSize, directions, direction);
+      const into = inward(isTouchable, at, volumes.voxelSize, directions, direction);
       return { at, into, from: into };
     });
     return points.find(({ into }) => !point || dot(into, point.into) > 0.2) ?? points[0] ?? null;
@@ -209,7 +209,7 @@ export class Stroke {
     this.point = null;
     if (point) {
       const centre = sub(point.at, scale(point.into, this.radius_mm));
-      for (const at of pathTo(this.isFelt, this.end, centre, point.from, this.volumes.voxelSize / 2)) go(at);
+      for (const at of pathTo(this.isTouchable, this.end, centre, point.from, this.volumes.voxelSize / 2)) go(at);
       return [...steps, ...this.slide(point)];
     }
     const hover = this.hover(share, this.end);
@@ -220,7 +220,7 @@ export class Stroke {
   private outside({ at, into }: SurfacePoint): Vec3 {
     for (let off_mm = OUTSIDE_MM; off_mm > 0.25; off_mm /= 2) {
       const p = sub(at, scale(into, this.radius_mm + off_mm));
-      if (!this.isFelt(p)) return p;
+      if (!this.isTouchable(p)) return p;
     }
     return at;
   }
@@ -229,7 +229,7 @@ export class Stroke {
     const path = sub(to, this.end);
     const parts = Math.ceil(length(path) / this.volumes.voxelSize);
     return Array.from({ length: parts }, (_, n) => (n + 1) / parts).every(
-      (share) => !this.isFelt(add(this.end, scale(path, share))),
+      (share) => !this.isTouchable(add(this.end, scale(path, share))),
     );
   }
 

@@ -4,7 +4,7 @@ import { add, apply, column, length, scale, sub, turn, type Vec3 } from "../base
 import type { Volumes } from "../protocol/scene.js";
 
 /** Predicate: whether contact forces act at a position, patient frame. */
-export type IsFelt = (p: Vec3) => boolean;
+export type IsTouchable = (p: Vec3) => boolean;
 
 /** Interval, mm, of a line within the bounding box of a volume: begin and end; empty if end < begin. */
 function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
@@ -22,16 +22,16 @@ function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
  * First position with contact forces along a line; null: none.
  * @param min_mm  start of the search, distance from `from` along `into`
  */
-export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
+export function firstTouchable(volumes: Volumes, isTouchable: IsTouchable, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
   const [begin, end] = within(volumes, from, into);
   const step = volumes.voxelSize / 3;
   const at = (distance_mm: number) => add(from, scale(into, distance_mm));
   for (let distance_mm = Math.max(begin, min_mm); distance_mm < end; distance_mm += step) {
-    if (!isFelt(at(distance_mm))) continue;
+    if (!isTouchable(at(distance_mm))) continue;
     let [outside, inside] = [distance_mm - step, distance_mm];
     for (let n = 0; n < 6; n++) {
       const middle = (outside + inside) / 2;
-      if (isFelt(at(middle))) inside = middle;
+      if (isTouchable(at(middle))) inside = middle;
       else outside = middle;
     }
     return at(inside);
@@ -68,9 +68,9 @@ export class Ground {
   }
 
   /** Result of `below`, cached per device until the tool moves, because it may take as long as a frame. */
-  belowTool(number: number, p: Vec3, isFelt: IsFelt): ReturnType<Ground["below"]> {
+  belowTool(number: number, p: Vec3, isTouchable: IsTouchable): ReturnType<Ground["below"]> {
     const at = p.join();
-    if (this.ofTools.get(number)?.at !== at) this.ofTools.set(number, { at, found: this.below(p, isFelt) });
+    if (this.ofTools.get(number)?.at !== at) this.ofTools.set(number, { at, found: this.below(p, isTouchable) });
     return this.ofTools.get(number)!.found;
   }
   /** Invalidates the cache after a change of voxels. */
@@ -78,11 +78,11 @@ export class Ground {
     this.ofTools.clear();
   }
 
-  below(p: Vec3, isFelt: IsFelt): { foot: Vec3; height_mm: number } | null {
+  below(p: Vec3, isTouchable: IsTouchable): { foot: Vec3; height_mm: number } | null {
     const { volumes } = this;
     // starts at the voxel's centre, so that offsets end at centres of voxels
     const middle = apply(volumes.patientFromVoxel, apply(volumes.voxelFromPatient, p).map(Math.round) as Vec3);
-    const met = this.steps.find(({ offset }) => isFelt(add(middle, offset)));
+    const met = this.steps.find(({ offset }) => isTouchable(add(middle, offset)));
     if (!met) return null;
     // refines the hit among the voxels that the stride has skipped
     let towards = sub(add(middle, met.offset), p);
@@ -92,7 +92,7 @@ export class Ground {
         (x) => x - this.stride + 1,
       ) as Vec3;
       const other = sub(add(add(middle, met.offset), turn(volumes.patientFromVoxel, by)), p);
-      if (length(other) < length(towards) && isFelt(add(p, other))) towards = other;
+      if (length(other) < length(towards) && isTouchable(add(p, other))) towards = other;
     }
     const height_mm = length(towards) - volumes.voxelSize / 2;
     return height_mm > 0 ? { foot: add(p, scale(towards, height_mm / length(towards))), height_mm } : null;

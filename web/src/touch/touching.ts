@@ -43,11 +43,11 @@ export class Touching {
   }
 
   /** Whether a structure with contact forces is at a position, patient frame. */
-  readonly isFelt = (p: Vec3): boolean => {
+  readonly isTouchable = (p: Vec3): boolean => {
     const scene = this.session.scene.peek(),
       volumes = this.session.volumes.peek();
     const place = volumes?.structureAt(p) ?? null;
-    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
+    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.touchable === true;
   };
 
   /** Whether a press in this picture moves the tip. */
@@ -63,7 +63,7 @@ export class Touching {
     if (!strokes.now) return void strokes.get();
     this.stroke = new strokes.now.Stroke(
       session.volumes.peek()!,
-      this.isFelt,
+      this.isTouchable,
       device.tip,
       session.heldBy(device).radius_mm,
       (share, end) => this.hover(this.cursorAt(share), end),

@@ -537,8 +537,8 @@ export class Training {
         ...(result.missing_s > 0 ? [words.ticksMissing(seconds(result.missing_s))] : []),
         result.kept !== null
           ? words.keptAs(String(result.kept))
-          : result.not_kept
-            ? words.notKept(refusalText(result.not_kept))
+          : result.not_stored
+            ? words.notKept(refusalText(result.not_stored))
             : words.keptNowhere,
         words.runsSoFar(String(result.runs)),
         words.ticksOfRun(String(result.first_tick), String(result.last_tick)),

@@ -17,11 +17,11 @@ const SLACK_MM = 1.5;
 const LEAST_N = 0.05;
 
 /** Draws a region of a task: a ring with the region's radius, and its name. */
-export function drawRegion(frame: Frame, seen: InVolume, region: TaskRegion, name: string): void {
-  const at = seen.pixel(region.middle_mm);
+export function drawRegion(frame: Frame, projection: InVolume, region: TaskRegion, name: string): void {
+  const at = projection.pixel(region.middle_mm);
   const radius = Math.max(
     10 * frame.ratio,
-    Math.min(region.radius_mm * seen.pixelsPerMm(region.middle_mm), 0.45 * Math.min(frame.width, frame.height)),
+    Math.min(region.radius_mm * projection.pixelsPerMm(region.middle_mm), 0.45 * Math.min(frame.width, frame.height)),
   );
   ring(frame, at, radius, 4, "rgba(6, 9, 11, 0.7)", [7, 6]);
   ring(frame, at, radius, 1.8, REGION, [7, 6]);
@@ -36,7 +36,7 @@ function hardness(sample: number[], forces: TaskForce[]): number {
 const hasPlace = (sample: number[]): boolean => sample.slice(1, 4).every((x) => x !== null && Number.isFinite(x));
 
 /** Draws the tip's path: thin in free space, thick in contact, thicker above a limit; dashed where occluded. */
-export function drawPath(frame: Frame, seen: InVolume, { samples }: Debriefing, forces: TaskForce[]): void {
+export function drawPath(frame: Frame, projection: InVolume, { samples }: Debriefing, forces: TaskForce[]): void {
   let before: number[] | null = null;
   for (const sample of samples) {
     if (!hasPlace(sample)) {
@@ -45,14 +45,14 @@ export function drawPath(frame: Frame, seen: InVolume, { samples }: Debriefing, 
     }
     if (before) {
       const to = sample.slice(1, 4) as Vec3;
-      const isHidden = seen.hides(to, SLACK_MM);
+      const isHidden = projection.hides(to, SLACK_MM);
       const hard = hardness(sample, forces);
       frame.context.save();
       if (isHidden) frame.context.globalAlpha = 0.4;
       line(
         frame,
-        seen.pixel(before.slice(1, 4) as Vec3),
-        seen.pixel(to),
+        projection.pixel(before.slice(1, 4) as Vec3),
+        projection.pixel(to),
         [1.2, 2.4, 4][hard]!,
         [WAY, PRESSED, TOO_MUCH][hard]!,
         isHidden ? [2, 3] : [],
@@ -63,14 +63,14 @@ export function drawPath(frame: Frame, seen: InVolume, { samples }: Debriefing, 
   }
 }
 
-export function drawPatches(frame: Frame, seen: InVolume, { patches }: Debriefing): void {
+export function drawPatches(frame: Frame, projection: InVolume, { patches }: Debriefing): void {
   const { context, ratio } = frame;
   const open = new Path2D();
   for (const [x, y, z, isCovered] of patches) {
     const p: Vec3 = [x, y, z];
-    if (seen.hides(p, SLACK_MM)) continue;
-    const [px, py] = seen.pixel(p);
-    const side = Math.max(2 * ratio, 0.8 * seen.pixelsPerMm(p));
+    if (projection.hides(p, SLACK_MM)) continue;
+    const [px, py] = projection.pixel(p);
+    const side = Math.max(2 * ratio, 0.8 * projection.pixelsPerMm(p));
     if (isCovered) {
       context.fillStyle = COVERED;
       context.fillRect(px - side / 2, py - side / 2, side, side);
@@ -86,8 +86,8 @@ export function drawPatches(frame: Frame, seen: InVolume, { patches }: Debriefin
 }
 
 /** Draws a cross with a name, at the answer or at the structure to be found. */
-export function drawPlace(frame: Frame, seen: InVolume, p: Vec3, name: string, isTrue: boolean): void {
-  const [x, y] = seen.pixel(p);
+export function drawPlace(frame: Frame, projection: InVolume, p: Vec3, name: string, isTrue: boolean): void {
+  const [x, y] = projection.pixel(p);
   const half = 8 * frame.ratio;
   const colour = isTrue ? "#7ed957" : REGION;
   for (const [thick, stroke] of [

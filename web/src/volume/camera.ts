@@ -48,28 +48,28 @@ export class Camera {
     [0, 0, 0, 1],
   ];
   private patientFromWorld = this.worldFromPatient;
-  private felt: Quaternion = [1, 0, 0, 0];
+  private rotation: Quaternion = [1, 0, 0, 0];
 
   place(worldFromPatient: Affine): void {
     this.worldFromPatient = worldFromPatient;
     this.patientFromWorld = invert(worldFromPatient);
   }
   /** Sets the object's rotation; differences by rounding are ignored, so that they cause no redraw. */
-  setRotation(felt: Quaternion): void {
-    if (felt.some((x, i) => Math.abs(x - this.felt[i]!) >= 1e-6)) this.felt = felt;
+  setRotation(rotation: Quaternion): void {
+    if (rotation.some((x, i) => Math.abs(x - this.rotation[i]!) >= 1e-6)) this.rotation = rotation;
   }
 
   toWorld(p: Vec3): Vec3 {
-    return rotate(this.felt, apply(this.worldFromPatient, p));
+    return rotate(this.rotation, apply(this.worldFromPatient, p));
   }
   toPatient(p: Vec3): Vec3 {
-    return apply(this.patientFromWorld, rotate(conjugate(this.felt), p));
+    return apply(this.patientFromWorld, rotate(conjugate(this.rotation), p));
   }
   directionToPatient(v: Vec3): Vec3 {
-    return turn(this.patientFromWorld, rotate(conjugate(this.felt), v));
+    return turn(this.patientFromWorld, rotate(conjugate(this.rotation), v));
   }
   directionToWorld(v: Vec3): Vec3 {
-    return rotate(this.felt, turn(this.worldFromPatient, v));
+    return rotate(this.rotation, turn(this.worldFromPatient, v));
   }
   /** Unit direction towards the viewer, World. */
   backward(): Vec3 {

@@ -20,7 +20,7 @@ export interface Shot<Camera> {
 
 export class LivePicture<Camera> {
   /** Displayed picture; null: none yet. */
-  seen: { bitmap: ImageBitmap; found: Found; camera: Camera; width: number; height: number } | null = null;
+  latest: { bitmap: ImageBitmap; found: Found; camera: Camera; width: number; height: number } | null = null;
   private key = ""; // key of the current contents
   private reduction: number;
   private isWanted = false;
@@ -74,7 +74,7 @@ export class LivePicture<Camera> {
 
   /** Whether the displayed picture is sharp. */
   get isSharp(): boolean {
-    return this.seen !== null && this.sharp && !this.isWanted && this.asked === "";
+    return this.latest !== null && this.sharp && !this.isWanted && this.asked === "";
   }
   /** Renders and shows a picture: during motion, at a resolution for which it should take at most SLOW_MS. */
   private async render(shot: Shot<Camera>): Promise<void> {
@@ -95,8 +95,8 @@ export class LivePicture<Camera> {
       this.ask();
     }
     if (!drawn) return;
-    this.seen?.bitmap.close();
-    this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera, width, height };
+    this.latest?.bitmap.close();
+    this.latest = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera, width, height };
     this.show();
     // a picture that was hidden meanwhile has no size
     if (this.picture.isShown) this.onSeen();
@@ -108,19 +108,19 @@ export class LivePicture<Camera> {
     const { width, height } = base.canvas;
     base.fillStyle = `rgb(${BACKGROUND.map((x) => Math.round(255 * x)).join(" ")})`;
     base.fillRect(0, 0, width, height);
-    if (!this.seen) return;
-    const side = Math.min(this.seen.width, this.seen.height);
-    if (this.isSquare) this.picture.drawScaled(this.seen.bitmap, side, side);
-    else this.picture.drawScaled(this.seen.bitmap, this.seen.width, this.seen.height);
+    if (!this.latest) return;
+    const side = Math.min(this.latest.width, this.latest.height);
+    if (this.isSquare) this.picture.drawScaled(this.latest.bitmap, side, side);
+    else this.picture.drawScaled(this.latest.bitmap, this.latest.width, this.latest.height);
   }
   /** Scale of the displayed picture, which may have been rendered for another size. */
   get scale(): number {
-    return this.seen ? this.picture.scaleOf(this.seen.width, this.seen.height) : 1;
+    return this.latest ? this.picture.scaleOf(this.latest.width, this.latest.height) : 1;
   }
   /** Discards the picture after a context loss. */
   lost(): void {
-    this.seen?.bitmap.close();
-    this.seen = null;
+    this.latest?.bitmap.close();
+    this.latest = null;
     this.key = "";
     this.show();
   }

@@ -48,7 +48,7 @@ export function standOff(
   return Math.min(max_mm, begin + room_mm, (begin + end) / 2);
 }
 
-export type ScopeStand = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;
+export type ScopePlacement = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;
 
 export class Scope {
   /** Number of the device that holds the scope; null: the default device. */
@@ -66,7 +66,7 @@ export class Scope {
     this.free = null;
   }
   /** Undoable state: settings and free pose. */
-  get stand(): ScopeStand {
+  get placement(): ScopePlacement {
     const { tool, optics_deg, back_mm, post_deg, free } = this;
     return { tool, optics_deg, back_mm, post_deg, free };
   }

@@ -19,11 +19,11 @@ import { LivePicture } from "./live_picture.js";
 import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "../drawing/overlay.js";
 import { drawNoGoWarning } from "../drawing/no_go_marks.js";
 import { Picture } from "../drawing/picture.js";
-import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame, type ScopeStand } from "./scope.js";
+import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame, type ScopePlacement } from "./scope.js";
 import type { PointerDevice } from "../state/pointer.js";
 import { readable, type Session } from "../state/session.js";
 import { Touching } from "../touch/touching.js";
-import { firstFelt } from "../touch/surface.js";
+import { firstTouchable } from "../touch/surface.js";
 import type { View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
@@ -49,7 +49,7 @@ const AROUND: Vec3[] = Array.from(
   .map(normalize);
 
 /** Pose of the camera; `off_mm`: distance by which it is retracted from the contact, null on the shaft. */
-interface Stand extends ScopeFrame {
+interface CameraPlacement extends ScopeFrame {
   off_mm: number | null;
 }
 
@@ -74,7 +74,7 @@ export class ScopeView {
   readonly picture = new Picture("scope");
   readonly scope = new Scope();
   caption = ""; // text displayed in the picture
-  private readonly live: LivePicture<Stand>;
+  private readonly live: LivePicture<CameraPlacement>;
   private readonly pointers = new Map<number, [number, number]>();
   private readonly holder = says(element("select", { className: "small", hidden: true }), {
     label: "scopeHolder",
@@ -86,7 +86,7 @@ export class ScopeView {
   });
 
   private gesture = 0; // undo group of movements of the camera
-  private readonly setTo: (to: ScopeStand) => void;
+  private readonly setTo: (to: ScopePlacement) => void;
   private readonly touching: Touching;
 
   constructor(
@@ -100,7 +100,7 @@ export class ScopeView {
       session,
       pointer,
       (at, stroke) =>
-        this.isInField(at) ? stroke.surfaceAlong(this.rayAt(at), this.touching.isFelt, NEAREST_MM) : null,
+        this.isInField(at) ? stroke.surfaceAlong(this.rayAt(at), this.touching.isTouchable, NEAREST_MM) : null,
       (at, end) => {
         const { eye, forward } = this.frame()!;
         const { into } = this.rayAt(at);
@@ -131,7 +131,7 @@ export class ScopeView {
       [optics.value, back.value] = [String(to.optics_deg), String(to.back_mm)];
       this.offerHolders();
     };
-    history.part("scope", () => this.scope.stand, this.setTo);
+    history.part("scope", () => this.scope.placement, this.setTo);
     const turns = (
       [
         ["↺", -KEY_POST_DEG, ","],
@@ -186,7 +186,7 @@ export class ScopeView {
     return this.live.isSharp;
   }
   /** Current pose of the camera; null until the tool's pose is known. */
-  frame(): Stand | null {
+  frame(): CameraPlacement | null {
     const pose = this.session.pose.value;
     const device = pose?.devices.find(({ number }) => number === this.heldBy);
     if (!pose || !device) return null;
@@ -259,7 +259,7 @@ export class ScopeView {
 
   /** Name of the structure that contains the camera; null: none. */
   private get around(): string | null {
-    const found = this.live.seen?.found;
+    const found = this.live.latest?.found;
     if (!found) return null;
     const steps = Array.from({ length: 9 }, (_, n) => (n + 0.5) / 9);
     const all = steps
@@ -273,7 +273,7 @@ export class ScopeView {
   /** Text about the camera's position and the centre of its view. */
   private where(): string {
     const { scope } = this;
-    const { found, camera } = this.live.seen!;
+    const { found, camera } = this.live.latest!;
     const ahead = found.at(0.5, 0.5);
     const placement = scope.isFree
       ? words.movedFromTip
@@ -295,7 +295,7 @@ export class ScopeView {
     const { session, scope } = this;
     const frame = this.picture.frame();
     const { context, width, height, ratio } = frame;
-    const seen = this.live.seen;
+    const seen = this.live.latest;
     context.clearRect(0, 0, width, height);
     if (!seen || !session.scene.value) return;
     const { eye, forward, right, up } = seen.camera;
@@ -390,7 +390,7 @@ export class ScopeView {
     const { from, into } = this.rayAt(at);
     return (
       this.isInField(at) &&
-      firstFelt(this.session.volumes.value!, this.touching.isFelt, from, into, NEAREST_MM) !== null
+      firstTouchable(this.session.volumes.value!, this.touching.isTouchable, from, into, NEAREST_MM) !== null
     );
   }
   /** Whether a press touches: the first pointer, with the tool for it, on a surface. */

@@ -413,8 +413,8 @@ export class Caster {
   private texelFromPatient: Affine = [];
   private looks = new Uint8Array(1024);
   private gloss = new Uint8Array(256);
-  private leapsStand = false; // the texture of leaps is valid for the current looks and field
-  private coversStand = false; // the texture of coverage is valid for the current looks and field
+  private leapsValid = false; // the texture of leaps is valid for the current looks and field
+  private coversValid = false; // the texture of coverage is valid for the current looks and field
   private window: Vec3 = [0, 1, 0];
   private target: WebGLFramebuffer | null = null; // framebuffer of colours and depths
   private readonly attached: WebGLRenderbuffer[] = [];
@@ -523,7 +523,7 @@ export class Caster {
     this.texture(1, gl.R8UI, field.blocks, gl.NEAREST);
     this.texture(2, gl.R16F, field.haze ? field.dims : [1, 1, 1], gl.LINEAR);
     this.texture(COVERS, gl.RG8, this.isQuick ? field.bordered : [1, 1, 1], gl.LINEAR);
-    this.leapsStand = this.coversStand = false;
+    this.leapsValid = this.coversValid = false;
     return gl.getError() === gl.NO_ERROR;
   }
 
@@ -536,7 +536,7 @@ export class Caster {
   upload(lo: Vec3, size: Vec3): void {
     const gl = this.gl;
     const field = this.field!;
-    if (this.coversStand) this.uploadCovers(lo, size);
+    if (this.coversValid) this.uploadCovers(lo, size);
     const box = (unit: number, stride: Vec3, border: number) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.pixelStorei(gl.UNPACK_ROW_LENGTH, stride[0]);
@@ -572,7 +572,7 @@ export class Caster {
     }
     for (const name of [gl.UNPACK_ROW_LENGTH, gl.UNPACK_IMAGE_HEIGHT, gl.UNPACK_SKIP_PIXELS, gl.UNPACK_SKIP_ROWS])
       gl.pixelStorei(name, 0);
-    this.leapsStand = false;
+    this.leapsValid = false;
   }
 
   /** Uploads the coverage of a box of texels. */
@@ -611,8 +611,8 @@ export class Caster {
     const gl = this.gl;
     const isSame = (as: (opacity: number) => unknown) =>
       looks.every((value, n) => n % 4 !== 3 || as(value) === as(this.looks[n]!));
-    this.leapsStand &&= isSame((opacity) => opacity > 0);
-    this.coversStand &&= isSame((opacity) => (opacity === 0 ? 0 : opacity === 255 ? 2 : 1));
+    this.leapsValid &&= isSame((opacity) => opacity > 0);
+    this.coversValid &&= isSame((opacity) => (opacity === 0 ? 0 : opacity === 255 ? 2 : 1));
     [this.looks, this.gloss] = [looks, gloss];
     const glossRow = Uint8Array.from({ length: 1024 }, (_, n) => (n % 4 === 0 ? gloss[n / 4]! : 0));
     gl.activeTexture(gl.TEXTURE3);
@@ -674,7 +674,7 @@ export class Caster {
       }
     }
     gl.viewport(0, 0, view.width, view.height);
-    if (!this.leapsStand) {
+    if (!this.leapsValid) {
       gl.activeTexture(gl.TEXTURE1);
       const shown = Array.from({ length: 256 }, (_, place) => this.looks[4 * place + 3]! > 0);
       gl.texSubImage3D(
@@ -688,12 +688,12 @@ export class Caster {
         gl.UNSIGNED_BYTE,
         field.leaps(shown),
       );
-      this.leapsStand = true;
+      this.leapsValid = true;
     }
     const kind = this.kindFor(view);
-    if (kind.rough && !this.coversStand) {
+    if (kind.rough && !this.coversValid) {
       this.uploadCovers([0, 0, 0], field.dims);
-      this.coversStand = true;
+      this.coversValid = true;
     }
     this.use(kind);
     const m = this.texelFromPatient;

@@ -40,7 +40,7 @@ import { Touching } from "../touch/touching.js";
 import { memory_GB } from "../base/screen.js";
 import type { Memory } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";
-import { firstFelt, Ground } from "../touch/surface.js";
+import { firstTouchable, Ground } from "../touch/surface.js";
 import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "../protocol/wire.js";
@@ -58,7 +58,7 @@ const HOLE_RADIUS_MM = 8;
 const HOLE_WIDENING = 0.4;
 
 /** Pose of the camera in World, mm, and extent across the picture's shorter side. */
-interface Stand {
+interface CameraPlacement {
   right: Vec3;
   up: Vec3;
   focus: Vec3;
@@ -107,7 +107,7 @@ export class VolumeView {
       (at, stroke) =>
         stroke.surfaceAlong(
           this.rayAt(at),
-          (p) => this.touching.isFelt(p) && !this.isClipped(p),
+          (p) => this.touching.isTouchable(p) && !this.isClipped(p),
           this.camera.isPerspective ? 0 : -Infinity,
         ),
       (at, end) => this.patientAt(at, end),
@@ -115,8 +115,8 @@ export class VolumeView {
     );
     history.part(
       "camera",
-      () => this.stand,
-      (to) => (this.stand = to),
+      () => this.placement,
+      (to) => (this.placement = to),
     );
     this.listen();
     window.setInterval(() => this.sendRotation(), ROTATION_INTERVAL_MS);
@@ -198,14 +198,14 @@ export class VolumeView {
     this.history.change(by, move, gesture);
   }
 
-  get stand(): Stand {
+  get placement(): CameraPlacement {
     const {
       camera: { right, up, focus },
       across_mm,
     } = this;
     return { right, up, focus, across_mm };
   }
-  set stand({ right, up, focus, across_mm }: Stand) {
+  set placement({ right, up, focus, across_mm }: CameraPlacement) {
     this.isOpen = true;
     Object.assign(this.camera, { right, up, focus });
     this.across_mm = across_mm;
@@ -291,7 +291,7 @@ export class VolumeView {
 
   /** Camera of the displayed picture, or the current one before there is any. */
   private get shown(): Camera {
-    return this.live.seen?.camera ?? this.camera;
+    return this.live.latest?.camera ?? this.camera;
   }
   private projection(): Projection & InVolume {
     const { width, height, ratio } = this.picture.frame();
@@ -309,7 +309,7 @@ export class VolumeView {
       },
       pixelsPerMm,
       clearness: () => 1,
-      hides: (p, slack_mm) => this.live.seen?.found.hides(p, slack_mm) === true,
+      hides: (p, slack_mm) => this.live.latest?.found.hides(p, slack_mm) === true,
     };
   }
   get isSharp(): boolean {
@@ -335,7 +335,7 @@ export class VolumeView {
     const ground =
       device.flags & (Flag.contact | Flag.inside)
         ? null
-        : this.ground!.belowTool(device.number, tool, this.touching.isFelt);
+        : this.ground!.belowTool(device.number, tool, this.touching.isTouchable);
     if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
     drawTool(frame, session, device, {
       ...projection,
@@ -458,7 +458,7 @@ export class VolumeView {
       const place = volumes!.structureAt(p);
       return place !== null && looks[place]?.visible === true && !this.isClipped(p);
     };
-    return firstFelt(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
+    return firstTouchable(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
   }
   /** Distance, CSS pixels, between a canvas position and the projection of a point. */
   private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {

@@ -1,4 +1,4 @@
-#include "palpate/tasks/seen.h"
+#include "palpate/tasks/scope_visibility.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-Eigen::Vector3d some_way(std::mt19937_64& random) {
+Eigen::Vector3d some_direction(std::mt19937_64& random) {
   std::normal_distribution<double> part;
   return Eigen::Vector3d(part(random), part(random), part(random)).normalized();
 }
@@ -29,19 +29,19 @@ TickRecord looking(const Model& model, const ScopeOptics& optics, const Eigen::V
                    const Eigen::Vector3d& look, const Eigen::Quaterniond& turned) {
   TickRecord tick;
   tick.devices = 2;
-  tick.rotation_felt_wxyz = {turned.w(), turned.x(), turned.y(), turned.z()};
+  tick.rotation_applied_wxyz = {turned.w(), turned.x(), turned.y(), turned.z()};
   const auto X = turned_object(model.X_WorldPatient, turned);
-  const Eigen::Quaterniond held =
+  const Eigen::Quaterniond rotation =
       held_to_look(optics, X * Vector<Patient>(look), X * Vector<Patient>(0, 0.3, 1));
-  tick.device[1].orientation_wxyz = {held.w(), held.x(), held.y(), held.z()};
-  const Point<World> tip = X * Point<Patient>(eye) - Vector<World>(held * camera_of(optics));
+  tick.device[1].orientation_wxyz = {rotation.w(), rotation.x(), rotation.y(), rotation.z()};
+  const Point<World> tip = X * Point<Patient>(eye) - Vector<World>(rotation * camera_of(optics));
   tick.device[1].tip_patient_mm = numbers((X.inverse() * tip).eigen());
   return tick;
 }
 
-Model nothing_felt() {
+Model nothing_touchable() {
   Model model = testing::ball_model();
-  for (Tissue& tissue : model.tissues) tissue.felt = false;
+  for (Tissue& tissue : model.tissues) tissue.touchable = false;
   return model;
 }
 
@@ -49,12 +49,12 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
   std::mt19937_64 random(test::test_seed() + 41);
   for (int n = 0; n < 1000; ++n) {
     const ScopeOptics optics{90.0 * (n % 10) / 9, 8};
-    const Vector<World> look(some_way(random)), upper(some_way(random));
-    const Eigen::Quaterniond held = held_to_look(optics, look, upper);
-    EXPECT_NEAR(held.norm(), 1, 1e-12);
-    EXPECT_LT((held * look_of(optics) - look.eigen()).norm(), 1e-12);
+    const Vector<World> look(some_direction(random)), upper(some_direction(random));
+    const Eigen::Quaterniond rotation = held_to_look(optics, look, upper);
+    EXPECT_NEAR(rotation.norm(), 1, 1e-12);
+    EXPECT_LT((rotation * look_of(optics) - look.eigen()).norm(), 1e-12);
     // the shaft is as close to that side as its angle to the viewing direction allows
-    const Eigen::Vector3d shaft = held * Eigen::Vector3d::UnitZ();
+    const Eigen::Vector3d shaft = rotation * Eigen::Vector3d::UnitZ();
     const Eigen::Vector3d across = (upper.eigen() - upper.dot(look) * look.eigen()).normalized();
     const double lean = optics.lean_deg * kDegree;
     EXPECT_LT((shaft - (across * std::sin(lean) - look.eigen() * std::cos(lean))).norm(), 1e-7);
@@ -66,17 +66,18 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
 
 TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
   std::mt19937_64 random(test::test_seed() + 43);
-  const Model model = nothing_felt();
+  const Model model = nothing_touchable();
   for (int n = 0; n < 500; ++n) {
     const ScopeOptics optics{90.0 * (n % 7) / 6, 1.0 * (n % 20)};
     const ScopeVisibility sight(optics, model);
-    const Eigen::Vector3d eye = 20 * some_way(random), look = some_way(random);
-    const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.01 * n, some_way(random)));
+    const Eigen::Vector3d eye = 20 * some_direction(random), look = some_direction(random);
+    const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.01 * n, some_direction(random)));
     const TickRecord tick = looking(model, optics, eye, look, turned);
-    const Eigen::Vector3d aside = look.cross(some_way(random)).normalized();
+    const Eigen::Vector3d aside = look.cross(some_direction(random)).normalized();
     for (const double angle : {0.0, 39.99, 40.01, 90.0, 180.0}) {
-      const Eigen::Vector3d way = std::cos(angle * kDegree) * look + std::sin(angle * kDegree) * aside;
-      EXPECT_EQ(sight.sees(tick, eye + (1 + n % 50) * way), angle < 40) << angle;
+      const Eigen::Vector3d displacement =
+          std::cos(angle * kDegree) * look + std::sin(angle * kDegree) * aside;
+      EXPECT_EQ(sight.is_visible(tick, eye + (1 + n % 50) * displacement), angle < 40) << angle;
     }
   }
 }
@@ -86,48 +87,49 @@ TEST(ScopeVisibility, DoesNotSeeWhatLiesBehindWhatIsFelt) {
   const ScopeVisibility sight({30, 8}, model);
   std::mt19937_64 random(test::test_seed() + 47);
   for (int n = 0; n < 300; ++n) {
-    const Eigen::Vector3d out = some_way(random), aside = out.cross(some_way(random)).normalized();
+    const Eigen::Vector3d out = some_direction(random),
+                          aside = out.cross(some_direction(random)).normalized();
     const double far_mm = 18 + n % 30;
     const Eigen::Vector3d eye = far_mm * out;
     // on a visible ball: the part on this side of the tangent planes through the eye
     const double border = std::acos(testing::kBoneRadius_mm / far_mm);
     for (const double beyond : {-0.2, 0.2}) {
       const double angle = border + beyond;
-      const Eigen::Vector3d place =
+      const Eigen::Vector3d position =
           testing::kBoneRadius_mm * (std::cos(angle) * out + std::sin(angle) * aside);
-      const Eigen::Vector3d look = (place - eye).normalized();
+      const Eigen::Vector3d look = (position - eye).normalized();
       const TickRecord tick = looking(model, {30, 8}, eye, look, Eigen::Quaterniond::Identity());
-      EXPECT_EQ(sight.sees(tick, place), beyond < 0) << far_mm;
+      EXPECT_EQ(sight.is_visible(tick, position), beyond < 0) << far_mm;
     }
     // fat, which is not touchable, does not occlude
     const TickRecord across = looking(model, {30, 8}, 23 * out, -out, Eigen::Quaterniond::Identity());
-    EXPECT_TRUE(sight.sees(across, testing::kBoneRadius_mm * out));
-    EXPECT_FALSE(sight.sees(across, -testing::kBoneRadius_mm * out));
+    EXPECT_TRUE(sight.is_visible(across, testing::kBoneRadius_mm * out));
+    EXPECT_FALSE(sight.is_visible(across, -testing::kBoneRadius_mm * out));
     // from inside tissue nothing is visible, however near
     const TickRecord within = looking(model, {30, 8}, 14 * out, out, Eigen::Quaterniond::Identity());
-    EXPECT_FALSE(sight.sees(within, 14.2 * out));
+    EXPECT_FALSE(sight.is_visible(within, 14.2 * out));
   }
 }
 
 TEST(ScopeVisibility, OfAPoseThatIsNotKnownNothingIsSeen) {
-  const Model model = nothing_felt();
+  const Model model = nothing_touchable();
   const ScopeVisibility sight({0, 0}, model);
   const TickRecord good = looking(model, {0, 0}, {0, 0, 20}, {0, 0, -1}, Eigen::Quaterniond::Identity());
-  EXPECT_TRUE(sight.sees(good, {0, 0, 0}));
-  EXPECT_FALSE(sight.sees(good, {0, 0, 20})) << "its eye itself";
-  EXPECT_FALSE(sight.sees(good, {0, 0, -1e300}));
+  EXPECT_TRUE(sight.is_visible(good, {0, 0, 0}));
+  EXPECT_FALSE(sight.is_visible(good, {0, 0, 20})) << "its eye itself";
+  EXPECT_FALSE(sight.is_visible(good, {0, 0, -1e300}));
   TickRecord bad = good;
   bad.device[1].tip_patient_mm[1] = kNotKnown;
-  EXPECT_FALSE(sight.sees(bad, {0, 0, 0}));
+  EXPECT_FALSE(sight.is_visible(bad, {0, 0, 0}));
   bad = good;
   bad.device[1].orientation_wxyz = {0, 0, 0, 0};
-  EXPECT_FALSE(sight.sees(bad, {0, 0, 0}));
+  EXPECT_FALSE(sight.is_visible(bad, {0, 0, 0}));
   bad = good;
   bad.device[1].tip_patient_mm = {1e300, 0, 20};
-  EXPECT_FALSE(sight.sees(bad, {1e300, 0, 0}));
+  EXPECT_FALSE(sight.is_visible(bad, {1e300, 0, 0}));
   bad = good;
   bad.devices = 1;
-  EXPECT_FALSE(sight.sees(bad, {0, 0, 0}));
+  EXPECT_FALSE(sight.is_visible(bad, {0, 0, 0}));
 }
 
 }  // namespace

@@ -25,23 +25,23 @@ struct Body {
   std::shared_ptr<const Model> model;
   std::vector<ContactSurface> surfaces;
 
-  bool is_felt(LabelId label) const { return model->is_felt(label); }
+  bool is_touchable(LabelId label) const { return model->is_touchable(label); }
   /// Whether a surface belongs to a layer and is in contact with a tool that has punctured nothing.
-  bool is_met(const ContactSurface& felt, int layer = 0) const {
-    return felt.surface != nullptr && felt.beneath < 0 && felt.layer == layer;
+  bool is_touched(const ContactSurface& surface, int layer = 0) const {
+    return surface.surface != nullptr && surface.beneath < 0 && surface.layer == layer;
   }
   double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
     double least = std::numeric_limits<double>::infinity();
-    for (const ContactSurface& felt : surfaces)
-      if (is_met(felt, layer)) least = std::min(least, felt.surface->distance_mm(at) - radius_mm);
+    for (const ContactSurface& surface : surfaces)
+      if (is_touched(surface, layer)) least = std::min(least, surface.surface->distance_mm(at) - radius_mm);
     return least;
   }
   /// Straight before a target, with room for a sphere all the way out of everything's reach.
   std::optional<Point<Patient>> free_place(const Point<Patient>& target, const Vector<Patient>& outward,
                                            double radius_mm, double far_mm) const {
     std::optional<Point<Patient>> first;
-    for (double way_mm = 0; way_mm <= far_mm; way_mm += 0.1) {
-      const Point<Patient> at = target + outward * way_mm;
+    for (double path_mm = 0; path_mm <= far_mm; path_mm += 0.1) {
+      const Point<Patient> at = target + outward * path_mm;
       const bool free = clearance_mm(at, radius_mm) > 0.2;
       if (free && !first) first = at;
       if (!free) first.reset();
@@ -50,10 +50,10 @@ struct Body {
   }
   Vector<Patient> outward(const Point<Patient>& at) const {
     const ContactSurface* nearest = nullptr;
-    for (const ContactSurface& felt : surfaces)
-      if (is_met(felt) &&
-          (nearest == nullptr || felt.surface->distance_mm(at) < nearest->surface->distance_mm(at)))
-        nearest = &felt;
+    for (const ContactSurface& surface : surfaces)
+      if (is_touched(surface) &&
+          (nearest == nullptr || surface.surface->distance_mm(at) < nearest->surface->distance_mm(at)))
+        nearest = &surface;
     return nearest->surface->outward(at);
   }
 };
@@ -69,7 +69,7 @@ inline bool is_clear_of_voxels(const Body& body, const Point<Patient>& at, doubl
   for (int k = low(2); k <= p.z() + reach.z(); ++k)
     for (int j = low(1); j <= p.y() + reach.y(); ++j)
       for (int i = low(0); i <= p.x() + reach.x(); ++i)
-        if (body.is_felt(labels.anywhere(i, j, k)) &&
+        if (body.is_touchable(labels.anywhere(i, j, k)) &&
             (Eigen::Vector3d(i, j, k) - p).cwiseProduct(grid.spacing_mm).norm() < far_mm)
           return false;
   return true;
@@ -98,7 +98,7 @@ inline Model model_of(const LabelMap& map,
 // stiffness that a proposed scene gives a structure, by its name; empty: not felt
 inline std::optional<double> as_proposed(const Segment& segment) {
   const TissuePreset* preset = match_preset(segment.name).preset;
-  if (preset == nullptr || !preset->values.felt) return {};
+  if (preset == nullptr || !preset->values.touchable) return {};
   return preset->values.stiffness_N_per_mm;
 }
 
@@ -129,14 +129,14 @@ inline ExposedVoxels exposed_voxels(const Body& body) {
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) {
         const LabelId own = labels.at(i, j, k);
-        if (!body.is_felt(own)) continue;
+        if (!body.is_touchable(own)) continue;
         bool exposed = false, seam = false;
         for (int n = 0; n < 27; ++n) {
           const int di = n % 3 - 1, dj = n / 3 % 3 - 1, dk = n / 9 - 1;
           const LabelId other = labels.anywhere(i + di, j + dj, k + dk);
-          const bool felt = body.is_felt(other);
-          exposed = exposed || (!felt && std::abs(di) + std::abs(dj) + std::abs(dk) == 1);
-          seam = seam || (felt && other != own);
+          const bool touchable = body.is_touchable(other);
+          exposed = exposed || (!touchable && std::abs(di) + std::abs(dj) + std::abs(dk) == 1);
+          seam = seam || (touchable && other != own);
         }
         if (exposed) found.all.push_back({i, j, k});
         if (exposed && seam) found.seams.push_back({i, j, k});

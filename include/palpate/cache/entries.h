@@ -17,7 +17,7 @@
 namespace palpate::cache {
 
 /// True if the cache is enabled.
-bool is_kept();
+bool is_cache_enabled();
 /// Contents of an entry; the memory is not initialised before the file is read into it.
 class Payload {
  public:
@@ -34,7 +34,7 @@ class Payload {
 std::optional<Payload> find(const Digest& key);
 /// Stores a payload, evicting the least recently used entries if space is needed. Not stored if it is larger
 /// than the whole cache may be.
-void keep(const Digest& key, std::span<const std::byte> payload);
+void store(const Digest& key, std::span<const std::byte> payload);
 
 /// File name of an entry.
 std::string name_of_entry(const Digest& key);

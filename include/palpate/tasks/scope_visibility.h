@@ -25,14 +25,14 @@ class ScopeVisibility {
 
   /// Whether the scope of the tick's second device sees a point. False if its pose is unknown.
   /// @param place_mm  patient frame, finite
-  bool sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) const;
+  bool is_visible(const TickRecord& tick, const Eigen::Vector3d& place_mm) const;
 
  private:
   bool is_solid(const Point<Patient>& at) const;
 
   ScopeOptics optics_;
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::vector<bool> is_felt_;  // by LabelId
+  std::vector<bool> is_touchable_;  // by LabelId
   Transform<World, Patient> X_WorldPatient_;
   Transform<Voxel, Patient> X_VoxelPatient_;
   double step_mm_, touched_mm_;

@@ -1,4 +1,4 @@
-#include "volume_io/looks_like.h"
+#include "volume_io/value_statistics.h"
 
 #include <algorithm>
 #include <cmath>

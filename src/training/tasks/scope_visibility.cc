@@ -1,4 +1,4 @@
-#include "palpate/tasks/seen.h"
+#include "palpate/tasks/scope_visibility.h"
 
 #include <array>
 #include <cmath>
@@ -30,10 +30,10 @@ ScopeVisibility::ScopeVisibility(const ScopeOptics& optics, const Model& model)
       step_mm_(0.5 * model.labels->geometry().spacing_mm.minCoeff()),
       touched_mm_(2 * model.labels->geometry().spacing_mm.maxCoeff()) {
   for (std::size_t label = 0; label < model.tissue_of_label.size(); ++label)
-    is_felt_.push_back(model.is_felt(static_cast<LabelId>(label)));
+    is_touchable_.push_back(model.is_touchable(static_cast<LabelId>(label)));
 }
 
-bool ScopeVisibility::sees(const TickRecord& tick, const Eigen::Vector3d& place_mm) const {
+bool ScopeVisibility::is_visible(const TickRecord& tick, const Eigen::Vector3d& place_mm) const {
   if (tick.devices < 2) return false;
   const DeviceTick& device = tick.device[1];
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) {
@@ -41,13 +41,14 @@ bool ScopeVisibility::sees(const TickRecord& tick, const Eigen::Vector3d& place_
   };
   const Vector<Patient> look = in_patient(look_of(optics_));
   const Point<Patient> eye = held_at(device) + in_patient(camera_of(optics_));
-  const Vector<Patient> way = Point<Patient>(place_mm) - eye;
-  const double far_mm = way.norm();
+  const Vector<Patient> displacement = Point<Patient>(place_mm) - eye;
+  const double far_mm = displacement.norm();
   if (!(eye.eigen().cwiseAbs().maxCoeff() < kNowhere_mm) || !(look.norm() > 0.5)) return false;
   if (!(far_mm > 0 && far_mm < kFarthest_mm)) return false;
-  if (way.dot(look) < std::cos(ScopeOptics::kHalfField_deg * std::numbers::pi / 180) * far_mm) return false;
+  if (displacement.dot(look) < std::cos(ScopeOptics::kHalfField_deg * std::numbers::pi / 180) * far_mm)
+    return false;
   // the eye itself has to be outside tissue, however near the point is
-  const Vector<Patient> ahead = way * (1 / far_mm);
+  const Vector<Patient> ahead = displacement * (1 / far_mm);
   for (double at_mm = 0; at_mm == 0 || at_mm < far_mm - touched_mm_; at_mm += step_mm_)
     if (is_solid(eye + ahead * at_mm)) return false;
   return true;
@@ -56,12 +57,12 @@ bool ScopeVisibility::sees(const TickRecord& tick, const Eigen::Vector3d& place_
 // the nearest voxel is tested first, to avoid interpolation in free space
 bool ScopeVisibility::is_solid(const Point<Patient>& at) const {
   const Point<Voxel> p = X_VoxelPatient_ * at;
-  const auto felt = [&](int i, int j, int k) {
+  const auto touchable = [&](int i, int j, int k) {
     const LabelId label = labels_->anywhere(i, j, k);
-    return label < is_felt_.size() && is_felt_[label];
+    return label < is_touchable_.size() && is_touchable_[label];
   };
-  if (!felt(static_cast<int>(std::lround(p[0])), static_cast<int>(std::lround(p[1])),
-            static_cast<int>(std::lround(p[2]))))
+  if (!touchable(static_cast<int>(std::lround(p[0])), static_cast<int>(std::lround(p[1])),
+                 static_cast<int>(std::lround(p[2]))))
     return false;
   const std::array<int, 3> low{static_cast<int>(std::floor(p[0])), static_cast<int>(std::floor(p[1])),
                                static_cast<int>(std::floor(p[2]))};
@@ -75,7 +76,7 @@ bool ScopeVisibility::is_solid(const Point<Patient>& at) const {
       voxel[axis] += high ? 1 : 0;
       weight *= high ? part : 1 - part;
     }
-    if (weight > 0 && felt(voxel[0], voxel[1], voxel[2])) share += weight;
+    if (weight > 0 && touchable(voxel[0], voxel[1], voxel[2])) share += weight;
   }
   return share > 0.5;
 }

@@ -1,4 +1,4 @@
-#include "loading/kept_preparation.h"
+#include "loading/stored_preparation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 
 #include "palpate/base/for_each_index.h"
 #include "palpate/base/reading.h"
+#include "palpate/cache/entries.h"
 #include "palpate/cache/fields.h"
-#include "palpate/cache/kept.h"
 
 namespace palpate {
 namespace {
@@ -89,8 +89,8 @@ std::optional<Kept> find_cached(const std::optional<cache::Digest>& key, const R
   const auto payload = cache::find(*key);
   if (!payload) return std::nullopt;
   FieldReader in(payload->bytes());
-  std::optional<Kept> kept = read(in);
-  return kept && in.finished() ? std::move(kept) : std::nullopt;
+  std::optional<Kept> stored = read(in);
+  return stored && in.finished() ? std::move(stored) : std::nullopt;
 } catch (const std::bad_alloc&) {
   return std::nullopt;
 }
@@ -102,7 +102,7 @@ void store_result(const std::optional<cache::Digest>& key, const Write& write) t
   if (!key) return;
   FieldWriter out;
   write(out);
-  cache::keep(*key, out.bytes());
+  cache::store(*key, out.bytes());
 } catch (const std::bad_alloc&) {
   // not cached; the next run prepares it again
 }
@@ -167,10 +167,10 @@ std::optional<Ramps> get_ramps(FieldReader& in, const Bricks<LabelId>& labels,
 // ---- smoothed weights ----------------------------------------------------------------------------
 
 template <class T, class Smooth>
-Result<Volume<T>> kept_smoothed(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
-                                const Progress& progress, const Smooth& smooth) {
+Result<Volume<T>> cached_smoothed(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
+                                  const Progress& progress, const Smooth& smooth) {
   std::optional<cache::Digest> key;
-  if (cache::is_kept()) {
+  if (cache::is_cache_enabled()) {
     if (const auto of_weights = cache::digest_of(weights.voxels())) {
       cache::Key parts("smoothed", kPreparationVersion);
       parts.put(*of_weights);
@@ -181,14 +181,14 @@ Result<Volume<T>> kept_smoothed(const Volume<std::uint8_t>& weights, const Gauss
       key = parts.digest();
     }
   }
-  auto kept = find_cached<Volume<T>>(key, [&](FieldReader& in) {
+  auto stored = find_cached<Volume<T>>(key, [&](FieldReader& in) {
     Volume<T> volume(weights.geometry());
     get_voxels(in, volume);
     return std::optional(std::move(volume));
   });
-  if (kept) {
+  if (stored) {
     report_found(progress);
-    return *std::move(kept);
+    return *std::move(stored);
   }
   auto smoothed = smooth(weights, options, progress);
   if (smoothed) store_result(key, [&](FieldWriter& out) { put_voxels(*smoothed, out); });
@@ -256,7 +256,7 @@ std::optional<std::shared_ptr<const Surface>> get_surface(FieldReader& in) {
 template <class T>
 std::optional<cache::Key> key_of_resampled(std::string_view kind, std::span<const Volume<T>* const> volumes,
                                            const GridGeometry& grid) {
-  if (!cache::is_kept()) return std::nullopt;
+  if (!cache::is_cache_enabled()) return std::nullopt;
   cache::Key key(kind, kPreparationVersion);
   put_grid(grid, key);
   for (const Volume<T>* volume : volumes) {
@@ -297,7 +297,7 @@ bool put_digests_of_voxels(const Bricks<LabelId>& labels, cache::Key& key) {
 
 // the parameters are numbers and names of generated structures; the key contains only their digest
 std::optional<cache::Digest> key_of_phantom(const PhantomParameters& parameters) {
-  if (!cache::is_kept()) return std::nullopt;
+  if (!cache::is_cache_enabled()) return std::nullopt;
   cache::Key key("phantom", kPreparationVersion);
   key.put(phantom_name(parameters));
   return key.digest();
@@ -309,7 +309,7 @@ const std::optional<cache::Digest>& CachedPreparation::digest_of(const Bricks<La
   if (labels_ == &labels) return of_labels_;
   labels_ = &labels;
   of_labels_.reset();
-  if (!cache::is_kept()) return of_labels_;
+  if (!cache::is_cache_enabled()) return of_labels_;
   cache::Key key("labels", kPreparationVersion);
   put_grid(labels.geometry(), key);
   if (put_digests_of_voxels(labels, key)) of_labels_ = key.digest();
@@ -320,10 +320,10 @@ Result<Ramps> CachedPreparation::ramps(const Bricks<LabelId>& labels,
                                        const std::vector<RampStructure>& structures,
                                        const RampOptions& options, const Progress& progress) const {
   const auto key = key_of_ramps(digest_of(labels), structures, options);
-  auto kept = find_cached<Ramps>(key, [&](FieldReader& in) { return get_ramps(in, labels, structures); });
-  if (kept) {
+  auto stored = find_cached<Ramps>(key, [&](FieldReader& in) { return get_ramps(in, labels, structures); });
+  if (stored) {
     report_found(progress);
-    return *std::move(kept);
+    return *std::move(stored);
   }
   auto ramps = Preparing::ramps(labels, structures, options, progress);
   if (ramps) store_result(key, [&](FieldWriter& out) { put_ramps(*ramps, out); });
@@ -332,16 +332,16 @@ Result<Ramps> CachedPreparation::ramps(const Bricks<LabelId>& labels,
 
 Result<Volume<std::uint8_t>> cached_smooth(const Volume<std::uint8_t>& weights,
                                            const GaussianOptions& options, const Progress& progress) {
-  return kept_smoothed<std::uint8_t>(weights, options, progress,
-                                     [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
-                                        const Progress& p) { return gaussian_smooth(w, o, p); });
+  return cached_smoothed<std::uint8_t>(weights, options, progress,
+                                       [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
+                                          const Progress& p) { return gaussian_smooth(w, o, p); });
 }
 
 Result<Volume<std::uint16_t>> cached_smooth_16(const Volume<std::uint8_t>& weights,
                                                const GaussianOptions& options, const Progress& progress) {
-  return kept_smoothed<std::uint16_t>(weights, options, progress,
-                                      [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
-                                         const Progress& p) { return gaussian_smooth_16(w, o, p); });
+  return cached_smoothed<std::uint16_t>(weights, options, progress,
+                                        [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
+                                           const Progress& p) { return gaussian_smooth_16(w, o, p); });
 }
 
 Result<std::vector<std::pair<LabelId, LabelId>>> CachedPreparation::touching_pairs(
@@ -356,7 +356,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> CachedPreparation::touching_pai
   const auto is_structure = [&](LabelId label) {
     return std::find(structures.begin(), structures.end(), label) != structures.end();
   };
-  auto kept = find_cached<Pairs>(key, [&](FieldReader& in) -> std::optional<Pairs> {
+  auto stored = find_cached<Pairs>(key, [&](FieldReader& in) -> std::optional<Pairs> {
     Pairs pairs;
     std::uint32_t count = 0;
     in.get(count);
@@ -369,9 +369,9 @@ Result<std::vector<std::pair<LabelId, LabelId>>> CachedPreparation::touching_pai
     }
     return pairs;
   });
-  if (kept) {
+  if (stored) {
     report_found(progress);
-    return *std::move(kept);
+    return *std::move(stored);
   }
   auto pairs = Preparing::touching_pairs(labels, structures, progress);
   if (pairs)
@@ -395,19 +395,19 @@ Result<std::vector<std::shared_ptr<const Surface>>> CachedPreparation::outer_sur
     for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
       const auto g = static_cast<std::size_t>(index);
       keys[g] = key_of_surface(*of_labels, groups[g], options);
-      if (auto kept = find_cached<std::shared_ptr<const Surface>>(keys[g], get_surface))
-        surfaces[g] = *std::move(kept);
+      if (auto stored = find_cached<std::shared_ptr<const Surface>>(keys[g], get_surface))
+        surfaces[g] = *std::move(stored);
       return !progress.stopped();
     });
     if (progress.stopped()) return Progress::interrupted();
   }
 
   std::vector<std::vector<LabelId>> missing;
-  std::vector<std::size_t> places;
+  std::vector<std::size_t> indices;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (surfaces[g]) continue;
     missing.push_back(groups[g]);
-    places.push_back(g);
+    indices.push_back(g);
   }
   if (missing.size() < groups.size()) report_found(progress);
   // completed groups are cached even if the preparation is interrupted afterwards
@@ -417,7 +417,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> CachedPreparation::outer_sur
     auto prepared = Preparing::outer_surfaces(labels, together, options, progress);
     if (!prepared) return prepared.error();
     for (std::size_t n = 0; n < go.size(); ++n) {
-      const std::size_t g = places[go[n]];
+      const std::size_t g = indices[go[n]];
       surfaces[g] = std::move((*prepared)[n]);
       store_result(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
     }
@@ -431,14 +431,14 @@ Result<Volume<float>> cached_resampled(const Volume<float>& scan, const GridGeom
   auto parts = key_of_resampled<float>("resampled scan", volumes, grid);
   if (parts) parts->put(outside);
   const auto key = parts ? parts->digest() : std::nullopt;
-  auto kept = find_cached<Volume<float>>(key, [&](FieldReader& in) {
+  auto stored = find_cached<Volume<float>>(key, [&](FieldReader& in) {
     Volume<float> volume(grid);
     get_voxels(in, volume);
     return std::optional(std::move(volume));
   });
-  if (kept) {
+  if (stored) {
     report_found(progress);
-    return *std::move(kept);
+    return *std::move(stored);
   }
   auto resampled = resample_linear(scan, grid, outside);
   if (resampled) store_result(key, [&](FieldWriter& out) { put_voxels(*resampled, out); });
@@ -451,14 +451,14 @@ Result<LabelMap> cached_resampled(const LabelMap& labels, const GridGeometry& gr
   for (const Volume<LabelId>& layer : labels.layers) layers.push_back(&layer);
   const auto parts = key_of_resampled<LabelId>("resampled labels", layers, grid);
   const auto key = parts ? parts->digest() : std::nullopt;
-  auto kept = find_cached<LabelMap>(key, [&](FieldReader& in) {
+  auto stored = find_cached<LabelMap>(key, [&](FieldReader& in) {
     LabelMap map{std::vector<Volume<LabelId>>(layers.size(), Volume<LabelId>(grid)), labels.segments};
     for (Volume<LabelId>& layer : map.layers) get_voxels(in, layer);
     return std::optional(std::move(map));
   });
-  if (kept) {
+  if (stored) {
     report_found(progress);
-    return *std::move(kept);
+    return *std::move(stored);
   }
   auto resampled = resample_nearest(labels, grid);
   if (resampled)
@@ -470,7 +470,7 @@ Result<LabelMap> cached_resampled(const LabelMap& labels, const GridGeometry& gr
 
 Result<Phantom> cached_phantom(const PhantomParameters& parameters, const Progress& progress) {
   const auto key = key_of_phantom(parameters);
-  auto kept = find_cached<Phantom>(key, [&](FieldReader& in) -> std::optional<Phantom> {
+  auto stored = find_cached<Phantom>(key, [&](FieldReader& in) -> std::optional<Phantom> {
     const auto plain = phantom_without_voxels(parameters);
     if (!plain || !allow_memory(plain->grid.voxel_count() * (sizeof(LabelId) + sizeof(float)), "the cache"))
       return std::nullopt;
@@ -479,9 +479,9 @@ Result<Phantom> cached_phantom(const PhantomParameters& parameters, const Progre
     get_voxels(in, phantom.scan);
     return phantom;
   });
-  if (kept) {
+  if (stored) {
     report_found(progress);
-    return *std::move(kept);
+    return *std::move(stored);
   }
   auto phantom = make_phantom(parameters, progress);
   if (phantom)

@@ -1,4 +1,4 @@
-#include "palpate/cache/kept.h"
+#include "palpate/cache/entries.h"
 
 #include <fcntl.h>
 #include <pwd.h>
@@ -58,25 +58,25 @@ fs::path cache_home() {
   return home.is_absolute() ? home / ".cache" : fs::path();
 }
 
-struct KeptFile {
+struct CacheEntryFile {
   fs::path file;
   std::uint64_t bytes;
   fs::file_time_type used;
 };
 
 // entries, least recently used first; also removes files left by killed processes
-std::vector<KeptFile> kept_files(const fs::path& folder) {
-  std::vector<KeptFile> files;
+std::vector<CacheEntryFile> cached_files(const fs::path& folder) {
+  std::vector<CacheEntryFile> files;
   std::vector<fs::path> abandoned;
   std::error_code failed;
   fs::directory_iterator entry(folder, failed);
   for (; !failed && entry != fs::directory_iterator(); entry.increment(failed)) {
-    std::error_code gone;
-    const auto used = fs::last_write_time(entry->path(), gone);
-    if (gone) continue;
+    std::error_code removed;
+    const auto used = fs::last_write_time(entry->path(), removed);
+    if (removed) continue;
     if (entry->path().extension() == kEnding && !entry->path().filename().string().starts_with(kTemporary)) {
-      const auto bytes = fs::file_size(entry->path(), gone);
-      if (!gone) files.push_back({entry->path(), bytes, used});
+      const auto bytes = fs::file_size(entry->path(), removed);
+      if (!removed) files.push_back({entry->path(), bytes, used});
     } else if (entry->path().filename().string().starts_with(kTemporary) &&
                used + kAbandonedAfter < fs::file_time_type::clock::now()) {
       abandoned.push_back(entry->path());
@@ -84,22 +84,23 @@ std::vector<KeptFile> kept_files(const fs::path& folder) {
   }
   std::error_code ignored;
   for (const fs::path& file : abandoned) fs::remove(file, ignored);
-  std::sort(files.begin(), files.end(), [](const KeptFile& a, const KeptFile& b) { return a.used < b.used; });
+  std::sort(files.begin(), files.end(),
+            [](const CacheEntryFile& a, const CacheEntryFile& b) { return a.used < b.used; });
   return files;
 }
 
-std::uint64_t bytes_of_files(const std::vector<KeptFile>& files) {
+std::uint64_t bytes_of_files(const std::vector<CacheEntryFile>& files) {
   std::uint64_t bytes = 0;
-  for (const KeptFile& file : files) bytes += file.bytes;
+  for (const CacheEntryFile& file : files) bytes += file.bytes;
   return bytes;
 }
 
 // maximum size: the user's limit, and a fraction of the space that the disk would have free without the cache
-std::uint64_t max_bytes_of(const CacheSettings& settings, std::uint64_t taken) {
+std::uint64_t max_bytes_of(const CacheSettings& settings, std::uint64_t used) {
   struct statvfs disk {};
   if (::statvfs(settings.folder.c_str(), &disk) != 0) return settings.max_bytes;
   const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
-  const double part = kMaxCacheDiskFraction * (free + static_cast<double>(taken));
+  const double part = kMaxCacheDiskFraction * (free + static_cast<double>(used));
   return part < static_cast<double>(settings.max_bytes) ? static_cast<std::uint64_t>(part)
                                                         : settings.max_bytes;
 }
@@ -207,8 +208,8 @@ const CacheSettings& cache_settings() {
 
 CacheContents cache_contents() {
   CacheContents contents;
-  if (!cache::is_kept()) return contents;
-  const auto files = kept_files(cache_settings().folder);
+  if (!cache::is_cache_enabled()) return contents;
+  const auto files = cached_files(cache_settings().folder);
   contents.entries = files.size();
   contents.bytes = bytes_of_files(files);
   contents.max_bytes = max_bytes_of(cache_settings(), contents.bytes);
@@ -217,12 +218,12 @@ CacheContents cache_contents() {
 
 Result<CacheContents> empty_cache() {
   const CacheContents contents = cache_contents();
-  if (!cache::is_kept()) return contents;
-  for (const KeptFile& kept : kept_files(cache_settings().folder)) {
+  if (!cache::is_cache_enabled()) return contents;
+  for (const CacheEntryFile& stored : cached_files(cache_settings().folder)) {
     std::error_code failed;
-    fs::remove(kept.file, failed);
+    fs::remove(stored.file, failed);
     if (failed)
-      return Error{ErrorKind::kOutput, "cannot be removed: " + failed.message(), kept.file.string(),
+      return Error{ErrorKind::kOutput, "cannot be removed: " + failed.message(), stored.file.string(),
                    "check the folder's permissions"};
   }
   return contents;
@@ -230,7 +231,7 @@ Result<CacheContents> empty_cache() {
 
 namespace cache {
 
-bool is_kept() {
+bool is_cache_enabled() {
   return !cache_settings().folder.empty();
 }
 
@@ -245,7 +246,7 @@ std::string name_of_entry(const Digest& key) {
 }
 
 std::optional<Payload> find(const Digest& key) try {
-  if (!is_kept()) return std::nullopt;
+  if (!is_cache_enabled()) return std::nullopt;
   auto file = InputFile::open(cache_settings().folder / name_of_entry(key));
   if (!file || file->size() < sizeof(EntryHead)) return std::nullopt;
   // an entry that another account could have written is not trusted
@@ -255,8 +256,8 @@ std::optional<Payload> find(const Digest& key) try {
   const auto head_bytes = file->read(std::as_writable_bytes(std::span(&head, 1)));
   if (!head_bytes || head.size != file->size() - sizeof head) return std::nullopt;
   Payload payload(static_cast<std::size_t>(head.size));
-  const auto got = file->read(payload.room());
-  if (!got || *got != payload.bytes().size()) return std::nullopt;
+  const auto received = file->read(payload.room());
+  if (!received || *received != payload.bytes().size()) return std::nullopt;
   const EntryHead whole = head_of(key, payload.bytes());
   if (std::memcmp(&head, &whole, sizeof head) != 0) return std::nullopt;
   // marks the entry as most recently used
@@ -266,22 +267,22 @@ std::optional<Payload> find(const Digest& key) try {
   return std::nullopt;
 }
 
-void keep(const Digest& key, std::span<const std::byte> payload) {
-  if (!is_kept()) return;
+void store(const Digest& key, std::span<const std::byte> payload) {
+  if (!is_cache_enabled()) return;
   const std::lock_guard guard(the_cache().mutex);
   const CacheSettings& settings = cache_settings();
   if (!folder_is_ours(settings.folder)) return;
 
   // free the space required
-  const auto files = kept_files(settings.folder);
-  std::uint64_t taken = bytes_of_files(files);
-  const std::uint64_t most = max_bytes_of(settings, taken), wanted = sizeof(EntryHead) + payload.size();
+  const auto files = cached_files(settings.folder);
+  std::uint64_t used = bytes_of_files(files);
+  const std::uint64_t most = max_bytes_of(settings, used), wanted = sizeof(EntryHead) + payload.size();
   if (wanted > most) return;
-  for (const KeptFile& kept : files) {
-    if (taken + wanted <= most) break;
+  for (const CacheEntryFile& stored : files) {
+    if (used + wanted <= most) break;
     std::error_code ignored;
-    fs::remove(kept.file, ignored);
-    taken -= kept.bytes;
+    fs::remove(stored.file, ignored);
+    used -= stored.bytes;
   }
 
   // another process may be writing the same entry

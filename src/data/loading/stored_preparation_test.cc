@@ -1,4 +1,4 @@
-#include "loading/kept_preparation.h"
+#include "loading/stored_preparation.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@
 #include "loading/test_loading.h"
 #include "palpate/base/hash.h"
 #include "palpate/cache/cache.h"
-#include "palpate/cache/kept.h"
+#include "palpate/cache/entries.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
@@ -36,7 +36,7 @@ using ::testing::Not;
 constexpr const char* kCanary = "CANARY";
 
 // two touching halves of a ball, one of them enclosed by a shell
-LabelMap kept_ball(int n = 32) {
+LabelMap stored_ball(int n = 32) {
   GridGeometry grid;
   grid.dims = {n, n, n};
   grid.spacing_mm = {1, 1, 1.25};
@@ -60,14 +60,14 @@ LabelMap kept_ball(int n = 32) {
   return map;
 }
 
-Volume<float> kept_scan(const GridGeometry& grid) {
+Volume<float> stored_scan(const GridGeometry& grid) {
   Volume<float> scan(grid);
   for (std::size_t n = 0; n < scan.voxels().size(); ++n)
     scan.voxels()[n] = static_cast<float>(static_cast<int>(n * 7 % 4001) - 1000);
   return scan;
 }
 
-constexpr const char* kKeptScene = R"(title = "CANARY title"
+constexpr const char* kStoredScene = R"(title = "CANARY title"
 [data]
 labels = "CANARY.seg.nrrd"
 scan = "CANARY.nii.gz"
@@ -101,15 +101,15 @@ const char* const kTouching = "finding what touches";
 const char* const kSurfaces = "preparing surfaces";
 const char* const kSmoothing = "smoothing";
 
-class KeptPreparation : public ::testing::Test {
+class StoredPreparation : public ::testing::Test {
  protected:
-  KeptPreparation() {
-    const LabelMap labels = kept_ball();
+  StoredPreparation() {
+    const LabelMap labels = stored_ball();
     PALPATE_CHECK(write_labels(data_ / "CANARY.seg.nrrd", labels).ok());
-    PALPATE_CHECK(write_volume(data_ / "CANARY.nii.gz", kept_scan(labels.geometry())).ok());
+    PALPATE_CHECK(write_volume(data_ / "CANARY.nii.gz", stored_scan(labels.geometry())).ok());
     use();
   }
-  ~KeptPreparation() override { set_cache({}); }
+  ~StoredPreparation() override { set_cache({}); }
 
   void use(const std::string& name = "cache") {
     set_cache({folder_ / name, kDefaultCacheBytes, [this](const std::string& w) { warned_.push_back(w); }});
@@ -131,7 +131,7 @@ class KeptPreparation : public ::testing::Test {
     started.loaded.model = *std::move(ready);
     return started;
   }
-  Started start_scene(const std::string& scene = kKeptScene) const {
+  Started start_scene(const std::string& scene = kStoredScene) const {
     return start(test::write_text(data_ / "scene.toml", scene));
   }
   std::size_t entries() const { return cache_contents().entries; }
@@ -148,8 +148,8 @@ std::uint64_t hash_of(const std::vector<float>& voxels) {
 
 std::vector<std::uint64_t> surface_hashes(const Model& model) {
   std::vector<std::uint64_t> hashes;
-  for (const ContactSurface& felt : model.surfaces)
-    hashes.push_back(felt.surface ? felt.surface->content_hash() : 0);
+  for (const ContactSurface& surface : model.surfaces)
+    hashes.push_back(surface.surface ? surface.surface->content_hash() : 0);
   return hashes;
 }
 
@@ -179,20 +179,20 @@ std::uint64_t run_hash(const LoadedScene& loaded, const std::string& structure) 
   return run->summary.run_hash;
 }
 
-TEST_F(KeptPreparation, ASecondStartPreparesNothingAndIsTheSame) {
+TEST_F(StoredPreparation, ASecondStartPreparesNothingAndIsTheSame) {
   const Started first = start_scene();
   EXPECT_THAT(first.stages, Contains(kReading));
   EXPECT_THAT(first.stages, Contains(kRamps));
   EXPECT_THAT(first.stages, Contains(kSurfaces));
-  const std::size_t kept = entries();
+  const std::size_t retained = entries();
   // two volumes, a field, touching pairs, and a surface per structure
-  EXPECT_GT(kept, 5u);
+  EXPECT_GT(retained, 5u);
 
   const Started second = start_scene();
   for (const char* stage : {kReading, kRamps, kTouching, kSurfaces})
     EXPECT_THAT(second.stages, Not(Contains(stage)));
   EXPECT_THAT(second.stages, Contains("loading the prepared scene from the cache"));
-  EXPECT_EQ(entries(), kept);
+  EXPECT_EQ(entries(), retained);
   EXPECT_EQ(second.warnings, first.warnings);
 
   use_none();
@@ -206,7 +206,7 @@ TEST_F(KeptPreparation, ASecondStartPreparesNothingAndIsTheSame) {
   EXPECT_TRUE(warned_.empty());
 }
 
-TEST_F(KeptPreparation, APhantomIsMadeOnce) {
+TEST_F(StoredPreparation, APhantomIsMadeOnce) {
   const std::string name = "shell-phantom:spacing=2,thickness=4";
   const Started first = start(name);
   EXPECT_THAT(first.stages, Contains("phantom"));
@@ -222,7 +222,7 @@ TEST_F(KeptPreparation, APhantomIsMadeOnce) {
   EXPECT_THAT(start("shell-phantom:spacing=2,thickness=4,radius=25").stages, Contains("phantom"));
 }
 
-TEST_F(KeptPreparation, EveryPhantomIsWhatItsParametersSayWithoutItsVoxels) {
+TEST_F(StoredPreparation, EveryPhantomIsWhatItsParametersSayWithoutItsVoxels) {
   for (const std::string& name : phantom_names()) {
     const auto parameters = parse_phantom(name + ":spacing=3" + (name == "knee-phantom" ? ",lesion=6" : ""));
     if (!parameters) continue;  // too thin for such voxels
@@ -241,14 +241,14 @@ TEST_F(KeptPreparation, EveryPhantomIsWhatItsParametersSayWithoutItsVoxels) {
   }
 }
 
-TEST_F(KeptPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
+TEST_F(StoredPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
   start_scene();
-  std::string scene = replaced(kKeptScene, "CANARY title", "another");
+  std::string scene = replaced(kStoredScene, "CANARY title", "another");
   scene = replaced(scene, "CANARY bone", "os");
   scene = replaced(scene, "CANARY bone", "os");
   scene += "friction = 0.05\nviscosity = 0.002\ncolour = \"#010203\"\n";
   // the file, its header and its structures are renamed; the voxels are unchanged
-  LabelMap labels = kept_ball();
+  LabelMap labels = stored_ball();
   for (Segment& segment : labels.segments) segment.name = "renamed-" + std::to_string(segment.id);
   ASSERT_TRUE(write_labels(data_ / "other.seg.nrrd", labels).ok());
   scene = replaced(scene, "CANARY.seg.nrrd", "other.seg.nrrd");
@@ -263,22 +263,22 @@ TEST_F(KeptPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
   expect_same_model(*other.loaded.model, *start_scene(scene).loaded.model);
 }
 
-TEST_F(KeptPreparation, WhateverMattersIsPreparedAnew) {
+TEST_F(StoredPreparation, WhateverMattersIsPreparedAnew) {
   start_scene();
   struct Change {
     std::string scene, stage;
   };
   const std::string gaussian = "[preparation]\nmethod = \"union-gaussian\"\n";
   for (const Change& change : {
-           Change{replaced(kKeptScene, "stiffness = 1.5", "stiffness = 1.4"), kRamps},
-           Change{replaced(kKeptScene, "rests_on = [\"CANARY bone\"]", ""), kRamps},
-           Change{replaced(kKeptScene, "labels = [1, 2]", "labels = [1]"), kRamps},
-           Change{replaced(kKeptScene, "labels = [1, 2]", "labels = [1]"), kTouching},
-           Change{replaced(kKeptScene, "labels = [1, 2]", "labels = [1]"), kSurfaces},
-           Change{replaced(kKeptScene, "puncture = 2.0\nrests_on", "felt = false\n#"), kTouching},
-           Change{std::string(kKeptScene) + "[preparation]\nramp_width = 5.0\n", kRamps},
-           Change{kKeptScene + gaussian, kSmoothing},
-           Change{kKeptScene + gaussian + "bits = 8\n", kSmoothing},
+           Change{replaced(kStoredScene, "stiffness = 1.5", "stiffness = 1.4"), kRamps},
+           Change{replaced(kStoredScene, "rests_on = [\"CANARY bone\"]", ""), kRamps},
+           Change{replaced(kStoredScene, "labels = [1, 2]", "labels = [1]"), kRamps},
+           Change{replaced(kStoredScene, "labels = [1, 2]", "labels = [1]"), kTouching},
+           Change{replaced(kStoredScene, "labels = [1, 2]", "labels = [1]"), kSurfaces},
+           Change{replaced(kStoredScene, "puncture = 2.0\nrests_on", "touchable = false\n#"), kTouching},
+           Change{std::string(kStoredScene) + "[preparation]\nramp_width = 5.0\n", kRamps},
+           Change{kStoredScene + gaussian, kSmoothing},
+           Change{kStoredScene + gaussian + "bits = 8\n", kSmoothing},
        }) {
     // in a separate cache, so that a change does not find entries of another one
     const std::string copy = "copy" + std::to_string(folder_.count());
@@ -295,16 +295,16 @@ TEST_F(KeptPreparation, WhateverMattersIsPreparedAnew) {
   }
 }
 
-TEST_F(KeptPreparation, AnotherStiffnessLeavesTheSurfaces) {
+TEST_F(StoredPreparation, AnotherStiffnessLeavesTheSurfaces) {
   start_scene();
-  const Started other = start_scene(replaced(kKeptScene, "stiffness = 1.5", "stiffness = 1.4"));
+  const Started other = start_scene(replaced(kStoredScene, "stiffness = 1.5", "stiffness = 1.4"));
   EXPECT_THAT(other.stages, Contains(kRamps));
   EXPECT_THAT(other.stages, Not(Contains(kTouching)));
   EXPECT_THAT(other.stages, Not(Contains(kSurfaces)));
 }
 
 // a tenth for a large scene (docs/decisions/0020); less here, where fixed costs and a loaded machine count
-TEST_F(KeptPreparation, ASecondStartIsAFractionOfTheWork) {
+TEST_F(StoredPreparation, ASecondStartIsAFractionOfTheWork) {
   const auto work = [&] {
     const std::clock_t begun = std::clock();
     start("knee-phantom:spacing=1.5");
@@ -315,9 +315,9 @@ TEST_F(KeptPreparation, ASecondStartIsAFractionOfTheWork) {
   EXPECT_LT(4 * second, first);
 }
 
-TEST_F(KeptPreparation, OtherVoxelsAreReadAndPreparedAnew) {
+TEST_F(StoredPreparation, OtherVoxelsAreReadAndPreparedAnew) {
   const Started first = start_scene();
-  LabelMap labels = kept_ball();
+  LabelMap labels = stored_ball();
   labels.layers[0].at(16, 16, 16) = 0;
   const auto file = data_ / "CANARY.seg.nrrd";
   const auto before = std::filesystem::last_write_time(file);
@@ -331,24 +331,25 @@ TEST_F(KeptPreparation, OtherVoxelsAreReadAndPreparedAnew) {
   EXPECT_EQ(second.loaded.model->labels->at(16, 16, 16), 0);
 }
 
-TEST_F(KeptPreparation, WhatIsEditedIsTheSameToo) {
+TEST_F(StoredPreparation, WhatIsEditedIsTheSameToo) {
   start_scene();
-  const auto kept = start_scene().loaded.model;
+  const auto stored = start_scene().loaded.model;
   use_none();
   const auto made = start_scene().loaded.model;
   const auto edited = [](const std::shared_ptr<const Model>& model) {
     ModelChange change = unchanged(*model, 1);
     change.contact.stiffness_N_per_mm = 0.8;
-    const auto felt = next_version({model, model}, change);
-    PALPATE_CHECK(felt.ok());
-    const auto fields = next_version(*felt, {felt->felt->version + 1, ModelChange::kFieldsRebuilt});
+    const auto changed = next_version({model, model}, change);
+    PALPATE_CHECK(changed.ok());
+    const auto fields =
+        next_version(*changed, {changed->touchable->version + 1, ModelChange::kFieldsRebuilt});
     PALPATE_CHECK(fields.ok());
-    return fields->felt;
+    return fields->current;
   };
-  expect_same_model(*edited(kept), *edited(made));
+  expect_same_model(*edited(stored), *edited(made));
 }
 
-TEST_F(KeptPreparation, NoNameStandsInWhatIsKept) {
+TEST_F(StoredPreparation, NoNameStandsInWhatIsKept) {
   start_scene();
   start(data_ / "CANARY.seg.nrrd");
   start("shell-phantom:spacing=2,thickness=4");
@@ -365,7 +366,7 @@ TEST_F(KeptPreparation, NoNameStandsInWhatIsKept) {
   EXPECT_GT(files, 5);
 }
 
-// header fields of an entry's file (cache/kept.h)
+// header fields of an entry's file (cache/entries.h)
 struct Entry {
   cache::Digest key;
   std::vector<std::byte> payload;
@@ -386,11 +387,11 @@ void forge_the_entry(const std::filesystem::path& folder) {
   ASSERT_EQ(cache_contents().entries, 1u);
   Entry entry = entry_in(std::filesystem::directory_iterator(folder)->path());
   entry.payload.back() ^= std::byte{1};
-  cache::keep(entry.key, entry.payload);
+  cache::store(entry.key, entry.payload);
 }
 
-TEST_F(KeptPreparation, AScanOnAnotherGridIsResampledOnce) {
-  const Volume<float> scan = kept_scan(kept_ball().geometry());
+TEST_F(StoredPreparation, AScanOnAnotherGridIsResampledOnce) {
+  const Volume<float> scan = stored_scan(stored_ball().geometry());
   GridGeometry grid = scan.geometry();
   grid.dims = {40, 20, 30};
   grid.spacing_mm = {0.7, 0.8, 0.9};
@@ -412,8 +413,8 @@ TEST_F(KeptPreparation, AScanOnAnotherGridIsResampledOnce) {
   EXPECT_EQ(entries(), 3u);
 }
 
-TEST_F(KeptPreparation, LabelsOnAnotherGridAreResampledOnce) {
-  LabelMap labels = kept_ball();
+TEST_F(StoredPreparation, LabelsOnAnotherGridAreResampledOnce) {
+  LabelMap labels = stored_ball();
   labels.layers.push_back(labels.layers[0]);
   for (LabelId& label : labels.layers[1].voxels()) label = label == 3 ? 1 : 0;
   GridGeometry grid = labels.geometry();
@@ -434,20 +435,20 @@ TEST_F(KeptPreparation, LabelsOnAnotherGridAreResampledOnce) {
 
 // Random payloads with a valid checksum either give a result of the right shape or are treated as a miss; no
 // access is out of bounds (checked by the sanitizers).
-TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
+TEST_F(StoredPreparation, ForgedEntriesAreBelievedNothing) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
-  const LabelMap map = kept_ball(10);
+  const LabelMap map = stored_ball(10);
   const auto in_bricks = label_bricks(map.layers[0]);
   const Bricks<LabelId>& labels = *in_bricks;
   const std::vector<LabelId> structures{1, 2, 3};
   const std::vector<RampStructure> ramps{{1, 1.5, {}}, {2, 1.5, {}}, {3, 0.5, {1, 2}}};
   const auto all = [&] {
-    const CachedPreparation kept_parts;
-    const auto field = kept_parts.ramps(labels, ramps, {}, {});
-    const auto touching = kept_parts.touching_pairs(labels, structures, {});
-    const auto surfaces = kept_parts.outer_surfaces(labels, {structures}, {.reach_mm = 1}, {});
+    const CachedPreparation stored_parts;
+    const auto field = stored_parts.ramps(labels, ramps, {}, {});
+    const auto touching = stored_parts.touching_pairs(labels, structures, {});
+    const auto surfaces = stored_parts.outer_surfaces(labels, {structures}, {.reach_mm = 1}, {});
     const auto smooth = cached_smooth(Volume<std::uint8_t>(labels.geometry(), 5), {}, {});
     PALPATE_CHECK(field.ok() && touching.ok() && surfaces.ok() && smooth.ok());
     EXPECT_EQ(field->field.geometry().voxel_count(), labels.geometry().voxel_count());
@@ -459,12 +460,12 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
     return (*surfaces)[0]->content_hash();
   };
   const std::uint64_t whole = all();
-  std::vector<Entry> kept;
+  std::vector<Entry> stored;
   for (const auto& file : std::filesystem::directory_iterator(folder_ / "cache"))
-    kept.push_back(entry_in(file));
-  ASSERT_EQ(kept.size(), 4u);
+    stored.push_back(entry_in(file));
+  ASSERT_EQ(stored.size(), 4u);
   for (int n = 0; n < 1000; ++n) {
-    const Entry& entry = kept[random() % kept.size()];
+    const Entry& entry = stored[random() % stored.size()];
     std::vector<std::byte> forged = entry.payload;
     for (auto flips = 1 + random() % 2; flips > 0; --flips) {
       // concentrated on the start, where the fields other than voxels are
@@ -472,14 +473,14 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
       forged[random() % among] ^= static_cast<std::byte>(1u << random() % 8);
     }
     if (random() % 4 == 0) forged.resize(random() % forged.size());
-    cache::keep(entry.key, forged);
+    cache::store(entry.key, forged);
     // a surface stores its own hash: it is either identical or rebuilt
     EXPECT_EQ(all(), whole);
-    cache::keep(entry.key, entry.payload);
+    cache::store(entry.key, entry.payload);
   }
 }
 
-TEST_F(KeptPreparation, DamagedEntriesArePreparedAnewAndReplaced) {
+TEST_F(StoredPreparation, DamagedEntriesArePreparedAnewAndReplaced) {
   const Started first = start_scene();
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
@@ -500,11 +501,12 @@ TEST_F(KeptPreparation, DamagedEntriesArePreparedAnewAndReplaced) {
   EXPECT_TRUE(warned_.empty());
 }
 
-TEST_F(KeptPreparation, WhatIsInterruptedKeepsNothingHalf) {
+TEST_F(StoredPreparation, WhatIsInterruptedKeepsNothingHalf) {
   std::atomic<bool> stop{false};
   const Progress progress(
       [&](std::string_view stage, double) { stop = stop || stage == "preparing surfaces"; }, &stop);
-  const auto loaded = load_scene_or_data_set({test::write_text(data_ / "scene.toml", kKeptScene)}, progress);
+  const auto loaded =
+      load_scene_or_data_set({test::write_text(data_ / "scene.toml", kStoredScene)}, progress);
   ASSERT_TRUE(loaded.ok());
   constexpr ForceMethod kProxy[] = {ForceMethod::kProxy};
   EXPECT_FALSE(ready_for(loaded->model, kProxy, progress).ok());
@@ -516,8 +518,8 @@ TEST_F(KeptPreparation, WhatIsInterruptedKeepsNothingHalf) {
 }
 
 // Golden hash of all prepared results. If it changes on purpose, increment kPreparationVersion
-// (loading/kept_preparation.h) to invalidate cached results, and update both here.
-TEST_F(KeptPreparation, GoldenHash) {
+// (loading/stored_preparation.h) to invalidate cached results, and update both here.
+TEST_F(StoredPreparation, GoldenHash) {
   use_none();
   const Started started = start("knee-phantom:spacing=3");
   const Model& model = *started.loaded.model;
