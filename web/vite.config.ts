@@ -6,11 +6,20 @@ const withoutIndentation = {
   transformIndexHtml: (html: string) => html.replace(/^ +/gm, ""),
 };
 
+/** Removes the indentation and the comment lines of shaders, which the minifier leaves in template literals. */
+const withoutShaderComments = {
+  name: "without-shader-comments",
+  generateBundle: (_options: unknown, bundle: Record<string, { type: string; code?: string }>) => {
+    for (const chunk of Object.values(bundle))
+      if (chunk.type === "chunk") chunk.code = chunk.code!.replace(/^ +/gm, "").replace(/^\/\/.*\n/gm, "");
+  },
+};
+
 // Files have fixed names, because they are compiled into palpate (CMakeLists.txt). A module that is imported
 // dynamically is a file of its own, assets/viewer_NAME.js.
 export default defineConfig({
   base: "/",
-  plugins: [withoutIndentation],
+  plugins: [withoutIndentation, withoutShaderComments],
   worker: { format: "es", rollupOptions: { output: { entryFileNames: "assets/viewer_worker.js" } } },
   build: {
     target: "es2022",

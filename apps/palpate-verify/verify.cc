@@ -21,7 +21,8 @@ constexpr const char* kVerifyExamples =
     "  palpate verify latency --rate 4000 --spin 80     one rate, busy-waiting before every tick\n"
     "  palpate verify stability                         stability limits and buzz\n"
     "  palpate verify removal                           volume that a burr removes from bone\n"
-    "  palpate verify tissue                            soft tissue against analytic cases\n\n"
+    "  palpate verify tissue                            soft tissue against analytic cases\n"
+    "  palpate verify outside CURVES.csv                measured indentation curves against presets\n\n"
     "Exit code 3: a figure exceeds its limit. See docs/reference/verify.md.";
 
 struct VerifyOptions {
@@ -69,6 +70,8 @@ void add_verify(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand(
       "verify", "Measure this build on this machine and compare the figures with their limits");
   verb->add_option("suite", options->suite, "Suite to run")->type_name("SUITE");
+  verb->add_option("curves", options->suite_options.curves, "outside: measured indentation curves (CSV)")
+      ->type_name("CURVES.csv");
   verb->add_option("-o,--json", options->json, "Also write the figures as JSON")->type_name("FILE");
   verb->add_flag("-l,--list", options->list, "List the suites");
   SuiteOptions& of_suite = options->suite_options;

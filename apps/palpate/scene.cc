@@ -349,11 +349,13 @@ void add_new(CLI::App& app, Run& run) {
       ->check(CLI::IsMember(known_names(kModalities)));
   verb->add_option("--tissue", options->law,
                    "Soft-tissue model: layers push the tool out and do not move; elastic deforms (default if "
-                   "a name suggests soft tissue); neo-hookean also stiffens under large strain; chainmail "
-                   "feels like layers, and its deformation is shown")
+                   "a name suggests soft tissue); neo-hookean also stiffens under large strain; "
+                   "exponential stiffens by each tissue's exponent as well; chainmail feels like layers, and "
+                   "its deformation is shown")
       ->check(CLI::IsMember(
           {name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
-           name_of(TissueLaw::kNeoHookean, kTissueLaws), name_of(TissueLaw::kChainMail, kTissueLaws)}));
+           name_of(TissueLaw::kNeoHookean, kTissueLaws), name_of(TissueLaw::kExponential, kTissueLaws),
+           name_of(TissueLaw::kChainMail, kTissueLaws)}));
   verb->add_flag("--embed", options->embed,
                  "Embed the structures: unlabelled tissue inside the body becomes a separate soft medium");
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
@@ -403,8 +405,12 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
   const double factor = RenderedStiffness(scene.workspace).at_device(1);
   const bool elastic = is_elastic(scene.yielding.law);
+  const bool stiffens = scene.yielding.law == TissueLaw::kExponential;
   std::printf("\n%s  felt  N/mm   %s%sat most N  friction  structures  rests on\n",
-              fitted("tissue", width).c_str(), elastic ? "E kPa  nu    " : "",
+              fitted("tissue", width).c_str(),
+              stiffens  ? "E kPa  nu    stiffening  "
+              : elastic ? "E kPa  nu    "
+                        : "",
               factor == 1 ? "" : "hand N/mm  ");
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
@@ -418,6 +424,10 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
       std::printf("%-5.3g  %-4.3g  ", tissue.elastic->youngs_modulus_kPa, tissue.elastic->poissons_ratio);
     else if (elastic)
       std::printf("rigid        ");
+    if (stiffens && tissue.elastic)
+      std::printf("%-10.3g  ", tissue.elastic->stiffening);
+    else if (stiffens)
+      std::printf("            ");
     if (factor != 1) std::printf("%-9.3g  ", tissue.touchable ? factor * tissue.stiffness_N_per_mm : 0.0);
     std::printf("%-9.3g  %-8.3g  %-10s  %s\n", max_N, tissue.friction, structures.c_str(),
                 join(tissue.rests_on).c_str());

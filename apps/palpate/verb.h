@@ -24,6 +24,7 @@ void add_cache(CLI::App& app, Run& run);
 void add_scene(CLI::App& app, Run& run);
 void add_prepare(CLI::App& app, Run& run);
 void add_lint(CLI::App& app, Run& run);
+void add_fit(CLI::App& app, Run& run);
 void add_forces(CLI::App& app, Run& run);
 void add_hold(CLI::App& app, Run& run);
 void add_section(CLI::App& app, Run& run);

@@ -91,10 +91,10 @@ constexpr OtherWord kOtherWords[] = {
 const Program& palpate_program() {
   static const Program program{
       kExamples,
-      {add_info,    add_data,     add_cache,   add_scene,  add_lint,     add_prepare,
-       add_forces,  add_hold,     add_section, add_render, add_simulate, add_explore,
-       add_devices, add_doctor,   add_token,   add_replay, add_export,   add_report,
-       add_cohort,  add_register, add_pivot,   add_plan,   add_task,     add_records},
+      {add_info,   add_data,  add_cache,   add_scene,  add_lint,     add_prepare, add_fit,
+       add_forces, add_hold,  add_section, add_render, add_simulate, add_explore, add_devices,
+       add_doctor, add_token, add_replay,  add_export, add_report,   add_cohort,  add_register,
+       add_pivot,  add_plan,  add_task,    add_records},
       {{"verify", "Measure this build on this machine and compare the figures with their limits"}},
       kOtherWords};
   return program;

@@ -190,7 +190,7 @@ class Trainee(viewer_test.Viewer):
                 if self.is_soon(f"{TRAINING}.run.forces_N[0] > 0.25", 0.1):
                     break
                 self.key("keyUp", ARROW_DOWN)
-            for key in (*[ARROW_RIGHT] * 8, *[ARROW_LEFT] * 16):
+            for key in (*[ARROW_RIGHT] * 20, *[ARROW_LEFT] * 40):
                 if is_so := self.is_soon(until, 0.15):
                     break
                 self.key("keyDown", key)
@@ -288,7 +288,9 @@ class WholeTask(Trainee):
         self.page.press("b")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 2")
         self.assertTrue(self.page.run("return document.activeElement === document.querySelector('#picture-oblique .stack')"), "the focus stays where it is")
-        self.press_by_keys(IS_DONE)
+        self.press_by_keys(TOUCHES)
+        self.press_into("patella", self.mouse_down, self.mouse_move, self.mouse_up, IS_DONE)
+        self.mouse_up()
         # the button is found by the tab key
         self.page.run("document.getElementById('language').focus()")
         for _ in range(60):

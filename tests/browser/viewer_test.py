@@ -1135,8 +1135,9 @@ class WithPointer(Viewer):
         self.page.wait("document.querySelector('#picture-axial canvas').width > 50")
         left, posterior, inferior = [1, 0, 0], [0, 1, 0], [0, 0, -1]
         for kind, right, down in (("axial", left, posterior), ("sagittal", posterior, inferior), ("coronal", left, inferior)):
-            plane = self.page.run("return palpateViewer.plane(arguments[0])", kind)
-            self.assertEqual([plane["right"], plane["down"]], [right, down])
+            # a picture has its plane from its first frame on
+            self.page.wait(f"(palpateViewer.draw(), JSON.stringify([palpateViewer.plane('{kind}').right, palpateViewer.plane('{kind}').down])"
+                           f" === '{json.dumps([right, down], separators=(',', ':'))}')")
         x0, y0, width, height = self.box("#picture-coronal .stack")
         x, y = round(x0 + 0.6 * width), round(y0 + 0.55 * height)
         self.page.post("/actions", {"actions": [

@@ -19,7 +19,7 @@ sys.dont_write_bytecode = True
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 DEBS = ("palpate", "libpalpate1", "libpalpate-dev", "python3-palpate")
-SCENE = "knee-phantom:spacing=4"
+SCENE = "knee-phantom:spacing=3"
 # Debian's Python, which has NumPy
 PYTHON = "/usr/bin/python3"
 # read the libraries that are loaded, and the hash of a run

@@ -51,7 +51,7 @@ FINER = "spacing=1.15"
 # a busy machine compiles for some time
 MOST_S = 240
 # options of other programs that the manual names by themselves
-OTHERS = {"--gtest_filter"}
+OTHERS = {"--gtest_filter", "--ulimit", "--device"}
 # what --part runs: a page's blocks run in one of them, and `start` looks at the names in all pages
 PARTS = ("start", "guide", "compiled")
 VERSION = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))[1]

@@ -245,7 +245,7 @@ class Privacy(cli.PalpateTest):
             # the scene names its data, and nothing else of the patient
             told = [line for line in scene.read_text().splitlines() if not re.match(r"(scan|labels|#)", line)]
             self.assertNotIn("canary", "\n".join(told).lower())
-            scene.write_text(scene.read_text().replace("\nfelt = false", '\nfelt = true\npreset = "bone"'))
+            scene.write_text(scene.read_text().replace("\ntouchable = false", '\ntouchable = true\npreset = "bone"'))
             structure = "femur_left" if labels.is_dir() else "Femur-left" if labels == tidy else None
             approach = structure or "#1"
             script.write_text(f'[[step]]\napproach = "{approach}"\n[[step]]\npress = 0.5\n[[step]]\nleave = true\n')

@@ -176,7 +176,7 @@ class SceneTest(cli.PalpateTest):
         (self.folder / "names.ctbl").write_text("1 thigh_muscle 1 1 1 255\n")
         self.assertNotIn("yielding", self.succeed("scene", "new", labels, "--tissue", "layers").stdout)
         self.assertIn('law = "elastic"', self.succeed("scene", "new", labels).stdout)
-        self.fail_clearly(cli.USAGE, "scene", "new", labels, "--tissue", "jelly", says="{layers,elastic,neo-hookean,chainmail}")
+        self.fail_clearly(cli.USAGE, "scene", "new", labels, "--tissue", "jelly", says="{layers,elastic,neo-hookean,exponential,chainmail}")
         self.assertNotIn("yields", self.succeed("scene", "new", labels, "--tissue", "elastic", "-o", scene).stderr)
         said = self.succeed("scene", "check", scene)
         self.assertRegex(said.stdout, r"(?m)^tissue +elastic$")

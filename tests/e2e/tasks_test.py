@@ -167,9 +167,9 @@ class Tasks(cli.PalpateTest):
         done = cli.run("explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--device", "simulated", "--device", "pointer", "--script", script,
                        "--task", "scope-and-probe", "--port", "0", "-o", run)
         self.assertIn("Scope and probe together", done.stdout, done.stderr)
-        live = re.search(r"unseen_time +([\d.]+) s", done.stdout).group(1)
+        live = re.search(r"Contact time out of the scope's view +([\d.]+) s", done.stdout).group(1)
         scored = cli.run("task", "score", run, "--task", "scope-and-probe").stdout
-        self.assertEqual(re.search(r"unseen_time +([\d.]+) s", scored).group(1), live)
+        self.assertEqual(re.search(r"Contact time out of the scope's view +([\d.]+) s", scored).group(1), live)
 
     @cli.long
     def test_bone_is_taken_off_to_a_plan(self):

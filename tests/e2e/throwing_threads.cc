@@ -58,7 +58,7 @@ auto looked_at(Function* function, Arguments... arguments) {
     return looked_at arguments;                                \
   }
 PALPATE_LOOKS_AT(nanosleep, (const timespec* requested, timespec* left), (function, requested, left))
-PALPATE_LOOKS_AT(clock_nanosleep, (clockid_t clock, int flags, const timespec* request, timespec* left),
+PALPATE_LOOKS_AT(clock_nanosleep, (clockid_t clock, int flags, const timespec* requested, timespec* left),
                  (function, clock, flags, requested, left))
 PALPATE_LOOKS_AT(poll, (pollfd * files, nfds_t count, int timeout_ms), (function, files, count, timeout_ms))
 PALPATE_LOOKS_AT(ppoll, (pollfd * files, nfds_t count, const timespec* timeout, const sigset_t* mask),

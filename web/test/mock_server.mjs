@@ -250,7 +250,15 @@ const tissues = [
     ...feel(0.8),
     rests_on: [0],
   },
-  { name: "meniscus", touchable: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
+  {
+    name: "meniscus",
+    touchable: true,
+    protection: "none",
+    colour: [214, 118, 96],
+    opacity: 1,
+    ...feel(0.5),
+    rests_on: [1],
+  },
 ];
 const tool = {
   name: options.tool,

@@ -122,8 +122,14 @@ test("a contact that is held back from the cursor is freed, and one that just fo
   assert.equal(made.freed(10, target, away), null);
   assert.equal(made.freed(100, target, away), null);
   assert.equal(made.freed(120, target, add(target.at, [1, 0, 0])), null, "it has come");
-  assert.equal(made.freed(130, target, away), null);
-  const path = made.freed(400, target, away)!;
-  assert.ok(path.length >= 2 && path[0]!.into === null && path.at(-1)!.into !== null);
-  assert.ok(length(sub(path.at(-1)!.at, target.at)) < 1e-9);
+  assert.equal(made.freed(600, { ...target, into: null }, away), null, "it is lifted anyway");
+  for (const [contact, isInside] of [
+    [away, false],
+    [null, true],
+  ] as const) {
+    assert.equal(made.freed(1000, target, contact, isInside), null);
+    const path = made.freed(1200, target, contact, isInside)!;
+    assert.ok(path.length >= 2 && path[0]!.into === null && path.at(-1)!.into !== null);
+    assert.ok(length(sub(path.at(-1)!.at, target.at)) < 1e-9);
+  }
 });

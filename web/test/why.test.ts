@@ -47,7 +47,8 @@ test("a perceptible tangential force is displayed", () => {
 });
 
 test("a reduction of the force is displayed with its most likely reason", () => {
-  const less = (flags: number) => whyText(pressed({ requestedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
+  const less = (flags: number) =>
+    whyText(pressed({ requestedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
   assert.equal(less(Flag.clamped), "2.00 mm deep at 2.00 N/mm · reduced from 4.00 N to 3.00 N: force limit");
   assert.equal(
     less(Flag.clamped | Flag.thermal),

@@ -201,18 +201,18 @@ def made(call: Any, *arguments: Any) -> int:
         check(call(*arguments))
         return int(handle.value or 0)
     # Python handles signals between its own instructions alone: this thread waits for another one, which calls
-    flag, results = ctypes.c_uint8(0), []
+    flag, results, is_done = ctypes.c_uint8(0), [], threading.Event()
 
     def work() -> None:
         lib.plp_set_cancel_flag(ctypes.byref(flag))
         results.append((call(*arguments), lib.plp_last_error()))
+        is_done.set()
 
-    worker = threading.Thread(target=work)
-    worker.start()
+    threading.Thread(target=work).start()
     interruption = None
-    while worker.is_alive():
+    while not is_done.is_set():
         try:
-            worker.join()
+            is_done.wait()
         except KeyboardInterrupt as error:
             flag.value, interruption = 1, error
     status, reason = results[0]

@@ -89,8 +89,8 @@ namespace Palpate
         public SixIndices ContactLabel, ContactPart;
         public SixVectors ContactPatientMm;
         public SixNumbers ContactN;
-        public SixIndices FeltLabel;
-        public SixNumbers FeltDepthMm, FeltShare;
+        public SixIndices PathLabel;
+        public SixNumbers PathDepthMm, PathShare;
     }
 
     /// <summary>Options of a session (plp_session_options). Begin with SessionOptions.Defaults().</summary>

@@ -295,6 +295,8 @@ struct YieldSettings {
   double min_compliance_mm_per_N = 0.01;
   /// Limit of the stiffening or softening of a neo-Hookean solution at its force, as a fraction of W.
   double max_stiffening = 0.2;
+  /// Factor k of the contact's stiffening by the exponent of the tissue (strain_stiffening.h).
+  double stiffening_factor = 0.183;
   /// Radius of the dent that is left in relaxing tissue, in radii of the tool that pressed it.
   double dent_radii = 2;
 
@@ -306,6 +308,7 @@ struct YieldSettings {
     of("max_extrapolation", max_extrapolation);
     of("min_compliance_mm_per_N", min_compliance_mm_per_N);
     of("max_stiffening", max_stiffening);
+    of("stiffening_factor", stiffening_factor);
     of("dent_radii", dent_radii);
   }
 };

@@ -43,10 +43,16 @@ enum class TissueLaw : std::uint8_t {
   /// Forces as in kLayers; tissues with ElasticConstants move visibly as a chain mail
   /// (palpate/tissue/chain_mail.h).
   kChainMail,
+  /// As kNeoHookean; tissues with ElasticConstants::stiffening also stiffen exponentially with strain.
+  kExponential,
 };
+/// Whether bodies under this law are solved with large strains.
+constexpr bool is_finite(TissueLaw law) {
+  return law == TissueLaw::kNeoHookean || law == TissueLaw::kExponential;
+}
 /// Whether tissues with ElasticConstants deform elastically under this law.
 constexpr bool is_elastic(TissueLaw law) {
-  return law == TissueLaw::kElastic || law == TissueLaw::kNeoHookean;
+  return law == TissueLaw::kElastic || is_finite(law);
 }
 /// Whether tissues with ElasticConstants move visibly under this law.
 constexpr bool is_moving(TissueLaw law) {

@@ -72,6 +72,8 @@ struct ContactSurface : ContactProperties {
   double clearance_error_mm = 0;
   /// Plane-strain modulus E / (1 - nu^2) of a deformable structure. 0: not deformable, a spring.
   double yield_modulus_N_per_mm2 = 0;
+  /// Exponent of a deformable structure's strain stiffening (ElasticConstants::stiffening). 0: none.
+  double strain_stiffening = 0;
   /// Relaxation fractions of a deformable structure, one per time constant of the model.
   RelaxedParts relaxed = {};
 };

@@ -38,7 +38,10 @@ struct LocalCompliance {
   double finite_N = 0;
   double stiffening_mm_per_N2 = 0;
   Vector<Patient> stiffening_slope = {};  ///< grad C along the surface; mm/N^2 per mm
-  /// Relaxing fractions of the tissues, weighted by their shares of the displacement.
+  /// ElasticConstants::stiffening of the tissues, weighted by their shares of the displacement. 0: none, or
+  /// the law is not TissueLaw::kExponential.
+  double strain_stiffening = 0;
+  /// Relaxing fractions of the tissues, weighted likewise.
   RelaxedParts relaxed = {};
 
   double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu of the tissue under the patch
@@ -67,7 +70,8 @@ struct ComplianceState {
   std::uint32_t frame = 0;  ///< Number of the current frame
   /// Difference of the rendered values to those of the current frame when it arrived. It fades out over
   /// YieldSettings::blend_s, so that no frame causes a step.
-  double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0, left_poissons_ratio = 0;
+  double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0, left_poissons_ratio = 0,
+         left_strain_stiffening = 0;
   /// The same for the modulus, relative to the frame's value; above -1, so that the blended modulus stays
   /// above 0 wherever the tool moves meanwhile.
   double left_modulus = 0;
@@ -75,7 +79,7 @@ struct ComplianceState {
   double elapsed_s = 0;
   // values of the last tick; modulus 0: no deformable tissue was in contact
   double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0,
-         poissons_ratio = 0;
+         poissons_ratio = 0, strain_stiffening = 0;
 
   void hash_into(std::uint64_t& hash) const;
 };
@@ -89,6 +93,7 @@ struct ContactLaw {
   Vector<Patient> stiffening_slope = {};  ///< grad C
   double finite_N = 0;  ///< F1: force up to which the C term is C F^2; above 0 unless C is 0
   double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu
+  double strain_stiffening = 0;  ///< Exponent b, at least 0 (strain_stiffening.h)
 };
 
 /// Force of a sphere at a depth.
@@ -112,8 +117,10 @@ ContactLaw tissue_at(const LocalCompliance& spot);
 /// @param modulus_N_per_mm2  E* of the tissue there, used unless the frame has a value; above 0
 /// @param dt_s               length of the tick
 /// @param state              blending state, updated
+/// @param strain_stiffening  exponent b of the tissue there, used unless the frame is known
 ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
-                            double modulus_N_per_mm2, double dt_s, ComplianceState& state);
+                            double modulus_N_per_mm2, double dt_s, ComplianceState& state,
+                            double strain_stiffening = 0);
 
 /// Depth by which the C term reduces a sphere's: C F^2 up to F1. Beyond, its derivative with respect to F
 /// falls as F^(-2/3), as slowly as that of the thinnest layer's depth, so that the depth never folds back.
@@ -130,7 +137,9 @@ double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double f
 /// increases with the depth at every ratio of contact to thickness. The tangent stiffness is limited to
 /// `max_N_per_mm`: from there on the force is linear in the depth. The energy is that of this law. Where B
 /// and C vary along the surface, the tangential force (yield_aside) makes it conservative
-/// (docs/concepts/tissue.md). Bounded work; bit-identical in every build.
+/// (docs/concepts/tissue.md). Where the tissue stiffens with strain, all of this is multiplied by the factor
+/// of stiffened_contact() (strain_stiffening.h), and the limit of the tangent stiffness applies to the
+/// product. Bounded work; bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
 /// @param radius_mm  radius of the sphere; at least YieldSettings::min_radius_mm is used
 YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,

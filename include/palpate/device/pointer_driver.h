@@ -55,7 +55,7 @@ class PointerDriver final : public DeviceDriver {
   static constexpr double kMaxPressSpeed_mm_s = 100;
   /// Range of the depth of the tip below the position, device mm. Negative values compensate for a position
   /// below the rendered surface.
-  static constexpr double kMinPress_mm = -3, kMaxPress_mm = 6;
+  static constexpr double kMinPress_mm = -3, kMaxPress_mm = 15;
   /// Maximum depth while the rendered force is less than kWithheld of the requested one: there is no surface,
   /// or the force is withheld, and would return at once from a greater depth.
   static constexpr double kMaxSearch_mm = 1.5, kWithheld = 0.1;

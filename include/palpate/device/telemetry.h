@@ -86,7 +86,7 @@ struct ModelChange {
   static constexpr std::uint32_t kRedo = 0xfffffffc;
   /// Base value: plus the TissueLaw in effect from this version on
   static constexpr std::uint32_t kLaw = 0xfffffff0;
-  static constexpr std::uint32_t kLaws = 4;
+  static constexpr std::uint32_t kLaws = 5;
   std::uint32_t version = 0;  ///< One above the previous version
   std::uint32_t tissue = 0;   ///< Index of the tissue in the scene, from 0, or one of the codes above
   /// Properties of the tissue from this version on. For one of the law codes, the first is

@@ -42,7 +42,7 @@ std::string placement_warning(const LabelPlacement& placement);
 Result<void> check_placement(const LabelPlacement& placement, const std::filesystem::path& labels_file,
                              bool scan_is_cropped);
 
-/// A scene with its volumes read and its field prepared.
+/// A scene with its volumes read, and its field prepared if its method is a direct one.
 struct LoadedScene {
   Scene scene;
   std::shared_ptr<const Model> model;
@@ -146,8 +146,8 @@ Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Pr
 Result<SceneMemory> memory_of_scene_or_data_set(const SceneSource& source, const Progress& progress = {});
 
 /// Builds the Model of a scene from volumes already read, whose grids may differ. If no tissue is touchable
-/// its field is 0 everywhere. The model is ready for the trilinear method and for the scene's, except that
-/// the surfaces of the proxy are made by ready_for.
+/// its field is 0 everywhere. The model is ready for the scene's method if that is a direct one; the surfaces
+/// of the proxy are made by ready_for.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
                                                  const Progress& progress = {}, const Warn& warn = {},
                                                  const MemoryCallback& report_memory = {});
@@ -156,7 +156,8 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
                                                  const Volume<float>* scan, const Progress& progress = {},
                                                  const Warn& warn = {}, bool oriented = true);
 
-/// prepared_for (palpate/model/make_model.h) with results taken from the cache where available.
+/// prepared_for (palpate/model/make_model.h) with results taken from the cache where available. Errors: its
+/// own, and those of allow_memory (palpate/base/reading.h) for a field of the direct methods.
 Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
                                                std::span<const ForceMethod> methods,
                                                const Progress& progress = {});

@@ -60,6 +60,7 @@ inline constexpr std::array kHeaderForms{Word<HeaderForm>{HeaderForm::kQform, "q
 /// The last entry is the default of a scene that does not set the law.
 inline constexpr std::array kTissueLaws{
     Word<TissueLaw>{TissueLaw::kElastic, "elastic"}, Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
+    Word<TissueLaw>{TissueLaw::kExponential, "exponential"},
     Word<TissueLaw>{TissueLaw::kChainMail, "chainmail"}, Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
 template <class T, std::size_t kCount>
 constexpr T value_of(std::string_view name, const std::array<Word<T>, kCount>& words) {
@@ -211,6 +212,7 @@ double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeo
 struct TissuePreset {
   std::string name;  ///< Name, a choice of the key `preset`: bone, cartilage, muscle, liver, ...
   TissueSettings values;
+  std::array<double, 2> range_kPa{};         ///< Range of Young's modulus; 0 unless it yields
   std::string source;                        ///< Publication, its value, and the derivation of ours
   std::vector<std::string> kind_words;       ///< Lower-case words that denote the material of a structure
   std::vector<std::string> structure_names;  ///< Lower-case names of structures made of it

@@ -29,6 +29,7 @@ struct ElasticMaterial {
   Matter matter = Matter::kNone;
   double youngs_modulus_kPa = 0;  ///< If soft: in kElasticModulusRange
   double poissons_ratio = 0.45;   ///< If soft: 0 ... kMaxPoissonsRatio
+  double stiffening = 0;          ///< If soft: ElasticConstants::stiffening, 0 ... kMaxStiffening
   bool operator==(const ElasticMaterial&) const = default;
 };
 /// Errors: kBadInput, with the remedy, if a property is out of range.
@@ -73,6 +74,7 @@ struct ElasticCell {
   Matter matter = Matter::kNone;
   float fill = 0;            ///< Solid fraction; 0 if empty
   float mu = 0, lambda = 0;  ///< Lame's moduli of the whole cell, N/mm2; 0 unless it is soft
+  float stiffening = 0;  ///< ElasticConstants::stiffening, mean over the soft samples; 0 unless it is soft
   bool operator==(const ElasticCell&) const = default;
 };
 /// Intermediate state of a cell between two materials: its fill changes by at most `max_change`, while its
@@ -177,6 +179,8 @@ class ElasticGrid {
   /// Lame's moduli by the layout's cells, N/mm2.
   const ElasticValues& mu() const { return mu_; }
   const ElasticValues& lambda() const { return lambda_; }
+  /// ElasticConstants::stiffening by the layout's cells. Only finite deformation depends on it.
+  const ElasticValues& stiffening() const { return stiffening_; }
   /// Solid fraction of each cell, 0 ... 1.
   const ElasticValues& fill() const { return fill_; }
   /// Number of soft cells.
@@ -228,7 +232,7 @@ class ElasticGrid {
 
   ElasticBox box_;
   ElasticLayout layout_;
-  ElasticValues mu_, lambda_, fill_, springs_;
+  ElasticValues mu_, lambda_, stiffening_, fill_, springs_;
   std::vector<std::uint8_t> held_;  ///< By node_number()
   std::array<bool, 6> beyond_{};    ///< Faces given to set_boundary_springs()
   Eigen::Vector3d about_mm_ = Eigen::Vector3d::Zero();

@@ -21,7 +21,7 @@ class ElasticMixture {
 
  private:
   double samples_ = 0, rigid_ = 0, soft_ = 0;
-  double per_mu_ = 0, per_confined_ = 0;
+  double per_mu_ = 0, per_confined_ = 0, stiffening_ = 0;  // sums over soft samples, weighted by fill
 };
 
 /// Samples labels at evenly spaced points in each cell of a box.

@@ -39,13 +39,14 @@ struct SuiteReport {
 /// Names of the suites with a one-line description each.
 std::vector<std::pair<std::string, std::string>> verification_suites();
 
-/// User options of a suite; all of them apply to `latency`, none to the others.
+/// User options of a suite. `curves` applies to `outside` and is required there; all others to `latency`.
 struct SuiteOptions {
   std::optional<double> seconds;  ///< Duration of each loop at each rate, 0.05 ... 3600; default 3
   /// Busy-wait of both loops before every tick (LoopSettings::spin_s); default 0
   std::optional<double> spin_us;
-  std::optional<double> rate_hz;     ///< Single rate instead of 1, 2, 4, 8, 10 kHz
-  std::optional<std::string> scene;  ///< Catalogue name or scene file; default knee-phantom
+  std::optional<double> rate_hz;                ///< Single rate instead of 1, 2, 4, 8, 10 kHz
+  std::optional<std::string> scene;             ///< Catalogue name or scene file; default knee-phantom
+  std::optional<std::filesystem::path> curves;  ///< Measured indentation curves (docs/guide/fit.md)
 };
 /// Runs a suite. Errors: kUsage for an unknown suite, with the names of the known ones, and for an option out
 /// of range or not applicable; those of loading the scene; kInterrupted.

@@ -429,16 +429,16 @@ TEST(Cancellation, AFlagOfTheThreadEndsALongCall) {
   std::uint8_t flag = 1;
   plp_set_cancel_flag(&flag);
   plp_model* model = nullptr;
-  EXPECT_EQ(plp_model_load("knee-phantom:spacing=4", nullptr, nullptr, &model), PLP_INTERRUPTED);
+  EXPECT_EQ(plp_model_load("knee-phantom:spacing=3", nullptr, nullptr, &model), PLP_INTERRUPTED);
   EXPECT_EQ(model, nullptr);
   // another thread has none
   std::thread([] {
     plp_model* other = nullptr;
-    EXPECT_EQ(plp_model_load("knee-phantom:spacing=4", nullptr, nullptr, &other), PLP_OK);
+    EXPECT_EQ(plp_model_load("knee-phantom:spacing=3", nullptr, nullptr, &other), PLP_OK);
     plp_model_destroy(other);
   }).join();
   flag = 0;
-  EXPECT_EQ(plp_model_load("knee-phantom:spacing=4", nullptr, nullptr, &model), PLP_OK);
+  EXPECT_EQ(plp_model_load("knee-phantom:spacing=3", nullptr, nullptr, &model), PLP_OK);
   plp_model_destroy(model);
   plp_set_cancel_flag(nullptr);
 }

@@ -79,8 +79,9 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
   const double per_multiplier = 1 / pressed.multiplier_mm;
   const Point<Patient> at = tool.proxy + foot.arm_mm;
-  ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
-                                       pressed.modulus * per_multiplier, options.dt_s, yield);
+  ContactLaw tissue =
+      blend_compliance(frame != nullptr ? frame->number : 0, spot, at, pressed.modulus * per_multiplier,
+                       options.dt_s, yield, pressed.strain_stiffening * per_multiplier);
   tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
   DeformableForce force;
   if (!(foot.depth_mm > 0)) return force;

@@ -13,7 +13,7 @@ namespace palpate {
 /// contacts' multipliers.
 struct DeformableContact {
   double multiplier_mm = 0;
-  double modulus = 0, radius_mm = 0;
+  double modulus = 0, strain_stiffening = 0, radius_mm = 0;
   Vector<Patient> arm_mm;  ///< From the tip
   RelaxedParts relaxed;
 
@@ -21,6 +21,7 @@ struct DeformableContact {
   void add(double multiplier, const ContactSurface& structure, const Vector<Patient>& arm, double radius) {
     multiplier_mm += multiplier;
     modulus += multiplier * structure.yield_modulus_N_per_mm2;
+    strain_stiffening += multiplier * structure.strain_stiffening;
     radius_mm += multiplier * radius;
     arm_mm += arm * multiplier;
     relaxed.add(structure.relaxed, multiplier);

@@ -129,7 +129,8 @@ void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgres
   work.friction.clear();
   progress.steepest = work.pairs.steepest();
   progress.left_mm = std::min(part_mm, work.pairs.reach_mm());
-  progress.ungathered_mm -= part_mm;
+  // the part ends earlier where the set of pairs is full
+  progress.ungathered_mm -= progress.left_mm;
 }
 
 // Pushes a proxy that starts inside surfaces out of them, at most by kMaxPushOut_mm, and gathers again at the
@@ -275,10 +276,13 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
   const double free_mm = gather_constraints(work.pairs, layer.position, work.constraints);
   if (work.constraints.count() > 0) progress.friction.begin_contact(layer.position);
   progress.at_limit = false;
-  // a discarded attempt must not release static friction: every attempt starts from this state
+  // a discarded attempt must neither release static friction nor extend the displacement limit: every attempt
+  // starts from this state
   const FrictionState friction = progress.friction;
+  const DisplacementLimit limit = progress.limit;
   for (int attempt = 0; attempt < kProxySettings.max_attempts; ++attempt) {
     progress.friction = friction;
+    progress.limit = limit;
     const auto solution = solve(in, layer, friction, work, cache.owners);
     if (!solution) {
       progress.wedged = true;
@@ -300,6 +304,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
     return try_step(in, end, layer, progress, work);
   }
   progress.friction = friction;
+  progress.limit = limit;
   return retry_shorter(in, layer, cache.owners, progress, work);
 }
 

@@ -779,6 +779,27 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   EXPECT_NEAR(run.result.force_N.z(), 0.3, 0.01) << "closed again";
 }
 
+TEST(ProxyLayers, HoleOfAnInnerStructureIsAsLongAsItsOwnProxyWent) {
+  // a membrane of 1 mm in soft tissue that is not punctured
+  ProxyRun run = layered(0.05, 1, [](const Eigen::Vector3d& p) { return std::abs(p.z() + 4) - 0.5; });
+  run.surfaces[1].puncture_N = 0.5;
+  run.surfaces[1].stays_open = true;
+  run.spheres = {{{}, 0.5}};
+  run.at({0, 0, 4});
+  run.lead({0, 0, 4}, {0, 0, -7}, 0.02);
+  ASSERT_EQ(run.holes.all().size(), 1u);
+  EXPECT_EQ(run.state.layer(0).punctured, SurfaceSet());
+  EXPECT_NEAR(run.holes.all()[0].length_mm, 2.2, 0.1) << "membrane, tool, and distance at which it closes";
+  // back through the same hole, without its puncture force
+  double max_N = 0;
+  for (double z_mm = -7; z_mm < -2; z_mm += 0.02) {
+    run.at({0, 0, z_mm});
+    max_N = std::max(max_N, -run.result.force_N.z());
+  }
+  EXPECT_LT(max_N, 0.1);
+  EXPECT_EQ(run.holes.all().size(), 1u);
+}
+
 TEST(ProxyLayers, TipStartingInsideIsUnconstrained) {
   ProxyRun run = layered(0.1, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 4; });
   run.at({0, 0, -2});
@@ -1081,6 +1102,37 @@ TEST(Proxy, NewConstraintOnThePathKeepsSticking) {
     EXPECT_TRUE(run.state.sticking);
     EXPECT_NEAR(run.state.position.y(), 0, 1e-3);
   }
+}
+
+TEST(Proxy, DiscardedAttemptDoesNotExtendTheDisplacementLimit) {
+  // Sticking on a floor in front of a wall, pulled towards it until static friction would release the proxy.
+  // That attempt penetrates the wall and is discarded, and in the notch the proxy sticks: its distance to the
+  // goal is slip.
+  constexpr double kBeforeWall_mm = 0.06, kTick_mm = 0.01, kStiffness_N_per_mm = 2;
+  ProxyRun run = on_floor(1, 0.1, kStiffness_N_per_mm);
+  run.surfaces.push_back(make_contact_surface(
+      cube_grid(10, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return kBeforeWall_mm - p.x(); }));
+  run.surfaces[1].stiffness_N_per_mm = kStiffness_N_per_mm;
+  run.surfaces[1].static_friction = 1;
+  run.surfaces[1].friction = 0.1;
+  run.lead({0, 0, 3}, {0, 0, -1}, 0.1);
+  ASSERT_TRUE(run.state.sticking);
+  const double max_N = kStiffness_N_per_mm * kTick_mm + kProxySettings.max_slip_N_per_s * run.dt_s + 1e-6;
+  for (double x_mm = 0; x_mm < 1.5; x_mm += kTick_mm) {
+    const Vector<Patient> before_N = run.result.force_N;
+    run.at({x_mm, 0, -1});
+    ASSERT_LE((run.result.force_N - before_N).norm(), max_N) << x_mm;
+  }
+  EXPECT_NEAR(run.state.position.x(), kBeforeWall_mm, 0.01) << "it has come to the wall";
+}
+
+TEST(Proxy, FullSetOfPairsDoesNotShortenThePath) {
+  ProxyRun run;
+  run.surfaces.assign(40, make_contact_surface(cube_grid(10, {0.5, 0.5, 0.5}),
+                                               [](const Eigen::Vector3d& p) { return p.x() + 4; }));
+  run.at({0, -4.5, 0});
+  run.at({0, 4.5, 0});
+  EXPECT_EQ(run.state.position, Point<Patient>(0, 4.5, 0)) << "in the same tick";
 }
 
 TEST(Proxy, TipStartingInsideIsUnconstrainedUntilFree) {

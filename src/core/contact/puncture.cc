@@ -36,8 +36,8 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
   }
 }
 
-// Extends the permanent holes of punctured structures along the tool. A structure that is not punctured is
-// opened without force if all its contacts fit into its holes.
+// Extends the permanent holes of punctured structures along the tool at the proxy of their layer. A structure
+// that is not punctured is opened without force if all its contacts fit into its holes.
 void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                  const ToolPose& hand, ProxyState& state, Holes& holes) {
   std::array<int, Holes::kMost> structures;
@@ -49,11 +49,11 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
   }
   for (const int structure : std::span(structures).first(count)) {
     const auto s = static_cast<std::size_t>(structure);
-    if (state.layer(surfaces[s].layer).punctured[s]) {
-      const TurnedTool held(spheres, hand.attitude, state.attitude);
+    if (const ProxyLayer& layer = state.layer(surfaces[s].layer); layer.punctured[s]) {
+      const TurnedTool held(spheres, hand.attitude, layer.attitude);
       for (const ToolSphere& sphere : held.spheres())
         for (const double end : {0.0, 1.0})
-          holes.extend(structure, state.position + sphere.offset_mm + sphere.along_mm * end);
+          holes.extend(structure, layer.position + sphere.offset_mm + sphere.along_mm * end);
       continue;
     }
     bool in_contact = false, fits = true;

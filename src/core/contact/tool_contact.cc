@@ -172,7 +172,7 @@ double max_deformable_stiffness_N_per_mm(const Model& model) {
   if (!is_elastic(model.tissue_law)) return kUnlimited;
   const Tissue* stiffest = nullptr;
   for (const Tissue& tissue : model.tissues)
-    if (tissue.path && (stiffest == nullptr || tissue.stiffness_N_per_mm > stiffest->stiffness_N_per_mm))
+    if (tissue.touchable && (stiffest == nullptr || tissue.stiffness_N_per_mm > stiffest->stiffness_N_per_mm))
       stiffest = &tissue;
   return stiffest == nullptr || model.is_deformable(*stiffest) ? kUnlimited : stiffest->stiffness_N_per_mm;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "contact/sphere_law.h"
+#include "contact/stiffened_law.h"
 #include "palpate/base/cube_root.h"
 #include "palpate/base/hash.h"
 
@@ -51,6 +52,8 @@ std::uint64_t ComplianceFrame::hash() const {
           one.surroundings_mm_per_N, one.surroundings_per_compliance})
       hash_double(hash, value);
     one.relaxed.hash_into(hash);
+    // tissue without stiffening adds nothing to the hash
+    if (one.strain_stiffening > 0) hash_double(hash, one.strain_stiffening);
     // the linear law adds nothing to the hash
     if (!one.is_finite()) continue;
     hash_double(hash, one.finite_N);
@@ -72,6 +75,9 @@ void ComplianceState::hash_into(std::uint64_t& hash) const {
   for (const double value : {left_mm_per_N, left_modulus, left_poissons_ratio, elapsed_s,
                              surroundings_mm_per_N, modulus_N_per_mm2, poissons_ratio})
     hash_double(hash, value);
+  // tissue without stiffening adds nothing to the hash
+  if (strain_stiffening != 0 || left_strain_stiffening != 0)
+    for (const double value : {strain_stiffening, left_strain_stiffening}) hash_double(hash, value);
   // the linear law adds nothing to the hash
   if (finite_N == 0 && left_N == 0) return;
   for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N})
@@ -82,6 +88,7 @@ ContactLaw tissue_at(const LocalCompliance& spot) {
   ContactLaw tissue{spot.surroundings_mm_per_N, spot.slope_per_N * spot.surroundings_per_compliance,
                     spot.modulus_N_per_mm2};
   tissue.poissons_ratio = spot.poissons_ratio;
+  tissue.strain_stiffening = spot.strain_stiffening;
   if (!spot.is_finite()) return tissue;
   tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
   tissue.stiffening_slope = spot.stiffening_slope;
@@ -90,9 +97,11 @@ ContactLaw tissue_at(const LocalCompliance& spot) {
 }
 
 ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
-                            double modulus_N_per_mm2, double dt_s, ComplianceState& state) {
+                            double modulus_N_per_mm2, double dt_s, ComplianceState& state,
+                            double strain_stiffening) {
   ContactLaw tissue;
   tissue.modulus_N_per_mm2 = modulus_N_per_mm2;
+  tissue.strain_stiffening = spot.is_known() ? spot.strain_stiffening : strain_stiffening;
   if (spot.is_known()) {
     const double reported = spot.compliance_mm_per_N;
     const double on = reported + spot.slope_per_N.dot(at - spot.at);
@@ -114,13 +123,14 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   // a new contact has no previous values to blend with
   if (state.modulus_N_per_mm2 == 0) {
     state.left_mm_per_N = state.left_modulus = state.left_mm_per_N2 = state.left_N = 0;
-    state.left_poissons_ratio = 0;
+    state.left_poissons_ratio = state.left_strain_stiffening = 0;
   } else if (frame != state.frame) {
     state.left_mm_per_N = state.surroundings_mm_per_N - tissue.surroundings_mm_per_N;
     state.left_modulus = state.modulus_N_per_mm2 / tissue.modulus_N_per_mm2 - 1;
     state.left_mm_per_N2 = state.stiffening_mm_per_N2 - tissue.stiffening_mm_per_N2;
     state.left_N = state.finite_N - tissue.finite_N;
     state.left_poissons_ratio = state.poissons_ratio - tissue.poissons_ratio;
+    state.left_strain_stiffening = state.strain_stiffening - tissue.strain_stiffening;
     state.elapsed_s = 0;
   }
   state.frame = frame;
@@ -131,15 +141,18 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   tissue.stiffening_mm_per_N2 += left * state.left_mm_per_N2;
   tissue.finite_N += left * state.left_N;
   tissue.poissons_ratio += left * state.left_poissons_ratio;
+  tissue.strain_stiffening += left * state.left_strain_stiffening;
   state.surroundings_mm_per_N = tissue.surroundings_mm_per_N;
   state.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   state.stiffening_mm_per_N2 = tissue.stiffening_mm_per_N2;
   state.finite_N = tissue.finite_N;
   state.poissons_ratio = tissue.poissons_ratio;
+  state.strain_stiffening = tissue.strain_stiffening;
   return tissue;
 }
 
 YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm, double max_N_per_mm) {
+  if (tissue.strain_stiffening > 0) return stiffened_force(tissue, depth_mm, radius_mm, max_N_per_mm);
   YieldForce force;
   if (!(depth_mm > 0)) return force;
   const SphereLaw law(tissue, radius_mm);
@@ -167,11 +180,14 @@ YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_
 
 TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N, double radius_mm,
                                    double max_N_per_mm) {
+  if (tissue.strain_stiffening > 0) return stiffened_aside(tissue, force_N, radius_mm, max_N_per_mm);
   const auto sum = integrals_of(tissue, force_N, radius_mm, max_N_per_mm);
   return {sum.of_surroundings_N2, sum.of_stiffening_N3};
 }
 
 double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm, double max_N_per_mm) {
+  if (tissue.strain_stiffening > 0)
+    return stiffened_complementary_mJ(tissue, force_N, radius_mm, max_N_per_mm);
   return integrals_of(tissue, force_N, radius_mm, max_N_per_mm).depth_mJ;
 }
 

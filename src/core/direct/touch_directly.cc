@@ -83,7 +83,7 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   }
   insertion_sort(std::span(tool.contacts).first(reported),
                  [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
-  tool.touchable[0] = {tool.strongest.site.label, tool.strongest.site.depth_mm, 1};
+  tool.path[0] = {tool.strongest.site.label, tool.strongest.site.depth_mm, 1};
   return tool;
 }
 

@@ -199,7 +199,10 @@ Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw l
   if (auto fine = check_law(current, law); !fine) return fine.error();
   auto next = std::make_shared<Model>(current);
   next->tissue_law = law;
-  if (!has_other_surfaces(current, law)) return std::shared_ptr<const Model>(std::move(next));
+  if (!has_other_surfaces(current, law)) {
+    set_strain_stiffening(*next);
+    return std::shared_ptr<const Model>(std::move(next));
+  }
   auto times = relaxation_times_of(current.tissues, law);
   if (!times) return times.error();
   next->relaxation_times = *times;

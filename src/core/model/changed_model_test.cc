@@ -253,7 +253,7 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
   // the coarser cells of a slower machine are part of the change
   const auto coarser = next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, 1.6));
   ASSERT_TRUE(coarser.ok());
-  EXPECT_EQ(coarser->touchable->tissue_coarsened, 1.6);
+  EXPECT_EQ(coarser->current->tissue_coarsened, 1.6);
   for (const double none : {-1.0, 0.5, 2.5, std::nan(""), 1e300})
     EXPECT_FALSE(
         next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, none)).ok());

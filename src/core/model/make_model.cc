@@ -39,8 +39,8 @@ template <class... Values>
 void hash_values(std::uint64_t& hash, const Values&... values);
 
 void hash_value(std::uint64_t& hash, const ElasticConstants& elastic) {
-  const auto& [youngs_modulus_kPa, poissons_ratio] = elastic;
-  hash_values(hash, youngs_modulus_kPa, poissons_ratio);
+  const auto& [youngs_modulus_kPa, poissons_ratio, stiffening] = elastic;
+  hash_values(hash, youngs_modulus_kPa, poissons_ratio, stiffening);
 }
 void hash_value(std::uint64_t& hash, const Relaxation& relaxation) {
   for (const auto& [part, time_s] : relaxation.term) hash_values(hash, part, time_s);
@@ -154,7 +154,8 @@ Result<void> check_elastic(const ModelParts& parts) {
   for (const Tissue& tissue : parts.tissues) {
     if (!tissue.elastic) continue;
     const ElasticConstants& of = *tissue.elastic;
-    if (auto fine = check_elastic_material({Matter::kSoft, of.youngs_modulus_kPa, of.poissons_ratio});
+    if (auto fine =
+            check_elastic_material({Matter::kSoft, of.youngs_modulus_kPa, of.poissons_ratio, of.stiffening});
         !fine) {
       Error error = fine.error();
       error.what = "tissue \"" + tissue.name + "\" has " + error.what;

@@ -246,7 +246,16 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
   more->protected_structures = *std::move(spared);
   more->surfaces = *std::move(surfaces);
   more->label_of_surface = touchable;
+  set_strain_stiffening(*more);
   return std::shared_ptr<const Model>(std::move(more));
+}
+
+void set_strain_stiffening(Model& model) {
+  const bool stiffens = model.tissue_law == TissueLaw::kExponential;
+  for (std::size_t n = 0; n < model.label_of_surface.size(); ++n) {
+    const auto& elastic = model.tissue_of(model.label_of_surface[n])->elastic;
+    model.surfaces[n].strain_stiffening = stiffens && elastic ? elastic->stiffening : 0;
+  }
 }
 
 Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,

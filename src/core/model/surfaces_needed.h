@@ -20,6 +20,10 @@ Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, co
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
                                                    const Preparing& preparing, const Progress& progress);
 
+/// Sets ContactSurface::strain_stiffening of the structures' surfaces to that of their tissues under the
+/// model's law.
+void set_strain_stiffening(Model& model);
+
 /// Relaxation times of the tissues that are deformable under a law. Errors: kBadInput for an invalid series,
 /// or more different times than supported.
 Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, TissueLaw law);

@@ -221,6 +221,19 @@ TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
   EXPECT_FALSE(cuts(clutched));
 }
 
+TEST(BurrTick, NothingIsCutWithAForceGainOfZero) {
+  for (const double max_force_N : {10.0, 0.0}) {
+    LedSession led;
+    led.parameters.device[0].force_gain = 0;
+    led.parameters.max_force_N = max_force_N;
+    led.lead_to(led.above(-1), 200);
+    led.lead_to(led.device.tip, 200);
+    EXPECT_EQ(led.burr().removed_mm3, 0);
+    EXPECT_FALSE(led.carve());
+    EXPECT_EQ(led.wrench.force_N, Vector<World>());
+  }
+}
+
 TEST(BurrTick, WhatWasSweptBeforeAJumpIsStillCarved) {
   LedSession led;
   led.lead_to(led.above(0.2), 50);

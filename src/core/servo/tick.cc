@@ -193,7 +193,8 @@ bool outside(const Bricks<LabelId>& labels, const Point<Patient>& x) {
 // without haptic feedback.
 MotorState motor_of(const SharedInputs& shared, const DeviceInputs& in, const Tool& tool,
                     const OutputRequest& request, const OutputState& output) {
-  if (!tool.burr) return {};
+  // a gain of 0 renders no force at all
+  if (!tool.burr || !(in.own.force_gain > 0)) return {.stroke = shared.stroke};
   const bool is_on = tool.motor_is_on(shared.parameters.motor, in.state.buttons);
   const bool is_rendered = !request.off && request.faults == 0 && output.gain == 1 && !output.in_dropout;
   const double limit_N = next_limit_N(in.own.limits, in.max_force_N, shared.tick.dt_s, output);

@@ -10,6 +10,7 @@
 #include "palpate/tissue/chain_mail.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
+#include "tissue/relaxation_weights.h"
 #include "tissue/trilinear_weights.h"
 #include "tissue/yield_cells.h"
 
@@ -86,7 +87,7 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     patch.add(1, load_N);
     ElasticSolver(grid).solve(load_N, unit_mm, kMaxIterations, kConverged);
     double force_N = pressed_N;
-    if (model.relaxation_times.any()) {
+    if (RelaxationWeights::matter_to(model)) {
       LocalCompliance spot;
       spot.compliance_mm_per_N = patch.displacement(unit_mm);
       spot.modulus_N_per_mm2 = patch.contact_modulus();

@@ -28,6 +28,9 @@ Result<void> check_elastic_material(const ElasticMaterial& material) {
                  "give 0.1 to 100000 kPa, or call the tissue rigid"};
   if (!(nu >= 0 && nu <= kMaxPoissonsRatio))
     return Error{ErrorKind::kBadInput, "a Poisson's ratio of " + std::to_string(nu), "", "give 0 to 0.495"};
+  if (!(material.stiffening >= 0 && material.stiffening <= kMaxStiffening))
+    return Error{ErrorKind::kBadInput, "a stiffening of " + std::to_string(material.stiffening), "",
+                 "give 0 to 100; 0: none"};
   return {};
 }
 
@@ -69,7 +72,7 @@ ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double max_ch
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
   const double part = fill / solid.fill;
   return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(part * solid.mu),
-          static_cast<float>(part * solid.lambda)};
+          static_cast<float>(part * solid.lambda), solid.stiffening};
 }
 
 ElasticGrid::ElasticGrid(const ElasticBox& box)
@@ -77,6 +80,7 @@ ElasticGrid::ElasticGrid(const ElasticBox& box)
       layout_(box.cells),
       mu_(layout_.cell_values() + ElasticLayout::kSpare, 0.0f),
       lambda_(mu_.size(), 0.0f),
+      stiffening_(mu_.size(), 0.0f),
       fill_(mu_.size(), 0.0f),
       springs_(layout_.node_values() + ElasticLayout::kSpare, 0.0f),
       held_(layout_.node_values() / 3 + ElasticLayout::kSpare, kNoNode) {
@@ -86,7 +90,7 @@ ElasticGrid::ElasticGrid(const ElasticBox& box)
 ElasticCell ElasticGrid::cell(int i, int j, int k) const {
   const std::size_t n = layout_.cell(i, j, k);
   const Matter matter = mu_[n] > 0 ? Matter::kSoft : fill_[n] > 0 ? Matter::kRigid : Matter::kNone;
-  return {matter, fill_[n], mu_[n], lambda_[n]};
+  return {matter, fill_[n], mu_[n], lambda_[n], stiffening_[n]};
 }
 
 bool ElasticGrid::set_cells(const CellBox& cells, const std::function<ElasticCell(int, int, int)>& made) {
@@ -98,6 +102,7 @@ bool ElasticGrid::set_cells(const CellBox& cells, const std::function<ElasticCel
     fill_[n] = cell.fill;
     mu_[n] = cell.mu;
     lambda_[n] = cell.lambda;
+    stiffening_[n] = cell.stiffening;
   });
   set_springs(cells);
   return set_nodes(cells) || other;

@@ -285,6 +285,124 @@ void neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base, c
       });
 }
 
+// e^x by Cody and Waite's reduction and a Taylor polynomial: no library function is bit-identical everywhere.
+// x is limited to the range of finite results with finite squares.
+HWY_INLINE V exponential_of(V x) {
+  const D d;
+  const hn::RebindToSigned<D> whole;
+  constexpr float kMax = 40, kPerLog2 = 1.44269504f, kLog2High = 0.693359375f, kLog2Low = -2.12194440e-4f;
+  constexpr int kBias = 127, kMantissaBits = 23;
+  x = hn::Min(hn::Max(x, hn::Set(d, -kMax)), hn::Set(d, kMax));
+  const V n = hn::Round(hn::Mul(x, hn::Set(d, kPerLog2)));
+  const V r = hn::Sub(hn::Sub(x, hn::Mul(n, hn::Set(d, kLog2High))), hn::Mul(n, hn::Set(d, kLog2Low)));
+  V sum = hn::Set(d, 1.0f / 720);
+  for (const float coefficient : {1.0f / 120, 1.0f / 24, 1.0f / 6, 0.5f, 1.0f, 1.0f})
+    sum = hn::Add(hn::Mul(sum, r), hn::Set(d, coefficient));
+  const auto exponent = hn::Add(hn::ConvertTo(whole, n), hn::Set(whole, kBias));
+  return hn::Mul(sum, hn::BitCast(d, hn::ShiftLeft<kMantissaBits>(exponent)));
+}
+
+// neo-Hookean p of a vector of cells and the factor exp(x) of their stiffening
+struct Stiffened {
+  V factor;
+  V per_mu;        ///< 1 / mu; finite where there is no tissue
+  V stress[3][3];  ///< q / 4 h of the modes x, y, z: [mode][component]
+};
+
+HWY_INLINE Stiffened stiffened(V mu, V lambda, V b, V per_edge, const Matrix& f, const Matrix& c, V volume,
+                               const V* x, const V* y, const V* z) {
+  const D d;
+  const V one = hn::Set(d, 1.0f), bulk = hn::Add(lambda, mu), change = hn::Sub(volume, one);
+  Stiffened to;
+  to.per_mu = hn::Div(one, hn::Max(mu, hn::Set(d, 1e-30f)));
+  const V s = hn::Sub(hn::Mul(bulk, change), mu);
+  V squares = hn::Set(d, -3.0f), unseen = hn::Zero(d);
+  for (int a = 0; a < 3; ++a)
+    for (int n = 0; n < 3; ++n) {
+      to.stress[a][n] = hn::Add(hn::Mul(mu, f.at[a][n]), hn::Mul(s, c.at[a][n]));
+      squares = hn::Add(squares, hn::Mul(f.at[a][n], f.at[a][n]));
+    }
+  for (const int m : {3, 5, 6, 7})
+    for (const V* const component : {x, y, z}) unseen = hn::Add(unseen, hn::Mul(component[m], component[m]));
+  unseen = hn::Mul(hn::Mul(unseen, hn::Set(d, kHourglass)), hn::Mul(per_edge, per_edge));
+  const V volumetric = hn::Mul(hn::Mul(bulk, to.per_mu), hn::Mul(change, change));
+  const V energy = hn::Add(hn::Add(hn::Sub(squares, hn::Add(change, change)), volumetric), unseen);
+  to.factor = exponential_of(hn::Mul(b, energy));
+  return to;
+}
+
+void exponential(const Cells& cells, float cell_mm, const float* displacement, float* force, float* volumes) {
+  const D d;
+  const V edges = hn::Set(d, 4 * cell_mm), per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
+  for_each_vector(cells, displacement, force,
+                  [&](const NodeRows&, std::size_t, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+                    const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+                    const Matrix f = deformation(x, y, z, per_edge), c = cofactors(f);
+                    const V volume = determinant(f, c);
+                    const Stiffened q = stiffened(mu, lambda, hn::Load(d, cells.stiffening + cell), per_edge,
+                                                  f, c, volume, x, y, z);
+                    V* const component[3] = {x, y, z};
+                    for (int a = 0; a < 3; ++a)
+                      for (int n = 0; n < 3; ++n)
+                        component[n][1 << a] = hn::Mul(q.factor, hn::Mul(edges, q.stress[a][n]));
+                    hourglass_forces(hn::Mul(q.factor, mu), x, y, z);
+                    hn::Store(hn::IfThenElse(hn::Gt(mu, hn::Zero(d)), volume, one), d, volumes + cell);
+                  });
+}
+
+void exponential_tangent(const Cells& cells, float cell_mm, const float* base, const float* displacement,
+                         float* force) {
+  const D d;
+  const std::size_t row = static_cast<std::size_t>(cells.layout.row);
+  const V edges = hn::Set(d, 4 * cell_mm), per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
+  for_each_vector(
+      cells, displacement, force,
+      [&](const NodeRows& rows, std::size_t i, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+        V base_of[3][8];
+        for (std::size_t n = 0; n < 3; ++n) transform(base, rows, n * row + i, base_of[n]);
+        const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell),
+                b = hn::Load(d, cells.stiffening + cell);
+        const Matrix f = deformation(base_of[0], base_of[1], base_of[2], per_edge), c = cofactors(f);
+        const V volume = determinant(f, c), bulk = hn::Add(lambda, mu);
+        const Stiffened q =
+            stiffened(mu, lambda, b, per_edge, f, c, volume, base_of[0], base_of[1], base_of[2]);
+        const V s = hn::Sub(hn::Mul(bulk, hn::Sub(volume, one)), mu);
+        Matrix g;
+        V change = hn::Zero(d), work = hn::Zero(d);
+        V* const component[3] = {x, y, z};
+        for (int a = 0; a < 3; ++a)
+          for (int n = 0; n < 3; ++n) {
+            g.at[a][n] = component[n][1 << a];
+            change = hn::Add(change, hn::Mul(c.at[a][n], g.at[a][n]));
+            work = hn::Add(work, hn::Mul(q.stress[a][n], g.at[a][n]));
+          }
+        // hourglass modes: q = kHourglass mu w
+        const V stiff = hn::Mul(mu, hn::Set(d, kHourglass));
+        V unseen = hn::Zero(d);
+        for (const int m : {3, 5, 6, 7})
+          for (int n = 0; n < 3; ++n) unseen = hn::Add(unseen, hn::Mul(base_of[n][m], component[n][m]));
+        work = hn::Add(work, hn::Mul(hn::Mul(stiff, unseen), per_edge));
+        // dx, with work = sum q . dw / 4 h
+        const V steeper = hn::Mul(hn::Mul(hn::Add(b, b), q.per_mu), hn::Mul(work, per_edge));
+        const V pressure = hn::Mul(bulk, change);
+        for (int a = 0; a < 3; ++a) {
+          const int next = (a + 1) % 3, last = (a + 2) % 3;
+          for (int n = 0; n < 3; ++n) {
+            const V turned =
+                hn::Add(cross_part(g.at[next], f.at[last], n), cross_part(f.at[next], g.at[last], n));
+            const V neo_hookean =
+                hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])), hn::Mul(s, turned));
+            component[n][1 << a] =
+                hn::Mul(q.factor, hn::Add(neo_hookean, hn::Mul(steeper, hn::Mul(edges, q.stress[a][n]))));
+          }
+        }
+        for (const int m : {3, 5, 6, 7})
+          for (int n = 0; n < 3; ++n)
+            component[n][m] =
+                hn::Mul(hn::Mul(q.factor, stiff), hn::Add(component[n][m], hn::Mul(steeper, base_of[n][m])));
+      });
+}
+
 }  // namespace palpate::internal::elastic::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -294,6 +412,8 @@ namespace palpate::internal::elastic {
 HWY_EXPORT(linear);
 HWY_EXPORT(neo_hookean);
 HWY_EXPORT(neo_hookean_tangent);
+HWY_EXPORT(exponential);
+HWY_EXPORT(exponential_tangent);
 
 void apply_linear(const Cells& cells, const float* displacement, float* force) {
   HWY_DYNAMIC_DISPATCH(linear)(cells, displacement, force);
@@ -307,6 +427,16 @@ void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacem
 void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
                                const float* displacement, float* force) {
   HWY_DYNAMIC_DISPATCH(neo_hookean_tangent)(cells, cell_mm, base, displacement, force);
+}
+
+void apply_exponential(const Cells& cells, float cell_mm, const float* displacement, float* force,
+                       float* volumes) {
+  HWY_DYNAMIC_DISPATCH(exponential)(cells, cell_mm, displacement, force, volumes);
+}
+
+void apply_exponential_tangent(const Cells& cells, float cell_mm, const float* base,
+                               const float* displacement, float* force) {
+  HWY_DYNAMIC_DISPATCH(exponential_tangent)(cells, cell_mm, base, displacement, force);
 }
 
 }  // namespace palpate::internal::elastic

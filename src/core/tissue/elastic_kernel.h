@@ -14,6 +14,7 @@ struct Cells {
   ElasticLayout layout;
   const float* mu;
   const float* lambda;
+  const float* stiffening;   ///< ElasticConstants::stiffening by cell; read by the exponential law alone
   const std::uint8_t* held;  ///< Constraint bits by node; null: nothing is held
   float* scratch;            ///< scratch_floats(layout) values
 };
@@ -31,6 +32,13 @@ void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacem
                        float* volumes);
 /// Derivative of these forces at `base` in the direction of a small displacement.
 void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
+                               const float* displacement, float* force);
+
+/// The same two of a body that stiffens with strain by Fung's exponential law (ElasticConstants::stiffening).
+/// Cells without stiffening are neo-Hookean to the bit.
+void apply_exponential(const Cells& cells, float cell_mm, const float* displacement, float* force,
+                       float* volumes);
+void apply_exponential_tangent(const Cells& cells, float cell_mm, const float* base,
                                const float* displacement, float* force);
 
 }  // namespace palpate::internal::elastic

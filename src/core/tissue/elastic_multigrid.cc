@@ -92,10 +92,11 @@ double dot(const ElasticValues& a, const ElasticValues& b) {
 }
 
 Operator::Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu,
-                   const ElasticValues& lambda, const ElasticValues& springs, std::vector<std::uint8_t> held)
+                   const ElasticValues& lambda, const ElasticValues& springs, std::vector<std::uint8_t> held,
+                   const ElasticValues& stiffening)
     : held_(std::move(held)), cell_mm_(static_cast<float>(cell_mm)) {
   make_room(layout);
-  change(mu, lambda, springs, held_, {{0, 0, 0}, layout.cells});
+  change(mu, lambda, springs, held_, {{0, 0, 0}, layout.cells}, stiffening);
 }
 
 void Operator::make_room(const ElasticLayout& layout) {
@@ -110,7 +111,8 @@ void Operator::make_room(const ElasticLayout& layout) {
 }
 
 void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
-                      const std::vector<std::uint8_t>& held, const CellBox& box) {
+                      const std::vector<std::uint8_t>& held, const CellBox& box,
+                      const ElasticValues& stiffening) {
   const float scale = static_cast<float>(static_cast<double>(cell_mm_) / 16);
   for_each_cell(box, [&](int i, int j, int k) {
     const std::size_t cell = layout_.cell(i, j, k);
@@ -118,6 +120,9 @@ void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, cons
     lambda_[cell] = lambda[cell] * scale;
     // resets cells that are no longer, or not yet, soft
     volumes_[cell] = 1;
+    const float exponent = stiffening.empty() ? 0 : stiffening[cell];
+    if (exponent > 0 && stiffening_.empty()) stiffening_.assign(mu_.size(), 0.0f);
+    if (!stiffening_.empty()) stiffening_[cell] = exponent;
   });
   for_each_node(box, [&](int i, int j, int k) {
     held_[node_number(layout_, i, j, k)] = held[node_number(layout_, i, j, k)];
@@ -252,7 +257,7 @@ std::size_t Operator::free_values() const {
 }
 
 Cells Operator::cells(const std::uint8_t* held) {
-  return {layout_, mu_.data(), lambda_.data(), held, scratch_.data()};
+  return {layout_, mu_.data(), lambda_.data(), stiffening_.data(), held, scratch_.data()};
 }
 
 void Operator::add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const {
@@ -265,9 +270,15 @@ void Operator::apply(const std::uint8_t* held, const ElasticValues& displacement
   add_springs(held == nullptr, displacement, force);
 }
 
+void Operator::apply_finite(const std::uint8_t* held, const ElasticValues& displacement,
+                            ElasticValues& force) {
+  const auto apply = stiffening_.empty() ? apply_neo_hookean : apply_exponential;
+  apply(cells(held), cell_mm_, displacement.data(), force.data(), volumes_.data());
+  add_springs(held == nullptr, displacement, force);
+}
+
 float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& force) {
-  apply_neo_hookean(cells(held_.data()), cell_mm_, displacement.data(), force.data(), volumes_.data());
-  add_springs(false, displacement, force);
+  apply_finite(held_.data(), displacement, force);
   // NaN counts as the least
   float least = 1;
   for (const float volume : volumes_) least = volume >= least ? least : volume;
@@ -275,13 +286,13 @@ float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& f
 }
 
 void Operator::apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force) {
-  apply_neo_hookean(cells(nullptr), cell_mm_, displacement.data(), force.data(), volumes_.data());
-  add_springs(true, displacement, force);
+  apply_finite(nullptr, displacement, force);
 }
 
 void Operator::apply_tangent(const ElasticValues& base, const ElasticValues& displacement,
                              ElasticValues& force) {
-  apply_neo_hookean_tangent(cells(held_.data()), cell_mm_, base.data(), displacement.data(), force.data());
+  const auto apply = stiffening_.empty() ? apply_neo_hookean_tangent : apply_exponential_tangent;
+  apply(cells(held_.data()), cell_mm_, base.data(), displacement.data(), force.data());
   add_springs(false, displacement, force);
 }
 

@@ -18,13 +18,16 @@ double dot(const ElasticValues& a, const ElasticValues& b);
 class Operator {
  public:
   Operator() = default;
-  /// @param mu,lambda  Lame's moduli by cell, N/mm2
+  /// @param mu,lambda   Lame's moduli by cell, N/mm2
+  /// @param stiffening  ElasticConstants::stiffening by cell; empty: none
   Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu, const ElasticValues& lambda,
-           const ElasticValues& springs, std::vector<std::uint8_t> held);
+           const ElasticValues& springs, std::vector<std::uint8_t> held,
+           const ElasticValues& stiffening = {});
   /// Replaces cells of a box and the constraints of their nodes. The result is bit-identical to a new
   /// operator.
   void change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
-              const std::vector<std::uint8_t>& held, const CellBox& box);
+              const std::vector<std::uint8_t>& held, const CellBox& box,
+              const ElasticValues& stiffening = {});
   /// Operator of the same body on cells twice as long: moduli averaged, springs restricted, a node held if
   /// any fine node that it interpolates is held.
   Operator coarser() const;
@@ -39,7 +42,8 @@ class Operator {
   void apply(const ElasticValues& displacement, ElasticValues& force);
   /// force = K displacement everywhere; at held nodes, the reaction.
   void apply_everywhere(const ElasticValues& displacement, ElasticValues& force);
-  /// Forces of a neo-Hookean body, and their derivative at `base`; 0 where nodes are held.
+  /// Forces of a neo-Hookean body, or with stiffening of one under Fung's law, and their derivative at
+  /// `base`; 0 where nodes are held.
   /// @returns the least det F of all cells
   float apply_finite(const ElasticValues& displacement, ElasticValues& force);
   void apply_tangent(const ElasticValues& base, const ElasticValues& displacement, ElasticValues& force);
@@ -54,6 +58,7 @@ class Operator {
  private:
   Cells cells(const std::uint8_t* held);
   void apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force);
+  void apply_finite(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force);
   void add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const;
   void make_room(const ElasticLayout& layout);
   void average(const Operator& finer, const CellBox& box);
@@ -62,6 +67,7 @@ class Operator {
 
   ElasticLayout layout_;
   ElasticValues mu_, lambda_;     ///< Multiplied by h / 16
+  ElasticValues stiffening_;      ///< By cell of the finest grid; empty: no cell stiffens
   ElasticValues spring_of_node_;  ///< 0: none
   std::vector<std::pair<std::uint32_t, float>> springs_;
   std::vector<std::uint8_t> held_;

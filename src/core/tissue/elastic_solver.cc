@@ -14,7 +14,8 @@ ElasticSolver::State::State(const ElasticGrid& grid)
       // members are initialised in the order of declaration: `loose` and `held` precede the multigrid
       multigrid([&] {
         loose.hold(grid, held);
-        return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), held);
+        return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), held,
+                        grid.stiffening());
       }()) {
   const std::size_t values = multigrid.finest().layout().node_values() + ElasticLayout::kSpare;
   for (ElasticValues* field : {&r, &z, &p, &q, &step, &tried}) field->assign(values, 0.0f);
@@ -39,7 +40,7 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
           changed = changed.joined(CellBox{{a, b, c}, {a, b, c}}.grown(1).clipped(layout.cells));
         }
   }
-  k.change(grid.mu(), grid.lambda(), grid.springs(), s.held, changed);
+  k.change(grid.mu(), grid.lambda(), grid.springs(), s.held, changed, grid.stiffening());
   s.multigrid.follow(changed);
 }
 

@@ -40,6 +40,7 @@ void ElasticMixture::add(const ElasticMaterial& material, int samples, double so
   const double e = material.youngs_modulus_kPa * kN_per_mm2_of_kPa, nu = material.poissons_ratio;
   const double mu = e / (2 * (1 + nu));
   per_mu_ += part / mu;
+  stiffening_ += part * material.stiffening;
   per_confined_ += part * (1 - 2 * nu) / (2 * mu * (1 - nu));
 }
 
@@ -50,7 +51,8 @@ ElasticCell ElasticMixture::cell() const {
   if (!(soft_ > 0) || fill < kMinFill) return {};
   const double mu = fill * solid / per_mu_;
   const double lambda = fill * solid / per_confined_ - 2 * mu;
-  return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(mu), static_cast<float>(lambda)};
+  return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(mu), static_cast<float>(lambda),
+          static_cast<float>(stiffening_ / soft_)};
 }
 
 LabelCells::LabelCells(const GridGeometry& labels, std::span<const ElasticMaterial> by_label,

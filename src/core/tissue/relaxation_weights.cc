@@ -68,16 +68,29 @@ int yielding_tissue(const Model& model, const Bricks<LabelId>& labels, const Poi
 
 }  // namespace
 
+bool RelaxationWeights::matter_to(const Model& model) {
+  return model.relaxation_times.any() || std::ranges::any_of(model.tissues, [&](const Tissue& tissue) {
+           return of(model, tissue).stiffening > 0;
+         });
+}
+
+RelaxationWeights::OfTissue RelaxationWeights::of(const Model& model, const Tissue& tissue) {
+  const bool stiffens = model.tissue_law == TissueLaw::kExponential && tissue.elastic.has_value();
+  return {tissue.relaxation, stiffens ? tissue.elastic->stiffening : 0};
+}
+
 RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& labels, const ElasticGrid& grid)
     : kinds_(1), kind_(grid.layout().cell_values(), kNone) {
   std::vector<std::uint8_t> kind_of_tissue;
   for (const Tissue& tissue : model.tissues) {
-    by_tissue_.push_back(tissue.relaxation);
-    RelaxedParts parts;
-    if (model.is_deformable(tissue)) parts.add(tissue.relaxation, model.relaxation_times, 1);
+    by_tissue_.push_back(of(model, tissue));
+    Means own{{}, by_tissue_.back().stiffening};
+    if (model.is_deformable(tissue)) own.relaxed.add(tissue.relaxation, model.relaxation_times, 1);
     std::size_t kind = 0;
-    while (kind < kinds_.size() && kinds_[kind].of_time != parts.of_time) ++kind;
-    if (kind == kinds_.size()) kinds_.push_back(parts);
+    while (kind < kinds_.size() &&
+           (kinds_[kind].relaxed.of_time != own.relaxed.of_time || kinds_[kind].stiffening != own.stiffening))
+      ++kind;
+    if (kind == kinds_.size()) kinds_.push_back(own);
     kind_of_tissue.push_back(static_cast<std::uint8_t>(kind));
   }
 
@@ -105,7 +118,8 @@ RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& lab
       }
 }
 
-RelaxedParts RelaxationWeights::relaxed(const ElasticGrid& grid, const ElasticField& displaced_mm) const {
+RelaxationWeights::Means RelaxationWeights::under(const ElasticGrid& grid,
+                                                  const ElasticField& displaced_mm) const {
   if (alike_) return kinds_[first_];
   const ElasticLayout& layout = grid.layout();
   std::vector<double> energy(kinds_.size(), 0.0);
@@ -117,15 +131,18 @@ RelaxedParts RelaxationWeights::relaxed(const ElasticGrid& grid, const ElasticFi
     }
   double all = 0;
   for (const double one : energy) all += one;
-  RelaxedParts parts;
-  if (!(all > 0)) return parts;
-  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) parts.add(kinds_[kind], energy[kind] / all);
-  return parts;
+  Means means;
+  if (!(all > 0)) return means;
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    means.relaxed.add(kinds_[kind].relaxed, energy[kind] / all);
+    means.stiffening += kinds_[kind].stiffening * (energy[kind] / all);
+  }
+  return means;
 }
 
 bool RelaxationWeights::is_of(const Model& model) const {
   return std::equal(by_tissue_.begin(), by_tissue_.end(), model.tissues.begin(), model.tissues.end(),
-                    [](const Relaxation& was, const Tissue& tissue) { return was == tissue.relaxation; });
+                    [&](const OfTissue& was, const Tissue& tissue) { return was == of(model, tissue); });
 }
 
 }  // namespace palpate

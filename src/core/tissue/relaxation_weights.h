@@ -9,31 +9,45 @@
 
 namespace palpate {
 
-/// Relaxing fractions of the tissues in a box of cells, weighted by their contribution to the compliance
-/// under a tool.
+/// Relaxing fractions and strain stiffening of the tissues in a box of cells, weighted by their contribution
+/// to the compliance under a tool.
 class RelaxationWeights {
  public:
+  /// Whether the model has a tissue that relaxes, or one that stiffens under its law.
+  static bool matter_to(const Model& model);
+
   /// Assigns each cell to the tissue at its centre or, if that is not deformable, at one of its corners.
-  /// @param model  with at least one relaxing tissue
+  /// @param model  to which they matter
   RelaxationWeights(const Model& model, const CarvedLabels& labels, const ElasticGrid& grid);
 
-  /// Relaxation of the tissue under a load: each tissue's series weighted by its share of the stored energy.
+  struct Means {
+    RelaxedParts relaxed;
+    double stiffening = 0;  ///< ElasticConstants::stiffening; 0 unless the law is TissueLaw::kExponential
+  };
+  /// Means over the tissue under a load, in which each tissue is weighted by its share of the stored energy.
   /// This is the sensitivity of the compliance to the tissue's modulus, dW / W = - sum of share x dE / E,
   /// which follows from W = f K^-1 f.
   /// @param displaced_mm  displacements of the grid's nodes under the load
-  RelaxedParts relaxed(const ElasticGrid& grid, const ElasticField& displaced_mm) const;
+  Means under(const ElasticGrid& grid, const ElasticField& displaced_mm) const;
 
-  /// Whether the model's tissues have the same relaxation as at construction.
+  /// Whether the model's tissues have the same relaxation and stiffening as at construction.
   bool is_of(const Model& model) const;
 
  private:
-  static constexpr std::uint8_t kNone = 0;  // index into kinds_: no relaxation
+  static constexpr std::uint8_t kNone = 0;  // index into kinds_: neither relaxation nor stiffening
 
-  std::vector<Relaxation> by_tissue_;
-  std::vector<RelaxedParts> kinds_;  // distinct relaxations; the first is none
-  std::vector<std::uint8_t> kind_;   // index into kinds_ by cell of the layout
-  bool alike_ = true;                // all deformable cells have the same kind
-  std::uint8_t first_ = kNone;       // the first such cell's kind
+  struct OfTissue {
+    Relaxation relaxation;
+    double stiffening = 0;
+    bool operator==(const OfTissue&) const = default;
+  };
+  static OfTissue of(const Model& model, const Tissue& tissue);
+
+  std::vector<OfTissue> by_tissue_;
+  std::vector<Means> kinds_;        // distinct ones; the first is none
+  std::vector<std::uint8_t> kind_;  // index into kinds_ by cell of the layout
+  bool alike_ = true;               // all deformable cells have the same kind
+  std::uint8_t first_ = kNone;      // the first such cell's kind
 };
 
 }  // namespace palpate

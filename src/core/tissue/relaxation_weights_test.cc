@@ -65,7 +65,7 @@ TEST(RelaxationWeights, ItsEnergiesAreThoseOfTheSolversStiffness) {
   std::vector<ElasticMaterial> block_alone = materials_of(*model);
   block_alone[2].matter = Matter::kNone;
   const double all = energy(*grid);
-  const double part = shares.relaxed(*grid, u).of_time[0] / kOfBlock.part();
+  const double part = shares.under(*grid, u).relaxed.of_time[0] / kOfBlock.part();
   const auto without = ElasticGrid::of_labels(*model->labels, block_alone, box);
   ASSERT_TRUE(without.ok());
   const double of_ball = 1 - energy(*without) / all;

@@ -64,9 +64,9 @@ TEST(SupportedLayer, ALayerThatIsTrimmedIsThinner) {
 
 // Force of the settled solution by which the tick renders a layer, beside the exact one of the layer.
 TEST(YieldSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
-  const bool all = std::getenv("PALPATE_ALL") != nullptr;
   for (const double cell_mm : {1.0, 2.0})
     for (const double poissons_ratio : {0.3, 0.45, 0.49}) {
+      if (cell_mm > 1 && poissons_ratio != 0.45) continue;
       const LayerOracle oracle(poissons_ratio);
       for (const double thickness_mm : {2.0, 3.0, 5.0, 10.0, 20.0}) {
         LayerScene scene;
@@ -88,13 +88,8 @@ TEST(YieldSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
             const double modulus = 1e-3 * scene.modulus_kPa / (1 - poissons_ratio * poissons_ratio);
             const double exact_N =
                 oracle.at_depth(radius_mm / thickness_mm, part).force * modulus * thickness_mm * thickness_mm;
-            if (all)
-              std::printf("cell %g nu %g t %g R %g part %g: %.3f\n", cell_mm, poissons_ratio, thickness_mm,
-                          radius_mm, part, force_N / exact_N);
-            else
-              EXPECT_NEAR(force_N / exact_N, 1, part <= 0.3 ? 0.1 : 0.15)
-                  << cell_mm << " " << poissons_ratio << " " << thickness_mm << " " << radius_mm << " "
-                  << part;
+            EXPECT_NEAR(force_N / exact_N, 1, part <= 0.3 ? 0.1 : 0.15)
+                << cell_mm << " " << poissons_ratio << " " << thickness_mm << " " << radius_mm << " " << part;
           }
         }
       }

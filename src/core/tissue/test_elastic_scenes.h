@@ -8,8 +8,8 @@
 /// Elastic grids shared by tests.
 namespace palpate::testing {
 
-inline ElasticMaterial soft(double youngs_modulus_kPa, double poissons_ratio) {
-  return {Matter::kSoft, youngs_modulus_kPa, poissons_ratio};
+inline ElasticMaterial soft(double youngs_modulus_kPa, double poissons_ratio, double stiffening = 0) {
+  return {Matter::kSoft, youngs_modulus_kPa, poissons_ratio, stiffening};
 }
 
 inline ElasticBox elastic_box(std::array<int, 3> cells, double cell_mm = 1) {

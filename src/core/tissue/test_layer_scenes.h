@@ -45,6 +45,7 @@ inline std::shared_ptr<const Model> layer_block(const LayerScene& scene) {
   skin.elastic = ElasticConstants{scene.skin_modulus_kPa, scene.poissons_ratio};
   model->tissues = {fat, skin, bone};
   model->tissue_of_label = {-1, 0, 1, 2};
+  model->level_of_label = {0, 1, 1, 1};
   model->surfaces = {make_contact_surface(
       cube_grid(24, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 14)};
   model->surfaces[0].yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*fat.elastic);

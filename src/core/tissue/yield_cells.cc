@@ -10,7 +10,7 @@ namespace {
 
 std::array<int, 3> cells_of_box(const Model& model) {
   const auto& [along, across] =
-      model.tissue_law == TissueLaw::kNeoHookean
+      is_finite(model.tissue_law)
           ? std::pair(kSolverSettings.finite_cells_along, kSolverSettings.finite_cells_across)
           : std::pair(kSolverSettings.cells_along, kSolverSettings.cells_across);
   const auto fewer = [&](int cells) {
@@ -54,8 +54,10 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
 double instantaneous_force_N(const DeviceTick& device, const ContactLaw& tissue, double radius_mm,
                              double max_N_per_mm) {
   if (!(tissue.modulus_N_per_mm2 > 0)) return device.contact_N[0];
+  ContactLaw base = tissue;
+  base.strain_stiffening = 0;
   // fmin, because the device's limit is NaN if unknown
-  return yield_force(tissue, device.depth_mm, radius_mm,
+  return yield_force(base, device.depth_mm, radius_mm,
                      std::fmin(RenderedStiffness(device).max_in_patient(), max_N_per_mm))
       .force_N;
 }

@@ -22,7 +22,7 @@ Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const
 /// First cell of the box with that middle, and whether an existing box still covers a middle.
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
 bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
-/// YieldSolver::displacing_force_N for relaxing tissue.
+/// YieldSolver::displacing_force_N for tissue that relaxes or stiffens with strain.
 /// @param tissue        tissue at the contact
 /// @param max_N_per_mm  max_deformable_stiffness_N_per_mm() of the model
 double instantaneous_force_N(const DeviceTick& device, const ContactLaw& tissue, double radius_mm,

@@ -185,7 +185,7 @@ struct YieldSolver::Region {
   ElasticSolver solver;
   /// u1, the displacements under 1 N on the patch, and the patch's nodal forces.
   ElasticField unit_mm, load_N;
-  std::optional<RelaxationWeights> shares;  ///< Unset: no tissue of the model relaxes
+  std::optional<RelaxationWeights> shares;  ///< Unset: no tissue relaxes or stiffens
   double modulus = 0;                       ///< Contact modulus under the patch in the last frame
   double radius_mm = 0;                     ///< Radius of the tool in the last frame
   /// max_deformable_stiffness_N_per_mm() in the last frame
@@ -206,10 +206,9 @@ struct YieldSolver::Region {
         }()),
         unit_mm(cells.grid().layout()),
         load_N(cells.grid().layout()) {
-    if (model.tissue_law == TissueLaw::kNeoHookean)
-      finite = std::make_unique<NeoHookeanBody>(grid().layout());
+    if (is_finite(model.tissue_law)) finite = std::make_unique<NeoHookeanBody>(grid().layout());
     if (before != nullptr) copy_overlap(*before);
-    if (model.relaxation_times.any()) shares.emplace(model, cells.labels(), cells.grid());
+    if (RelaxationWeights::matter_to(model)) shares.emplace(model, cells.labels(), cells.grid());
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
@@ -220,8 +219,8 @@ struct YieldSolver::Region {
   // whether the region can be used for a model: its labels, materials, law and relaxation are unchanged
   bool is_of(const Model& model, const CarvedLabels& labels,
              const std::vector<ElasticMaterial>& materials) const {
-    return is_of(labels, materials) && (finite != nullptr) == (model.tissue_law == TissueLaw::kNeoHookean) &&
-           shares.has_value() == model.relaxation_times.any() && (!shares || shares->is_of(model));
+    return is_of(labels, materials) && (finite != nullptr) == is_finite(model.tissue_law) &&
+           shares.has_value() == RelaxationWeights::matter_to(model) && (!shares || shares->is_of(model));
   }
   // whether all cells have reached the state that corresponds to the removal in `labels`
   bool stands_at(const CarvedLabels& labels) const {
@@ -439,7 +438,11 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
       continue;
     }
     if (region->finite != nullptr) region->solve_neo_hookean(patch, depth_mm, anew, spot);
-    if (region->shares) spot.relaxed = region->shares->relaxed(region->grid(), region->unit_mm);
+    if (region->shares) {
+      const RelaxationWeights::Means means = region->shares->under(region->grid(), region->unit_mm);
+      spot.relaxed = means.relaxed;
+      spot.strain_stiffening = means.stiffening;
+    }
   }
   return frame_;
 }

@@ -194,6 +194,26 @@ double stiffer_part(const LocalCompliance& spot) {
   return spot.stiffening_mm_per_N2 * spot.finite_N / spot.compliance_mm_per_N;
 }
 
+TEST(YieldSolver, PublishesTheStiffeningOfTheTissuesByTheirShares) {
+  Model model = *soft_block(true, 1, TissueLaw::kExponential);
+  model.tissues[0].elastic->stiffening = 20;
+  model.tissues[1].elastic->stiffening = 60;
+  const LocalCompliance over = settled_spot(model, deep_at(0, 0)),
+                        beside = settled_spot(model, deep_at(20, 0));
+  ASSERT_TRUE(over.is_known() && beside.is_known());
+  // the ball is stiff, so that little of the energy is in it
+  EXPECT_GT(over.strain_stiffening, 20.05);
+  EXPECT_LT(over.strain_stiffening, 30);
+  EXPECT_NEAR(beside.strain_stiffening, 20, 0.1);
+  // the solution itself is the neo-Hookean one
+  Model finite = model;
+  finite.tissue_law = TissueLaw::kNeoHookean;
+  const LocalCompliance same = settled_spot(finite, deep_at(20, 0));
+  EXPECT_EQ(same.strain_stiffening, 0);
+  EXPECT_NEAR(same.compliance_mm_per_N, beside.compliance_mm_per_N, 0.05 * same.compliance_mm_per_N);
+  EXPECT_EQ(same.is_finite(), beside.is_finite());
+}
+
 TEST(YieldSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard) {
   const auto model = finite_block();
   const LocalCompliance over = settled_spot(*model, deep_at(0, 0)),

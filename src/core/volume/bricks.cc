@@ -1,6 +1,7 @@
 #include "palpate/volume/bricks.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <unordered_map>
@@ -109,9 +110,21 @@ void Bricks<T>::discount_place(const Brick& brick) {
     std::erase_if(uniform_, [&](Uniform& one) { return one.brick.get() == &brick && --one.places == 0; });
 }
 
+namespace {
+
+// a degenerate grid is refused by check_grid() where a model is made of it
+Transform<Voxel, Patient> voxel_from_patient(const GridGeometry& grid) {
+  const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
+  const double determinant = X_PatientVoxel.linear().determinant();
+  return std::isfinite(determinant) && determinant != 0 ? X_PatientVoxel.inverse()
+                                                        : Transform<Voxel, Patient>();
+}
+
+}  // namespace
+
 template <class T>
 Bricks<T>::Bricks(const GridGeometry& grid, T outside, Unfilled)
-    : geometry_(grid), X_VoxelPatient_(grid.X_PatientVoxel().inverse()), outside_(outside) {
+    : geometry_(grid), X_VoxelPatient_(voxel_from_patient(grid)), outside_(outside) {
   std::size_t bricks = 1;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     counts_[axis] = (grid.dims[axis] + 2 * kBorder - 1) / kCells + 1;

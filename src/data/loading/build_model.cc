@@ -586,6 +586,13 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
 Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
                                                std::span<const ForceMethod> methods,
                                                const Progress& progress) {
+  // the forecast of a scene rendered by the proxy does not count the field
+  const bool is_direct = std::any_of(methods.begin(), methods.end(),
+                                     [](ForceMethod method) { return method != ForceMethod::kProxy; });
+  if (is_direct && model != nullptr && model->labels != nullptr && model->field == nullptr)
+    if (auto allowed = allow_memory(memory_of_ramp_field(*model).peak, "field of the direct methods");
+        !allowed)
+      return allowed.error();
   return prepared_for(std::move(model), methods, CachedPreparation(), progress);
 }
 

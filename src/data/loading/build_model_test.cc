@@ -78,7 +78,7 @@ std::string why_not_touchable(const Scene& scene, const Result<std::shared_ptr<c
 TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
   const LabelMap labels = blocks(grid_of(1, 40));
   for (const char* preparation : {"", "[preparation]\nmethod = \"union-gaussian\"\nbits = 8\n"})
-    for (const char* tissue : {"labels = [1]\nfelt = false\n", "labels = [9]\noptional = true\n"}) {
+    for (const char* tissue : {"labels = [1]\ntouchable = false\n", "labels = [9]\noptional = true\n"}) {
       const Scene scene = scene_of("[[tissue]]\nname = \"a\"\n" + std::string(tissue) + preparation);
       const auto model = build_model(scene, &labels, nullptr);
       ASSERT_TRUE(model.ok()) << model.error().message();
@@ -410,7 +410,7 @@ TEST(BuildModel, OfSegmentsThatCrossTheStiffestIsFeltAndOneThatIsNotFeltHidesNot
   const auto model =
       build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [\"hard\"]\nstiffness = 1.5\n"
                            "[[tissue]]\nname = \"cartilage\"\nlabels = [\"soft\"]\nstiffness = 0.5\n"
-                           "[[tissue]]\nname = \"air\"\nlabels = [\"lumen\"]\nfelt = false\n"),
+                           "[[tissue]]\nname = \"air\"\nlabels = [\"lumen\"]\ntouchable = false\n"),
                   &labels, nullptr);
   ASSERT_TRUE(model.ok()) << model.error().message();
   EXPECT_EQ((*model)->labels->at(14, 15, 15), 1);
@@ -423,7 +423,7 @@ TEST(BuildModel, ThresholdTissuesThatOverlapDoNotDependOnTheirOrder) {
   for (int k = 8; k < 22; ++k)
     for (int j = 8; j < 22; ++j)
       for (int i = 8; i < 22; ++i) scan.at(i, j, k) = 1000;
-  const std::string soft = "[[tissue]]\nname = \"soft\"\nthreshold = [-300, 0]\nfelt = false\n";
+  const std::string soft = "[[tissue]]\nname = \"soft\"\nthreshold = [-300, 0]\ntouchable = false\n";
   const std::string bone = "[[tissue]]\nname = \"bone\"\nthreshold = [200, 600]\nstiffness = 1.0\n";
   for (const std::string& tissues : {soft + bone, bone + soft}) {
     const auto model = build_model(scene_of("[data]\nscan = \"x.nrrd\"\n" + tissues), nullptr, &scan);
@@ -684,7 +684,7 @@ TEST(BuildModel, TheGapsOfAKneeAreFree) {
 
 TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
   const LabelMap labels = blocks(grid_of(1, 30));
-  const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\nfelt = false\n");
+  const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\ntouchable = false\n");
   EXPECT_NE(
       why_not_touchable(scene, build_model(scene, &labels, nullptr)).find("nothing in the scene can be felt"),
       std::string::npos);
@@ -708,7 +708,7 @@ TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
     EXPECT_EQ(elastic_of(name + ",stiffness=2.5", "soft_tissue"), (ElasticConstants{10, 0.45}));
     EXPECT_EQ(elastic_of(name + ",nodules=0", "soft_tissue"), (ElasticConstants{10, 0.45}));
   }
-  EXPECT_EQ(elastic_of("abdominal-wall:spacing=1.1,edge=0", "liver"), (ElasticConstants{6.3, 0.45}));
+  EXPECT_EQ(elastic_of("abdominal-wall:spacing=1.1,edge=0", "liver"), (ElasticConstants{6.3, 0.45, 15}));
 }
 
 // bones are rigid, and every soft tissue of a knee has a modulus

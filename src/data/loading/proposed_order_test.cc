@@ -89,7 +89,10 @@ TEST(ProposedOrder, OfAllPresetsHoldsInEveryDepthAndTheColoursAreTheirs) {
       EXPECT_GE(forces.at(kOrder[n - 1]), forces.at(kOrder[n]) * (1 - 1e-6))
           << kOrder[n - 1] << " and " << kOrder[n] << " at " << depth_mm << " mm";
     for (const auto& [name, force_N] : forces) {
-      EXPECT_GT(force_N, 0) << name << " at " << depth_mm << " mm";
+      // deeper than the discretisation of the surface, every block is in contact
+      if (depth_mm >= 0.5) {
+        EXPECT_GT(force_N, 0) << name << " at " << depth_mm << " mm";
+      }
       EXPECT_LE(force_N, forces.at("bone") * (1 + 1e-6)) << name << " at " << depth_mm << " mm";
     }
   }

@@ -341,8 +341,7 @@ TEST_F(StoredPreparation, WhatIsEditedIsTheSameToo) {
     change.contact.stiffness_N_per_mm = 0.8;
     const auto changed = next_version({model, model}, change);
     PALPATE_CHECK(changed.ok());
-    const auto fields =
-        next_version(*changed, {changed->touchable->version + 1, ModelChange::kFieldsRebuilt});
+    const auto fields = next_version(*changed, {changed->current->version + 1, ModelChange::kFieldsRebuilt});
     PALPATE_CHECK(fields.ok());
     return fields->current;
   };
@@ -514,7 +513,6 @@ TEST_F(StoredPreparation, WhatIsInterruptedKeepsNothingHalf) {
     EXPECT_EQ(entry.path().extension(), ".kept");
   const Started next = start_scene();
   EXPECT_THAT(next.stages, Contains(kSurfaces));
-  EXPECT_THAT(next.stages, Not(Contains(kRamps)));
 }
 
 // Golden hash of all prepared results. If it changes on purpose, increment kPreparationVersion
@@ -545,8 +543,8 @@ TEST_F(StoredPreparation, GoldenHash) {
     for (const Volume<LabelId>& layer : phantom->labels.layers)
       hash_bytes(hash, layer.voxels().data(), layer.voxels().size() * sizeof(LabelId));
   }
-  constexpr std::uint64_t kGolden = 0x9227d67f017ec90f;
-  constexpr std::uint32_t kItsVersion = 8;
+  constexpr std::uint64_t kGolden = 0xc02ae9d65c331844;
+  constexpr std::uint32_t kItsVersion = 9;
   EXPECT_TRUE(hash_finish(hash) == kGolden && kPreparationVersion == kItsVersion)
       << std::hex << "what is prepared has the hash 0x" << hash_finish(hash)
       << ", not the one of this version: raise kPreparationVersion and put both here";

@@ -313,8 +313,9 @@ SceneKeys declared_keys() {
              .unit = "kPa",
              .min = kElasticModulusRange.min_kPa,
              .max = kElasticModulusRange.max_kPa,
-             .meaning = "Young's modulus for `[yielding] law = \"elastic\"` and `\"neo-hookean\"`, without "
-                        "effect under another law. A tissue without a modulus, its own or its preset's, does "
+             .meaning = "Young's modulus for `[yielding] law = \"elastic\"`, `\"neo-hookean\"` and "
+                        "`\"exponential\"`, without effect under another law. A tissue without a modulus, "
+                        "its own or its preset's, does "
                         "not yield, such as bone."},
             {.name = "poissons_ratio",
              .type = kNumber,
@@ -323,6 +324,14 @@ SceneKeys declared_keys() {
              .max = kMaxPoissonsRatio,
              .meaning = "Poisson's ratio for the same laws: lateral expansion under compression; near 0.5 "
                         "the volume is preserved. Requires a modulus, the tissue's own or the preset's."},
+            {.name = "stiffening",
+             .type = kNumber,
+             .default_text = "0",
+             .min = 0,
+             .max = kMaxStiffening,
+             .meaning = "For `law = \"exponential\"`: exponent b of Fung's law, by which stress grows with "
+                        "exp(b (I1 - 3)), I1 - 3 being about three times the squared strain. 0: as "
+                        "`\"neo-hookean\"`. Requires a modulus, the tissue's own or the preset's."},
             {.name = "relaxation",
              .type = kTerms,
              .unit = "s",
@@ -441,7 +450,8 @@ SceneKeys declared_keys() {
                      .choices = names_of(kTissueLaws),
                      .meaning = "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: the same, "
                                 "but they stiffen under large strain; solving a frame takes twice the "
-                                "processor time. Both require the proxy. `chainmail`: contact as with "
+                                "processor time. `exponential`: the same, and tissues with a `stiffening` "
+                                "stiffen by it. All three require the proxy. `chainmail`: contact as with "
                                 "layers, with a displayed deformation by the chain mail of Gibson 1997."},
                     {.name = "cell",
                      .type = kNumber,
@@ -453,8 +463,9 @@ SceneKeys declared_keys() {
                     {.name = "relaxation",
                      .type = kFlag,
                      .default_text = "false",
-                     .meaning = "For both elastic laws. `true`: tissues without a `relaxation` of their own "
-                                "use that of their preset. `false`: they do not relax."}}},
+                     .meaning =
+                         "For the three elastic laws. `true`: tissues without a `relaxation` of their own "
+                         "use that of their preset. `false`: they do not relax."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres, and of capsules (below), that make contact; the first one is usually at "
@@ -879,9 +890,10 @@ const ScriptKeys& script_key_tables() {
              .meaning = "`undo`: undoes the last stroke. `redo`: redoes the one that was undone last."}}},
           {"law",
            "Changes the law of soft tissue from here on, at any position of the hand. Changes between "
-           "`elastic` and `neo-hookean`, and between `layers` and `chainmail`, are immediate. Between these "
-           "pairs the surfaces are prepared again; the hand waits for that, and until stiffer tissue has "
-           "pushed it out to equilibrium. With a cutting tool a scene cannot change between the pairs, and "
+           "`elastic`, `neo-hookean` and `exponential`, and between `layers` and `chainmail`, are immediate. "
+           "Between these groups the surfaces are prepared again; the hand waits for that, and until stiffer "
+           "tissue has "
+           "pushed it out to equilibrium. With a cutting tool a scene cannot change between the groups, and "
            "tissue that is fixed at the start cannot start to move.",
            {{.name = "law",
              .type = kChoice,

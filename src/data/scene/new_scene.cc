@@ -159,6 +159,8 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
     if (is_elastic(law))
       text += values.elastic ? ", E " + number_text(values.elastic->youngs_modulus_kPa) + " kPa"
                              : std::string(", does not yield");
+    if (law == TissueLaw::kExponential && values.elastic && values.elastic->stiffening > 0)
+      text += ", stiffening " + number_text(values.elastic->stiffening);
     text += "\n" + source_of_preset(group);
   } else {
     text += reason_for_no_preset(group);

@@ -72,21 +72,88 @@ std::vector<TissuePreset> make_presets() {
            "Rho, Ashman, Turner 1993, J Biomech 26:111. Cortical bone of the human tibia, E = 18.6 GPa by "
            "microtensile test; nu = 0.3",
            {"bone", "bony", "trabecular", "osseous", "vertebral body"},
-           {"femur",      "tibia",      "fibula",    "patella",     "rib",
-            "ribs",       "vertebra",   "vertebrae", "sacrum",      "coccyx",
-            "hip",        "pelvis",     "ilium",     "ischium",     "pubis",
-            "scapula",    "clavicula",  "clavicle",  "humerus",     "ulna",
-            "radius",     "skull",      "cranium",   "mandible",    "maxilla",
-            "sternum",    "carpal",     "carpus",    "metacarpal",  "tarsal",
-            "tarsus",     "metatarsal", "phalanx",   "phalanges",   "talus",
-            "calcaneus",  "navicular",  "cuboid",    "cuneiform",   "acetabulum",
-            "fabella",    "sesamoid",   "spine",     "hyoid",       "jaw",
-            "jawbone",    "tooth",      "teeth",     "zygoma",      "zygomatic",
-            "vomer",      "ethmoid",    "sphenoid",  "cortical",    "scaphoid",
-            "lunate",     "triquetrum", "pisiform",  "trapezium",   "trapezoid",
-            "capitate",   "hamate",     "costa",     "costae",      "hipbone",
-            "collarbone", "kneecap",    "shinbone",  "heel bone",   "incisor",
-            "canine",     "premolar",   "molar",     "hard palate", "styloid process"}));
+           {"femur",
+            "tibia",
+            "fibula",
+            "patella",
+            "rib",
+            "ribs",
+            "vertebra",
+            "vertebrae",
+            "sacrum",
+            "coccyx",
+            "hip",
+            "pelvis",
+            "ilium",
+            "ischium",
+            "pubis",
+            "scapula",
+            "clavicula",
+            "clavicle",
+            "humerus",
+            "ulna",
+            "radius",
+            "skull",
+            "cranium",
+            "mandible",
+            "maxilla",
+            "sternum",
+            "carpal",
+            "carpus",
+            "metacarpal",
+            "tarsal",
+            "tarsus",
+            "metatarsal",
+            "phalanx",
+            "phalanges",
+            "talus",
+            "calcaneus",
+            "navicular",
+            "cuboid",
+            "cuneiform",
+            "acetabulum",
+            "fabella",
+            "sesamoid",
+            "spine",
+            "hyoid",
+            "jaw",
+            "jawbone",
+            "tooth",
+            "teeth",
+            "zygoma",
+            "zygomatic",
+            "vomer",
+            "ethmoid",
+            "sphenoid",
+            "cortical",
+            "scaphoid",
+            "lunate",
+            "triquetrum",
+            "pisiform",
+            "trapezium",
+            "trapezoid",
+            "capitate",
+            "hamate",
+            "costa",
+            "costae",
+            "hipbone",
+            "collarbone",
+            "kneecap",
+            "shinbone",
+            "heel bone",
+            "incisor",
+            "malleus",
+            "incus",
+            "stapes",
+            "ossicle",
+            "ossicles",
+            "condyle",
+            "condylar process",
+            "canine",
+            "premolar",
+            "molar",
+            "hard palate",
+            "styloid process"}));
   presets.push_back(
       make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1, {196, 218, 232},
            "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88. Human patellar cartilage, mean aggregate "
@@ -108,9 +175,9 @@ std::vector<TissuePreset> make_presets() {
            {"intervertebral disc", "intervertebral disk", "disc", "disk", "discus"},
            {"annulus fibrosus", "nucleus pulposus"}));
   presets.push_back(
-      make("ligament", punch_stiffness(0.31, 0.49), {0.1, 0.003, 0.3, 0.001}, 1, {214, 182, 140},
-           "Salisbury, Buckley, Zavatsky 2016, J Biomech Eng 138:041002. Bovine digital extensor tendons "
-           "compressed across their fibres, E = 0.31 MPa, nu = 0.49",
+      make("ligament", punch_stiffness(3 * 0.032, 0.5), {0.1, 0.003, 0.3, 0.001}, 1, {214, 182, 140},
+           "Main et al. 2011, J Biomech 44:863. Human tendon compressed across its fibres, the direction of "
+           "palpation, first-order Ogden mu = 25 to 39 kPa, taken 32 kPa; E = 3 mu, nu = 0.5",
            {"ligament", "ligamentum", "tendon", "tendo", "aponeurosis", "retinaculum", "fascia"},
            {"iliotibial tract", "iliotibial band", "acl", "pcl", "mcl", "lcl"}));
   presets.push_back(make(
@@ -141,11 +208,11 @@ std::vector<TissuePreset> make_presets() {
            "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873. Fat under the skin of the human "
            "thigh, shear modulus 3.04 kPa; E = 3 mu, nu = 0.5",
            {"fat", "fatty", "adipose", "hoffa"}, {"omentum"}));
-  presets.push_back(
-      make("skin", punch_stiffness(0.0563, 0.5), {0.3, 0.003, 0.3, 0.001}, 0.4, {236, 188, 168},
-           "Briot et al. 2022, Clin Biomech 99:105743. Skin of the human breast by suction in vivo, "
-           "E = 56.3 kPa; nu = 0.5",
-           {"skin", "dermis", "epidermis", "cutis", "scalp"}, {}));
+  presets.push_back(make(
+      "skin", punch_stiffness(0.129, 0.5), {0.3, 0.003, 0.3, 0.001}, 0.4, {236, 188, 168},
+      "Diridollou et al. 2000, Skin Res Technol 6:214. Skin of the forearm of ten men by suction in vivo, "
+      "E = 129 kPa; nu = 0.5",
+      {"skin", "dermis", "epidermis", "cutis", "scalp"}, {}));
   presets.push_back(make(
       "vessel", tube_stiffness(0.771, 3, 1), {0.05, 0.002, 0.1, 0.001}, 1, {206, 22, 38},
       "Riley et al. 1992, Stroke 23:952. Wall of the human carotid artery, E = 771 kPa in men of 45 to 49 "
@@ -172,15 +239,15 @@ std::vector<TissuePreset> make_presets() {
            "Venkatesh et al. 2014, J Magn Reson Imaging 39:1. Human liver by MR elastography at 60 Hz, shear "
            "stiffness 2.09 kPa; E = 3 mu, nu = 0.5",
            {}, {"liver", "hepatic", "hepar", "caudate lobe", "quadrate lobe"}));
+  presets.push_back(make(
+      "kidney", punch_stiffness(0.0050, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {156, 92, 70},
+      "Arda et al. 2011, AJR 197:532. Renal cortex of volunteers by shear wave elastography, E = 5.0 kPa; "
+      "nu = 0.5",
+      {}, {"kidney", "renal"}));
   presets.push_back(
-      make("kidney", punch_stiffness(3 * 0.0049, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {156, 92, 70},
-           "Rouviere et al. 2011, J Magn Reson Imaging 34:880. Human renal parenchyma by MR elastography at "
-           "45 Hz, shear modulus 4.9 kPa; E = 3 mu, nu = 0.5",
-           {}, {"kidney", "renal"}));
-  presets.push_back(
-      make("spleen", punch_stiffness(3 * 0.003565, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {112, 40, 78},
-           "Mannelli et al. 2010, AJR 195:387. Spleen of volunteers by MR elastography at 60 Hz, shear "
-           "stiffness 3.565 kPa with the driver on the right; E = 3 mu, nu = 0.5",
+      make("spleen", punch_stiffness(0.0029, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {112, 40, 78},
+           "Arda et al. 2011, AJR 197:532. Spleen of volunteers by shear wave elastography, E = 2.9 kPa; "
+           "nu = 0.5",
            {}, {"spleen", "splenic", "lien"}));
   presets.push_back(
       make("lung", punch_stiffness(3 * 0.00114, 0.5), {0.05, 0.002, 0.1, 0.001}, 0.4, {240, 158, 168},
@@ -258,7 +325,11 @@ struct ElasticPreset {
   ElasticConstants constants;
   std::array<double, 2> range_kPa;
   std::string_view source;
+  /// Range of ElasticConstants::stiffening and its source; empty: not known to stiffen.
+  std::array<double, 2> stiffening_range{};
+  std::string_view stiffening_source = {};
 };
+constexpr std::string_view kAsLiver = "(E): the exponent of liver, whose parenchyma and capsule are alike";
 // E is from the source of the stiffness, to two digits, unless noted otherwise
 constexpr std::array kElasticPresets{
     ElasticPreset{"cartilage",
@@ -274,27 +345,62 @@ constexpr std::array kElasticPresets{
     ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
     ElasticPreset{
         "ligament",
-        {310, 0.45},
-        {100, 310},
-        "compressed across its fibres, as under a probe; range from two of the tendons, same source. Under "
-        "tension it is stiffer: 11 MPa across the fibres and 332 MPa along them (Quapp, Weiss 1998, J "
-        "Biomech "
-        "Eng 120:757)"},
-    ElasticPreset{"muscle", {14, 0.45}, {5, 19}, "3.9 to 6.2 kPa of shear modulus; from 5 kPa on (E)"},
+        {96, 0.45},
+        {75, 120},
+        "across its fibres, the direction of palpation; range from mu of 25 to 39 kPa, same source. Along "
+        "them it is stiffer by orders of magnitude (tangent modulus of the medial collateral ligament 332 "
+        "MPa; "
+        "Quapp, Weiss 1998, J Biomech Eng 120:757), which an isotropic body cannot represent"},
+    ElasticPreset{
+        "muscle",
+        {14, 0.45},
+        {5, 19},
+        "3.9 to 6.2 kPa of shear modulus; from 5 kPa on (E). A linear body of 18 kPa describes 213 "
+        "probes of meat within 1.5 %, so that it has no stiffening ([outside](../results/outside.md))"},
     ElasticPreset{"fat", {9.1, 0.45}, {1, 25}, "range (E)"},
-    ElasticPreset{"skin", {56, 0.45}, {28, 110}, "range (E)"},
+    ElasticPreset{
+        "skin",
+        {130, 0.45},
+        {41, 220},
+        "range: one standard deviation, same source. Skin of the breast by suction 56 kPa (Briot et "
+        "al. 2022, Clin Biomech 99:105743)"},
     ElasticPreset{"vessel",
                   {12, 0.45},
                   {6, 24},
                   "(E) of a solid body that deforms as much under the probe as the tube does. Labels include "
                   "the blood, and the wall's 771 kPa would be far too stiff"},
-    ElasticPreset{"nerve", {39, 0.45}, {19, 77}, "range (E)"},
-    ElasticPreset{"liver",
-                  {6.3, 0.45},
-                  {5.4, 6.3},
-                  "range from a shear modulus of 1.8 kPa elsewhere (doi 10.1088/1361-6560/ab5010)"},
-    ElasticPreset{"kidney", {15, 0.45}, {7, 29}, "range (E)"},
-    ElasticPreset{"spleen", {11, 0.45}, {5, 21}, "range (E)"},
+    ElasticPreset{
+        "nerve",
+        {39, 0.45, 1.5},
+        {19, 77},
+        "range (E)",
+        {0, 2.3},
+        "alpha = 6.5 of the same source, by equal energy in simple shear of 0.6; range: in compression "
+        "and in tension by 30 to 40 %"},
+    ElasticPreset{
+        "liver",
+        {6.3, 0.45, 15},
+        {5.4, 6.3},
+        "range from a shear modulus of 1.8 kPa elsewhere (doi 10.1088/1361-6560/ab5010)",
+        {15, 50},
+        "418 probes of pig liver with a sphere of 4 mm, whose force grows e-fold per mm "
+        "([outside](../results/outside.md)). 15 with E of 5.4 kPa on a plate at 15 mm, 50 with 3 kPa at "
+        "25 mm: the thickness was not recorded"},
+    ElasticPreset{
+        "kidney",
+        {5, 0.45, 15},
+        {2.5, 15},
+        "to a shear modulus of 4.9 kPa by MR elastography at 45 Hz (Rouviere et al. 2011, J Magn Reson "
+        "Imaging 34:880); from (E)",
+        {0, 50},
+        kAsLiver},
+    ElasticPreset{"spleen",
+                  {2.9, 0.45, 15},
+                  {1.5, 11},
+                  "to a shear stiffness of 3.565 kPa by MR elastography at 60 Hz (Mannelli et al. 2010, AJR "
+                  "195:387); from (E)",
+                  {0, 50},
+                  kAsLiver},
     ElasticPreset{"lung", {3.4, 0.4}, {1.7, 7}, "range (E); nu (E), lower than elsewhere because of the air"},
     ElasticPreset{"heart", {3.4, 0.45}, {1.7, 7}, "at rest; range (E)"},
     ElasticPreset{"brain", {1.9, 0.45}, {1.5, 4.5}, "range (E), from shear moduli of 0.5 to 1.5 kPa"},
@@ -458,8 +564,10 @@ const std::vector<TissuePreset>& tissue_presets() {
   static const std::vector<TissuePreset> presets = [] {
     std::vector<TissuePreset> made = make_presets();
     for (TissuePreset& preset : made)
-      if (const ElasticPreset* elastic = elastic_preset(preset.name))
+      if (const ElasticPreset* elastic = elastic_preset(preset.name)) {
         preset.values.elastic = elastic->constants;
+        preset.range_kPa = elastic->range_kPa;
+      }
     for (const RelaxationPreset& one : kRelaxationPresets)
       for (TissuePreset& preset : made)
         if (preset.name == one.preset) preset.values.relaxation = one.relaxation;
@@ -504,17 +612,24 @@ std::string tissue_preset_table() {
 }
 
 std::string elastic_preset_table() {
-  std::string text = "| preset | E kPa | nu | range of E kPa | from |\n|---|---|---|---|---|\n";
+  std::string text =
+      "| preset | E kPa | nu | range of E kPa | from | stiffening | its range | from |\n"
+      "|---|---|---|---|---|---|---|---|\n";
   for (const TissuePreset& preset : tissue_presets()) {
     const ElasticPreset* elastic = elastic_preset(preset.name);
     if (elastic == nullptr) {
-      text += "| `" + preset.name + "` | — | — | — | does not yield |\n";
+      text += "| `" + preset.name + "` | — | — | — | does not yield | — | — | |\n";
       continue;
     }
     const auto& [low_kPa, high_kPa] = elastic->range_kPa;
     text += "| `" + preset.name + "` | " + number_text(elastic->constants.youngs_modulus_kPa) + " | " +
             number_text(elastic->constants.poissons_ratio) + " | " + number_text(low_kPa) + " … " +
-            number_text(high_kPa) + " | " + std::string(elastic->source) + " |\n";
+            number_text(high_kPa) + " | " + std::string(elastic->source) + " | " +
+            number_text(elastic->constants.stiffening);
+    const auto& [low, high] = elastic->stiffening_range;
+    text += elastic->stiffening_source.empty() ? " | — | |\n"
+                                               : " | " + number_text(low) + " … " + number_text(high) +
+                                                     " | " + std::string(elastic->stiffening_source) + " |\n";
   }
   return text;
 }

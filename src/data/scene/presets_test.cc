@@ -68,7 +68,7 @@ TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
 // in series with a spring of 1.5 N/mm
 TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
   EXPECT_EQ(stiffness_of("bone"), 1.5);          // 61 kN/mm
-  EXPECT_EQ(stiffness_of("ligament"), 0.67);     // 3 * 0.31 / 0.7599 = 1.224 N/mm
+  EXPECT_EQ(stiffness_of("ligament"), 0.31);     // 4 * 0.096 = 0.384 N/mm
   EXPECT_EQ(stiffness_of("cartilage"), 0.91);    // 3 * 0.7724 / 0.99 = 2.341 N/mm
   EXPECT_EQ(stiffness_of("meniscus"), 0.29);     // 3 * 0.12 = 0.36 N/mm
   EXPECT_EQ(stiffness_of("nerve"), 0.14);        // 4 * 0.0387 = 0.155 N/mm
@@ -76,12 +76,12 @@ TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
   EXPECT_EQ(stiffness_of("vessel"), 0.046);      // 0.771 * 0.25 / (0.149 * 27) = 0.0479 N/mm
   EXPECT_EQ(stiffness_of("fat"), 0.036);         // 4 * 0.00912 = 0.0365 N/mm
   EXPECT_EQ(stiffness_of("disc"), 1.0);          // 3 * 0.98756 / 0.99 = 2.993 N/mm
-  EXPECT_EQ(stiffness_of("skin"), 0.2);          // 4 * 0.0563 = 0.225 N/mm
+  EXPECT_EQ(stiffness_of("skin"), 0.38);         // 4 * 0.129 = 0.516 N/mm
   EXPECT_EQ(stiffness_of("tumour"), 0.15);       // 4 * 0.04252 = 0.170 N/mm
   EXPECT_EQ(stiffness_of("lymph node"), 0.081);  // 4 * 0.0214 = 0.0856 N/mm
   EXPECT_EQ(stiffness_of("gland"), 0.042);       // 4 * 0.01092 = 0.0437 N/mm
-  EXPECT_EQ(stiffness_of("kidney"), 0.057);      // 4 * 3 * 0.0049 = 0.0588 N/mm
-  EXPECT_EQ(stiffness_of("spleen"), 0.042);      // 4 * 3 * 0.003565 = 0.0428 N/mm
+  EXPECT_EQ(stiffness_of("kidney"), 0.02);       // 4 * 0.005 = 0.02 N/mm
+  EXPECT_EQ(stiffness_of("spleen"), 0.012);      // 4 * 0.0029 = 0.0116 N/mm
   EXPECT_EQ(stiffness_of("liver"), 0.025);       // 4 * 3 * 0.00209 = 0.0251 N/mm
   EXPECT_EQ(stiffness_of("heart"), 0.013);       // 4 * 0.0034 = 0.0136 N/mm
   EXPECT_EQ(stiffness_of("lung"), 0.014);        // 4 * 3 * 0.00114 = 0.0137 N/mm
@@ -121,11 +121,36 @@ TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
 TEST(TissuePresets, ModuliAndStiffnessesAreOfTheSameTissue) {
   for (const TissuePreset& preset : tissue_presets()) {
     if (!preset.values.elastic) continue;
-    const auto& [modulus_kPa, ratio] = *preset.values.elastic;
+    const auto& [modulus_kPa, ratio, stiffening] = *preset.values.elastic;
+    EXPECT_FALSE(range_error(*scene_key_tables().tissue.find("stiffening"), stiffening)) << preset.name;
     const double punch_N_per_mm = 2 * 1.5 * 1e-3 * modulus_kPa / (1 - ratio * ratio);
     const double stiffness_N_per_mm = punch_N_per_mm * 1.5 / (punch_N_per_mm + 1.5);
     EXPECT_NEAR(stiffness_N_per_mm, preset.values.stiffness_N_per_mm, 0.15 * preset.values.stiffness_N_per_mm)
         << preset.name;
+  }
+}
+
+TEST(TissuePresets, OrgansStiffenWithinTheirRangeAndMeatDoesNot) {
+  const std::string table = elastic_preset_table();
+  for (const char* name : {"liver", "kidney", "spleen", "nerve"}) {
+    EXPECT_GT(find_preset(name)->values.elastic->stiffening, 0) << name;
+    EXPECT_NE(table.find(std::string("| `") + name), table.npos);
+  }
+  for (const char* name : {"muscle", "fat", "cartilage"})
+    EXPECT_EQ(find_preset(name)->values.elastic->stiffening, 0) << name;
+  for (const TissuePreset& preset : tissue_presets()) {
+    if (!preset.values.elastic) continue;
+    EXPECT_GE(preset.values.elastic->youngs_modulus_kPa, preset.range_kPa[0]) << preset.name;
+    EXPECT_LE(preset.values.elastic->youngs_modulus_kPa, preset.range_kPa[1]) << preset.name;
+  }
+}
+
+TEST(MatchPreset, SmallBonesAreBone) {
+  for (const char* name : {"Malleus", "incus_left", "stapes", "auditory_ossicles", "mandibular condyle",
+                           "left_condylar_process"}) {
+    const PresetMatch match = match_preset(name);
+    ASSERT_NE(match.preset, nullptr) << name;
+    EXPECT_EQ(match.preset->name, "bone") << name;
   }
 }
 

@@ -43,14 +43,17 @@ void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& p
     if (!tissue.elastic) tissue.elastic.emplace();
     tissue.elastic->youngs_modulus_kPa = *modulus_kPa;
   }
-  const auto ratio = reader.number("poissons_ratio");
-  if (!ratio) return;
-  if (tissue.elastic)
-    tissue.elastic->poissons_ratio = *ratio;
-  else if (!reader.has("youngs_modulus"))
-    problems.add(reader.line("poissons_ratio"),
-                 "tissue \"" + tissue.name + "\" has a Poisson's ratio but no modulus",
-                 "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
+  const auto set = [&](const char* key, const char* what, double ElasticConstants::*member) {
+    const auto value = reader.number(key);
+    if (!value) return;
+    if (tissue.elastic)
+      (*tissue.elastic).*member = *value;
+    else if (!reader.has("youngs_modulus"))
+      problems.add(reader.line(key), "tissue \"" + tissue.name + "\" has " + what + " but no modulus",
+                   "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
+  };
+  set("poissons_ratio", "a Poisson's ratio", &ElasticConstants::poissons_ratio);
+  set("stiffening", "a stiffening", &ElasticConstants::stiffening);
 }
 
 // relaxation; replaces the preset's
@@ -209,9 +212,9 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
                  "take it out, or change the law");
   };
   if (yielding.relaxation && !is_elastic(yielding.law))
-    does_nothing("relaxation", "\"elastic\" and \"neo-hookean\"");
+    does_nothing("relaxation", "\"elastic\", \"neo-hookean\" and \"exponential\"");
   if (yielding.cell_mm && !is_moving(yielding.law))
-    does_nothing("cell", "\"elastic\", \"neo-hookean\" and \"chainmail\"");
+    does_nothing("cell", "\"elastic\", \"neo-hookean\", \"exponential\" and \"chainmail\"");
 }
 
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {

@@ -241,6 +241,15 @@ TEST(ParseScene, ATissueIsMadeOfWhatItsKeysAndItsPresetSay) {
   EXPECT_EQ(elastic_of("preset = 'bone'\nyoungs_modulus = 1e5\npoissons_ratio = 0.495\n"),
             (ElasticConstants{100'000, 0.495}));
   EXPECT_EQ(elastic_of("youngs_modulus = 0.1\npoissons_ratio = 0\n"), (ElasticConstants{0.1, 0}));
+  EXPECT_EQ(elastic_of("preset = 'liver'\n").stiffening, find_preset("liver")->values.elastic->stiffening);
+  EXPECT_EQ(elastic_of("preset = 'liver'\nstiffening = 0\n").stiffening, 0);
+  EXPECT_EQ(elastic_of("youngs_modulus = 20\nstiffening = 100\n"), (ElasticConstants{20, 0.45, 100}));
+  const auto scene = parse_scene(
+      "[[tissue]]\nname = 'a'\nlabels = [1]\npreset = 'liver'\n[yielding]\nlaw = 'exponential'\n"
+      "relaxation = true\ncell = 1\n",
+      "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->yielding.law, TissueLaw::kExponential);
 }
 
 Relaxation relaxation_of(const std::string& keys, const std::string& yielding = "") {
@@ -361,7 +370,7 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
       "[[tissue]]\nname = 'bone'\nlabels = [2]\n"
       "[[tissue]]\nname = 'spur'\nlabels = [3]\ncutting_energy = 80\n"
       "[[tissue]]\nname = 'plate'\nlabels = [4]\nprotection = 'none'\n"
-      "[[tissue]]\nname = 'shown'\nlabels = [5]\nfelt = false\n";
+      "[[tissue]]\nname = 'shown'\nlabels = [5]\ntouchable = false\n";
   const auto scene = parse_scene(tissues + "[tool]\nkind = 'shaver'\n", "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
   const Tool& shaver = scene->tools[0];
@@ -533,14 +542,19 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "youngs_modulus = 10\npoissons_ratio = -0.1\n", 5, "outside 0 ... 0.495", ""},
         BadScene{TISSUE "poissons_ratio = 0.3\n", 4, "tissue \"a\" has a Poisson's ratio but no modulus",
                  "add youngs_modulus = 10"},
+        BadScene{TISSUE "stiffening = 5\n", 4, "tissue \"a\" has a stiffening but no modulus",
+                 "add youngs_modulus = 10"},
+        BadScene{TISSUE "youngs_modulus = 10\nstiffening = 101\n", 5, "stiffening = 101 is outside 0 ... 100",
+                 "default 0"},
         BadScene{TISSUE "youngs_modulus_kPa = 10\n", 4, "unknown key \"youngs_modulus_kPa\"",
                  "did you mean youngs_modulus?"},
         BadScene{TISSUE "[yielding]\nlaw = 'jelly'\n", 5, "jelly",
-                 "\"elastic\", \"neo-hookean\", \"chainmail\" or \"layers\""},
+                 "\"elastic\", \"neo-hookean\", \"exponential\", \"chainmail\" or \"layers\""},
         BadScene{TISSUE "[yielding]\nlaw = 'elastic'\ncell = 0.1\n", 6, "cell = 0.1 is outside 0.2 ... 10 mm",
                  "a number"},
         BadScene{TISSUE "[yielding]\nrelaxation = true\n", 5,
-                 "relaxation belongs to the laws \"elastic\" and \"neo-hookean\"", "take it out"},
+                 "relaxation belongs to the laws \"elastic\", \"neo-hookean\" and \"exponential\"",
+                 "take it out"},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.6, 1], [0.4, 2]]\n", 5,
                  "tissue \"a\" relaxes by 1 of its modulus", "sum of the fractions must be below 1"},
         BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0, 1]]\n", 5, "relaxes by a fraction of 0",
@@ -566,7 +580,8 @@ INSTANTIATE_TEST_SUITE_P(
                  "stays open after a puncture, but has no puncture force", "add puncture = 1"},
         BadScene{TISSUE "puncture = 1\nafter_puncture = 'open'\n", 5, "after_puncture", "stays_open"},
         BadScene{TISSUE "[yielding]\ncell = 1\n", 5,
-                 "cell belongs to the laws \"elastic\", \"neo-hookean\" and \"chainmail\"", "take it out"},
+                 "cell belongs to the laws \"elastic\", \"neo-hookean\", \"exponential\" and \"chainmail\"",
+                 "take it out"},
         BadScene{TISSUE "[force]\nmethod = 'trilinear'\n[yielding]\nlaw = 'elastic'\n", 7,
                  "yields only with the proxy", "law = \"layers\""},
         BadScene{TISSUE "[yielding]\nlaws = 'elastic'\n", 5, "unknown key \"laws\" in [yielding]",
@@ -629,7 +644,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         BadScene{TISSUE "stiffness = 'hard'\n", 4, "stiffness is a text",
                  "a number, 0.001 ... 20 N/mm; default 1"},
-        BadScene{TISSUE "felt = 1\n", 4, "felt is a whole number", "true or false"},
+        BadScene{TISSUE "touchable = 1\n", 4, "touchable is a whole number", "true or false"},
         BadScene{TISSUE "colour = [1, 2, 3]\n", 4, "colour is a list", "a colour"},
         BadScene{TISSUE "colour = '#12345g'\n", 4, "not a colour", "#e6e696"},
         BadScene{TISSUE "colour = '#12345'\n", 4, "not a colour", "hexadecimal"},
@@ -747,7 +762,7 @@ INSTANTIATE_TEST_SUITE_P(
                  5, "is circular: b on c on b", ""},
         BadScene{TISSUE "rests_on = ['b']\nstiffness = 1.5\n[[tissue]]\nname = 'b'\nlabels = [2]\n", 1,
                  "\"a\" (1.5 N/mm) is stiffer than \"b\" (1 N/mm)", "inward"},
-        BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\nfelt = false\n", 1,
+        BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\ntouchable = false\n", 1,
                  "rests on \"b\", which is not felt", "inward"},
         BadScene{TISSUE "[data]\n", 4, "neither a scan nor labels", "labels = "},
         BadScene{TISSUE "[data]\nscan = 's'\n", 1, "has labels, but the scene has no label map", "labels = "},

@@ -53,11 +53,12 @@ constexpr std::array kEventColumnsBeforeProperties{
     Column{"number", kU32, 1, PALPATE_EVENT(number), "1", "-",
            "model: new version; settings: number of the change, from 1; stop and rearm: number among both, "
            "from 1; tissue solved: number of the solution, from 1"},
-    Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
-           "model: place of the changed tissue in the scene, from 0. 4294967295: the fields of the direct "
-           "methods were prepared again. 4294967294: it was cut by the preceding sweeps. 4294967293: the "
-           "last stroke was undone; 4294967292: the last undone stroke was redone. 4294967280 ... "
-           "4294967283: the law of soft tissue becomes layers, elastic, neo-hookean, chainmail"}};
+    Column{
+        "tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
+        "model: place of the changed tissue in the scene, from 0. 4294967295: the fields of the direct "
+        "methods were prepared again. 4294967294: it was cut by the preceding sweeps. 4294967293: the "
+        "last stroke was undone; 4294967292: the last undone stroke was redone. 4294967280 ... "
+        "4294967284: the law of soft tissue becomes layers, elastic, neo-hookean, chainmail, exponential"}};
 constexpr std::array kEventColumnsAfterProperties{
     Column{"changed", kU16, 1, PALPATE_EVENT(changed), "bits", "-", "settings: fields that changed",
            setting_bits},

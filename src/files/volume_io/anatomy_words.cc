@@ -19,6 +19,7 @@ constexpr std::string_view kStructures =
     "radial skull cranium cranial mandible mandibular maxilla maxillary sternum sternal carpal carpus "
     "metacarpal tarsal tarsus metatarsal phalanx phalange phalanges talus calcaneus navicular cuboid "
     "cuneiform acetabulum acetabular fabella sesamoid spine spinal hyoid jaw jawbone tooth teeth zygoma "
+    "malleus incus stapes ossicle ossicles condylar "
     "zygomatic zygomaticus vomer ethmoid sphenoid scaphoid lunate triquetrum pisiform trapezium trapezoid "
     "alveolar incisive styloid canal pulp dental capitate hamate hipbone collarbone kneecap shinbone heel "
     "knee "

@@ -111,11 +111,11 @@ HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitB
 HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t index, LitBlockCache& lit) {
   const std::uint32_t slot = index % LitBlockCache::kCount;
   light_block(rows.voxels[index], rows.light, lit.lit[slot]);
-  lit.place[slot] = index;
+  lit.index[slot] = index;
 }
 
 HWY_INLINE bool is_lit(std::uint32_t index, const LitBlockCache& lit) {
-  return lit.place[index % LitBlockCache::kCount] == index;
+  return lit.index[index % LitBlockCache::kCount] == index;
 }
 
 /// Returns a lit block, valid until the next call.
@@ -131,7 +131,7 @@ HWY_INLINE void prefetch_block(const RowsView& rows, std::uint32_t index, const 
   const std::uint32_t slot = index % LitBlockCache::kCount;
   const auto there = reinterpret_cast<std::uintptr_t>(&lit.lit[slot]),
              far = reinterpret_cast<std::uintptr_t>(&rows.voxels[index]),
-             is_there = std::uintptr_t{0} - static_cast<std::uintptr_t>(lit.place[slot] == index);
+             is_there = std::uintptr_t{0} - static_cast<std::uintptr_t>(lit.index[slot] == index);
   __builtin_prefetch(reinterpret_cast<const void*>((there & is_there) | (far & ~is_there)));
 }
 

@@ -602,7 +602,8 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
     return MeasuredCells{std::move(carried), is_slow ? "coarser cells" : ""};
   };
   start();
-  EXPECT_THAT(live_->scene().laws, ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));
+  EXPECT_THAT(live_->scene().laws,
+              ::testing::ElementsAre("elastic", "neo-hookean", "exponential", "chainmail", "layers"));
   ASSERT_NO_FATAL_FAILURE(press(1));
   const auto go_by = [&](const char* law) {
     SettingsRequest request;

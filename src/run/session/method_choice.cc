@@ -9,7 +9,6 @@
 #include "palpate/base/reading.h"
 #include "palpate/base/reason.h"
 #include "palpate/direct/direct_methods.h"
-#include "palpate/model/memory_forecast.h"
 #include "palpate/palpation/logged_loop.h"
 #include "session/refusal.h"
 
@@ -129,13 +128,10 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
     }
   }
   // running out of memory would end the session, so the demand is checked first
-  if (!fields_->has(method)) {
-    const std::uint64_t field = fields_->field == nullptr ? memory_of_ramp_field(*fields_).peak : 0;
-    if (auto allowed =
-            allow_memory(field + memory_of_force_field(*fields_, method), std::string(name_of(method)));
+  if (!fields_->has(method))
+    if (auto allowed = allow_memory(memory_of_force_field(*fields_, method), std::string(name_of(method)));
         !allowed)
       return allowed.error();
-  }
   auto more = more_methods_(fields_, {&method, 1}, progress);
   if (more) fields_ = *more;
   return more;

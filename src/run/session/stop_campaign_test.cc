@@ -251,8 +251,8 @@ void CampaignSession::replay_it() {
 
 TEST(StopCampaign, AStopNeverRaisesForceAndTheNextTickSendsNone) {
   // the full campaign is PALPATE_TEST_STOPS=10000
-  const char* requested = std::getenv("PALPATE_TEST_STOPS");
-  const int sequences = requested != nullptr ? std::atoi(requested) : 1000;
+  const char* sequence_count = std::getenv("PALPATE_TEST_STOPS");
+  const int sequences = sequence_count != nullptr ? std::atoi(sequence_count) : 1000;
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937_64 random(seed);

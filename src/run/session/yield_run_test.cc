@@ -476,7 +476,7 @@ TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
     (requested ? seen : observed_before) |= moved;
     if (!std::exchange(requested, true)) {
       EXPECT_THAT(host->scene().laws,
-                  ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));
+                  ::testing::ElementsAre("elastic", "neo-hookean", "exponential", "chainmail", "layers"));
       EXPECT_EQ(host->state().law, "layers");
       SettingsRequest request;
       request.law = "rubber";

@@ -1,6 +1,7 @@
 #include "verification/latency.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -80,13 +81,15 @@ bool is_rendered_by(ForceMethod method, const Model& model) {
   return !model.cuts() && check_force_field(model, method).ok();
 }
 
-// figures of the tick and of the whole update for each selectable method; one method is prepared at a time
+// figures of the tick and of the whole update for each selectable method; one method is prepared at a time,
+// beside the trilinear one, whose field the bare force is computed from
 Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, const PalpationPath& path,
                                                  const Progress& progress) {
   std::vector<Figure> figures;
   for (const ForceMethodInfo& info : kForceMethods) {
     if (!is_rendered_by(info.method, *loaded.model)) continue;
-    const auto model = ready_for(loaded.model, {&info.method, 1}, progress);
+    const std::array methods{ForceMethod::kTrilinear, info.method};
+    const auto model = ready_for(loaded.model, methods, progress);
     if (!model) return model.error();
     const std::string name(info.name);
     progress.report("as fast as it goes: " + name, 0);

@@ -4,6 +4,7 @@
 #include "verification/label_contact.h"
 #include "verification/latency.h"
 #include "verification/machine.h"
+#include "verification/outside.h"
 #include "verification/removal.h"
 #include "verification/stability.h"
 #include "verification/tissue.h"
@@ -14,7 +15,6 @@ namespace {
 struct Suite {
   const char* name;
   const char* line;
-  bool takes_options;
   // produces notes and figures
   Result<SuiteReport> (*run)(const SuiteOptions&, const Progress&, const Warn&);
 };
@@ -44,16 +44,15 @@ Result<SuiteReport> tissue(const SuiteOptions&, const Progress& progress, const 
 }
 
 constexpr Suite kSuites[] = {
-    {"contact", "what the default method feels of label maps: terraces, seams, layers, thin sheets", false,
-     contact},
-    {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", false,
-     accuracy},
-    {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},
-    {"stability", "what simulated hands and devices hold: stiffness, buzz, energy, friction, drift", false,
+    {"contact", "what the default method feels of label maps: terraces, seams, layers, thin sheets", contact},
+    {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", accuracy},
+    {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", run_latency},
+    {"stability", "what simulated hands and devices hold: stiffness, buzz, energy, friction, drift",
      stability},
-    {"removal", "what a burr takes out of bone: volume, work and steps at any rate and on any grid", false,
-     removal},
-    {"tissue", "soft tissue that yields against analytic cases, and what a frame of it costs", false, tissue},
+    {"removal", "what a burr takes out of bone: volume, work and steps at any rate and on any grid", removal},
+    {"outside", "your measured indentation curves against presets and fits: verify outside CURVES.csv",
+     run_outside},
+    {"tissue", "soft tissue that yields against analytic cases, and what a frame of it costs", tissue},
 };
 
 const Suite* find_suite(const std::string& name) {
@@ -94,7 +93,10 @@ Result<SuiteReport> run_suite(const std::string& name, const SuiteOptions& optio
   const Suite* suite = find_suite(name);
   if (suite == nullptr) return unknown_suite(name);
   const char* option = supplied_option(options);
-  if (option != nullptr && !suite->takes_options)
+  if (options.curves && name != "outside")
+    return Error{ErrorKind::kUsage, "the suite '" + name + "' takes no file", options.curves->string(),
+                 "leave it out; palpate verify --help says whose it is"};
+  if (option != nullptr && name != "latency")
     return Error{ErrorKind::kUsage, "the suite '" + name + "' takes no --" + option, "",
                  "leave it out; palpate verify --help says whose it is"};
   auto report = suite->run(options, progress, warn);

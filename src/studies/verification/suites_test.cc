@@ -2,6 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
 
 #include "palpate/verification/verification.h"
 #include "verification/machine.h"
@@ -41,6 +44,30 @@ TEST(Suites, AnOptionThatASuiteDoesNotTakeIsRefusedByName) {
     EXPECT_EQ(report.error().kind, ErrorKind::kUsage);
     EXPECT_THAT(report.error().what, HasSubstr("'accuracy' takes no " + std::string(option)));
   }
+}
+
+TEST(Suites, MeasuredCurvesAreComparedWithTheirPresets) {
+  EXPECT_EQ(run_suite("outside").error().kind, ErrorKind::kUsage);
+  SuiteOptions options;
+  options.curves = std::filesystem::path(::testing::TempDir()) / "suites_test_curves.csv";
+  std::ofstream file(*options.curves);
+  file << "depth_mm,force_N,curve,radius_mm,preset\n";
+  // by Hertz, 20 kPa, nu 0.45
+  for (int n = 1; n <= 20; ++n)
+    file << 0.1 * n << "," << 4.0 / 3 * 0.02 / (1 - 0.45 * 0.45) * 2 * std::pow(0.1 * n, 1.5) << ",a,4,fat\n";
+  file.close();
+  const auto report = run_suite("outside", options);
+  ASSERT_TRUE(report.ok()) << report.error().what;
+  const auto value = [&](const std::string& name) {
+    for (const Figure& figure : report->figures)
+      if (figure.name == "outside/a/" + name) return figure.value;
+    return -1.0;
+  };
+  EXPECT_EQ(value("inside-band"), 100);
+  EXPECT_NEAR(value("modulus"), 20, 1);
+  EXPECT_EQ(value("stiffening"), 0);
+  EXPECT_NEAR(value("end-force-over-preset"), 20 / 9.1, 0.1);
+  EXPECT_EQ(run_suite("contact", options).error().kind, ErrorKind::kUsage);
 }
 
 TEST(Suites, AKnownOneRunsAndCanBeInterrupted) {

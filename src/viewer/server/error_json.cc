@@ -18,7 +18,8 @@ constexpr std::array<std::string_view, 33> kWords{
     "navigation", "patient_mm", "plan", "playing", "pointer", "poses_hz", "protocol", "remove", "save",
     "speed", "stop", "take", "target_mm", "task", "tissue", "token", "trajectory", "type", "version",
     "yielded", kLawSetting};
-constexpr std::array<std::string_view, 4> kLaws{"chainmail", "elastic", "layers", "neo-hookean"};
+constexpr std::array<std::string_view, 5> kLaws{"chainmail", "elastic", "exponential", "layers",
+                                                "neo-hookean"};
 
 bool is_setting(std::string_view place) {
   bool found = false;

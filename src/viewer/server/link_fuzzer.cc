@@ -15,8 +15,11 @@ namespace {
 void message(std::string_view text) {
   const auto parsed = parse_viewer_message(text);
   if (!parsed) return;
-  if (const auto* tip = std::get_if<TipMessage>(&*parsed))
-    for (const double mm : tip->tip_patient_mm) PALPATE_CHECK(std::isfinite(mm));
+  if (const auto* tip = std::get_if<TipMessage>(&*parsed); tip && tip->target) {
+    for (const double mm : tip->target->tip_patient_mm) PALPATE_CHECK(std::isfinite(mm));
+    for (const double component : tip->target->into) PALPATE_CHECK(std::isfinite(component));
+    PALPATE_CHECK(std::isfinite(tip->target->force_N));
+  }
   if (const auto* hello = std::get_if<Hello>(&*parsed))
     PALPATE_CHECK(hello->poses_hz >= 1 && hello->poses_hz <= 120);
   const auto* request = std::get_if<Request>(&*parsed);
@@ -34,7 +37,7 @@ void message(std::string_view text) {
   if (const auto* task = std::get_if<TaskRequest>(&request->what))
     PALPATE_CHECK(task->begin.has_value() != task->end && (!task->begin || task->begin->size() <= 256));
   if (const auto* lesson = std::get_if<LessonRequest>(&request->what))
-    PALPATE_CHECK(lesson->learner || lesson->task || lesson->names || lesson->end);
+    PALPATE_CHECK(lesson->learner || lesson->task || lesson->names || lesson->pointer || lesson->end);
   if (const auto* plan = std::get_if<PlanRequest>(&request->what))
     PALPATE_CHECK(plan->trajectory.has_value() != (plan->save || plan->back_to.has_value()));
   if (const auto* error = std::get_if<Error>(&request->what))

@@ -363,7 +363,7 @@ class FakeRecording : public PlaybackHost {
     grid.dims = {2, 2, 2};
     scene_.labels = label_bricks(Volume<LabelId>(grid));
     scene_.input = "recording";
-    state_.playback.emplace();
+    state_.playback = ViewedState::Playback{};
   }
   const ViewedScene& scene() const override { return scene_; }
   TickRecord snapshot(std::array<double, kMaxDevices>& /*stiffness_N_per_mm*/) const override { return {}; }

@@ -251,8 +251,8 @@ TEST(IgtlMessages, TheGreetingIsAWholeMessage) {
     EXPECT_EQ(bytes[50 + n], static_cast<std::uint8_t>(crc >> (56 - 8 * n)));
 }
 
-// Seed corpus of messages_fuzzer. PALPATE_WRITE_SEEDS=src/devices/tracker/messages_fuzzer_corpus regenerates
-// it.
+// Seed corpus of messages_fuzzer. PALPATE_WRITE_SEEDS=src/wires/openigtlink/messages_fuzzer_corpus
+// regenerates it.
 TEST(IgtlSeeds, AreUnderstood) {
   const MessageWords words{{"TransformStatus", "OK"}}, of_each{{"StylusToTrackerStatus", "MISSING"}};
   const std::pair<const char*, MessageBytes> seeds[] = {
@@ -269,7 +269,7 @@ TEST(IgtlSeeds, AreUnderstood) {
           .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   for (const auto& [name, bytes] : seeds) {
     std::ifstream in(
-        std::filesystem::path(PALPATE_SOURCE_DIR) / "src/devices/tracker/messages_fuzzer_corpus" / name,
+        std::filesystem::path(PALPATE_SOURCE_DIR) / "src/wires/openigtlink/messages_fuzzer_corpus" / name,
         std::ios::binary);
     const MessageBytes stored{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
     EXPECT_EQ(read(stored).poses.size(), 1u) << name;

@@ -45,7 +45,9 @@ export function drawLine(
   dash: number[] = [],
 ): void {
   const { context } = frame;
-  for (const run of runs(a, b, piecesOf(frame, projection.pixel(a), projection.pixel(b)), (p) => projection.hides(p, slack_mm))) {
+  for (const run of runs(a, b, piecesOf(frame, projection.pixel(a), projection.pixel(b)), (p) =>
+    projection.hides(p, slack_mm),
+  )) {
     context.save();
     if (run.isHidden) context.globalAlpha *= 0.5;
     line(frame, projection.pixel(run.from), projection.pixel(run.to), thick, colour, run.isHidden ? [3, 5] : dash);
@@ -182,5 +184,7 @@ export function boxSection(plane: Plane, volumes: Volumes): Vec3[] {
   return met.sort((p, q) => angle(p) - angle(q));
 }
 export function drawPlane(frame: Frame, projection: InVolume, corners: Vec3[], colour: string): void {
-  corners.forEach((corner, n) => drawLine(frame, projection, corner, corners[(n + 1) % corners.length]!, 1.6, colour, 1));
+  corners.forEach((corner, n) =>
+    drawLine(frame, projection, corner, corners[(n + 1) % corners.length]!, 1.6, colour, 1),
+  );
 }

@@ -105,7 +105,9 @@ export function drawNoGoInVolume(frame: Frame, projection: InVolume, session: Se
     if (plane) {
       const [right, down] = tangents(plane.outward);
       const corners = boxSection({ centre: plane.point_mm, right, down }, volumes);
-      corners.forEach((corner, n) => drawLine(frame, projection, corner, corners[(n + 1) % corners.length]!, 1.8, NO_GO, 1));
+      corners.forEach((corner, n) =>
+        drawLine(frame, projection, corner, corners[(n + 1) % corners.length]!, 1.8, NO_GO, 1),
+      );
       // short strokes on the forbidden side
       corners.forEach((corner) =>
         drawLine(frame, projection, corner, add(corner, scale(plane.outward, -0.03 * volumes.size)), 1.8, NO_GO, 1),

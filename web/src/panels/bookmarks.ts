@@ -148,7 +148,9 @@ export class Bookmarks {
       along: oblique.along.value,
       anatomical: oblique.anatomical.value,
       // sections that were never shown have no extent
-      sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, placement }) => ({ kind, ...placement })),
+      sections: sections
+        .filter(({ across_mm }) => across_mm > 0)
+        .map(({ kind, placement }) => ({ kind, ...placement })),
       rotation: session.pose.value?.rotation ?? null,
     };
   }

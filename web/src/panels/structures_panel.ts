@@ -111,7 +111,9 @@ export class StructuresPanel {
         scene,
         index,
         readable(tissue.name),
-        tissue.touchable ? this.feelOf(scene, index) : says(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
+        tissue.touchable
+          ? this.feelOf(scene, index)
+          : says(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
       ),
     );
     this.groups.push(...this.groupOf(scene, -1, null, null));

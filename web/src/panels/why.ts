@@ -30,7 +30,9 @@ export function whyText(device: DevicePose, force: Vec3): string {
     reasons.push(words.alongSurface(quantity(along_N, "N")));
   if (device.requestedForce - force_N > Math.max(LEAST_N, LEAST_PART * device.requestedForce)) {
     const reason = LESS.find(([flag]) => device.flags & flag)?.[1] ?? "slew";
-    reasons.push(words.lessBecause(quantity(force_N, "N"), quantity(device.requestedForce, "N"), words.because[reason]));
+    reasons.push(
+      words.lessBecause(quantity(force_N, "N"), quantity(device.requestedForce, "N"), words.because[reason]),
+    );
   }
   return reasons.join(" · ");
 }

@@ -137,7 +137,8 @@ export class Volumes {
   shownAt(index: number): number {
     const value = this.structure[index]!;
     if (value > 0 || !this.removed.has(index)) return value;
-    return (this.isFull ??= this.structure.includes(REMOVED)) ? 0 : REMOVED;
+    this.isFull ??= this.structure.includes(REMOVED);
+    return this.isFull ? 0 : REMOVED;
   }
   /** Values of a box of voxels in sections, i fastest. */
   shownIn(lo: Vec3, size: Vec3): Uint8Array {

@@ -144,7 +144,8 @@ export class SectionView {
       // an outline next to the cursor, which is pressed on along the plane
       (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
       (at) => this.patientAt(at),
-      () => (this.heldTip.peek() && this.touching.isTouchable(this.heldTip.peek()!) ? words.insideThere : words.nothingThere),
+      () =>
+        this.heldTip.peek() && this.touching.isTouchable(this.heldTip.peek()!) ? words.insideThere : words.nothingThere,
     );
     this.listen();
   }
@@ -212,7 +213,8 @@ export class SectionView {
   /** Point that the target plane contains; patient frame. */
   private through(): Vec3 {
     return (
-      this.heldTip.value ?? add(this.restsAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
+      this.heldTip.value ??
+      add(this.restsAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
     );
   }
   /**

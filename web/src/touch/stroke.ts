@@ -234,19 +234,21 @@ export class Stroke {
   }
 
   /**
-   * Path that frees a contact which something holds back from its target.
+   * Path that frees a contact which something holds back from its target, or that was reset inside of a structure.
    * @param target  position that the tip has been sent to
    * @param contact  position of the tool in contact; null: no contact
+   * @param isInside  contact was reset while the tip was inside, as after a halt of the loop: there is no force
    * @returns null: the contact is where it should be, or has just begun to lag
    */
-  freed(now_ms: number, target: Step, contact: Vec3 | null): Step[] | null {
-    const isAway = target.into !== null && contact !== null && length(sub(contact, target.at)) > FARTHEST_MM;
+  freed(now_ms: number, target: Step, contact: Vec3 | null, isInside = false): Step[] | null {
+    const isFar = contact !== null && length(sub(contact, target.at)) > FARTHEST_MM;
+    const isAway = target.into !== null && (isInside || isFar);
     if (!isAway) this.away_ms = NaN;
     else if (Number.isNaN(this.away_ms)) this.away_ms = now_ms;
     if (!(now_ms - this.away_ms > CAUGHT_MS) || !this.point) return null;
     this.away_ms = NaN;
     const { point } = this;
-    this.point = { ...point, at: contact! };
+    this.point = { ...point, at: contact ?? point.at };
     return this.goTo(point, 1);
   }
 }

@@ -22,7 +22,13 @@ function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
  * First position with contact forces along a line; null: none.
  * @param min_mm  start of the search, distance from `from` along `into`
  */
-export function firstTouchable(volumes: Volumes, isTouchable: IsTouchable, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
+export function firstTouchable(
+  volumes: Volumes,
+  isTouchable: IsTouchable,
+  from: Vec3,
+  into: Vec3,
+  min_mm = -Infinity,
+): Vec3 | null {
   const [begin, end] = within(volumes, from, into);
   const step = volumes.voxelSize / 3;
   const at = (distance_mm: number) => add(from, scale(into, distance_mm));

@@ -131,8 +131,9 @@ export class Touching {
     const { stroke, pointer } = this;
     const device = pose.devices[0];
     if (!stroke || !pointer.position || !device) return;
-    const touches = (device.flags & (Flag.contact | Flag.inside)) === Flag.contact;
-    const path = stroke.freed(performance.now(), pointer.position, touches ? device.proxy : null);
+    const isInside = (device.flags & Flag.inside) !== 0;
+    const touches = !isInside && (device.flags & Flag.contact) !== 0;
+    const path = stroke.freed(performance.now(), pointer.position, touches ? device.proxy : null, isInside);
     if (path) pointer.follow(path);
   }
 }

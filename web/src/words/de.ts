@@ -553,6 +553,7 @@ export const de: Words = {
     chainmail: "ChainMail",
     elastic: "linear elastisch",
     "neo-hookean": "Neo-Hooke",
+    exponential: "exponentiell versteifend",
   } as Record<string, string>,
   lawAwaited: (awaited: string, felt: string) => `„${awaited}“ wird vorbereitet; bis dahin bleibt „${felt}“ aktiv`,
   methodAwaited: (awaited: string, felt: string) => `${awaited} wird vorbereitet; bis dahin bleibt ${felt} aktiv`,

@@ -551,6 +551,7 @@ export const en = {
     chainmail: "ChainMail",
     elastic: "linear elastic",
     "neo-hookean": "neo-Hookean",
+    exponential: "stiffening exponentially",
   } as Record<string, string>,
   lawAwaited: (awaited: string, felt: string) => `Preparing “${awaited}”; “${felt}” remains active until then`,
   methodAwaited: (awaited: string, felt: string) => `Preparing ${awaited}; ${felt} remains active until then`,
