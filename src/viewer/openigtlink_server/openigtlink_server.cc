@@ -16,10 +16,10 @@
 #include <chrono>
 #include <cstring>
 #include <deque>
+#include <exception>
 #include <future>
 #include <list>
 #include <memory>
-#include <new>
 #include <optional>
 #include <span>
 #include <string>
@@ -44,6 +44,7 @@ using Clock = std::chrono::steady_clock;
 constexpr auto kSlicePeriod = std::chrono::milliseconds(200);
 constexpr auto kLabelsPeriod = std::chrono::milliseconds(50);
 constexpr auto kStatePeriod = std::chrono::milliseconds(50);
+constexpr auto kAcceptPause = std::chrono::milliseconds(500);
 /// A client that takes nothing for as long is dropped.
 constexpr auto kPatience = std::chrono::seconds(10);
 constexpr std::size_t kMaxQueued = 8;  // messages, not counting frames
@@ -68,7 +69,7 @@ class FileDescriptor {
   int number_ = -1;
 };
 
-// only heads matter
+// only the heads of requests are evaluated
 bool wants_no_body(const std::string&) {
   return false;
 }
@@ -118,27 +119,29 @@ class Server final : public OpenIgtLinkServer {
     server::be_ordinary_thread("openigtlink");
     auto next = Clock::now();
     while (!ended_) {
-      wait_until(next);
-      if (ended_) return;
-      // one that cannot be encoded for want of memory is dropped, and the session goes on
+      // without memory or threads the clients are disconnected, and the session continues
       try {
+        wait_until(next);
+        if (ended_) return;
         const auto now = Clock::now();
         if (now >= next) {
           publish(now);
           next = std::max(next + period_, now);
         }
-      } catch (const std::bad_alloc&) {
-        for (Client& client : clients_) client.fault = "not enough memory";
+        for (Client& client : clients_)
+          if (Clock::now() - client.progress > kPatience && !client.queue.empty())
+            client.fault = "takes no messages";
+        drop_faulty();
+      } catch (const std::exception&) {
+        clients_.clear();
+        clients_count_ = 0;
       }
-      for (Client& client : clients_)
-        if (Clock::now() - client.progress > kPatience && !client.queue.empty())
-          client.fault = "takes no messages";
-      drop_faulty();
     }
   }
 
   void wait_until(Clock::time_point next) {
-    std::vector<pollfd> waiting{{wake_.get(), POLLIN, 0}, {listening_.get(), POLLIN, 0}};
+    std::vector<pollfd> waiting{{wake_.get(), POLLIN, 0}, {listening_.get(), 0, 0}};
+    if (Clock::now() >= next_accept_) waiting[1].events = POLLIN;
     for (const Client& client : clients_)
       waiting.push_back(
           {client.socket.get(), static_cast<short>(POLLIN | (client.queue.empty() ? 0 : POLLOUT)), 0});
@@ -160,7 +163,11 @@ class Server final : public OpenIgtLinkServer {
     socklen_t size = sizeof address;
     FileDescriptor socket(::accept4(listening_.get(), reinterpret_cast<sockaddr*>(&address), &size,
                                     SOCK_CLOEXEC | SOCK_NONBLOCK));
-    if (socket.get() < 0) return;
+    if (socket.get() < 0) {
+      // without a free descriptor the connection remains pending, and would be reported continuously
+      if (errno != EAGAIN && errno != EINTR) next_accept_ = Clock::now() + kAcceptPause;
+      return;
+    }
     std::string peer = peer_text(address);
     if (static_cast<int>(clients_.size()) >= kMaxClients) {
       log(peer + " is refused: " + std::to_string(kMaxClients) + " clients are connected");
@@ -310,7 +317,7 @@ class Server final : public OpenIgtLinkServer {
     if (options_.log) options_.log(line);
   }
 
-  static constexpr const char* kLeft = "left";  // no fault worth a line
+  static constexpr const char* kLeft = "left";  // not reported
 
   const ViewerHost& host_;
   const PublishedSession session_;
@@ -323,7 +330,7 @@ class Server final : public OpenIgtLinkServer {
   // on the server's thread
   std::list<Client> clients_;
   bool is_stopped_ = false;
-  Clock::time_point next_state_{}, next_labels_{};
+  Clock::time_point next_state_{}, next_labels_{}, next_accept_{};
   std::future<Message> encoding_;
   std::shared_ptr<const Bricks<LabelId>> encoded_labels_;
   std::thread thread_;  // last: uses the members above
