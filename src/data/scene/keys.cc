@@ -29,7 +29,7 @@ std::vector<std::string_view> names_of(const std::array<Word<T>, kCount>& words)
   return names;
 }
 
-// Adds the keys of all contact properties behind `felt`. Their defaults are those of ContactProperties.
+// Adds the keys of all contact properties behind `touchable`. Their defaults are those of ContactProperties.
 TableSpec with_contact_keys(TableSpec tissue) {
   static const auto kDefaults = [] {
     std::array<std::string, kContactProperties.size()> texts;
@@ -629,7 +629,8 @@ SceneKeys declared_keys() {
              .type = kChoice,
              .default_text = "\"none\"",
              .choices = {"none", "touchable", "all"},
-             .meaning = "`felt`: structures that are felt. `all`: every structure of the label map. Those of "
+             .meaning = "`touchable`: structures whose tissue is touchable. `all`: every structure of the "
+                        "label map. Those of "
                         "a [[no_go]] are always reported."},
             {.name = "reach",
              .type = kNumber,

@@ -201,7 +201,7 @@ export const de: Words = {
   armCodeTitle: "Steht im Terminal von palpate, solange das Gerät angehalten ist; einmal gültig, eine Minute lang",
   rearmTitle: "Kraft nach einem Not-Halt wieder einschalten, sobald die Spitze nichts berührt",
   free: "kein Kontakt",
-  nothingToFeel: "nichts zu fühlen: jedes Gewebe dieser Szene hat felt = false",
+  nothingToFeel: "nichts zu fühlen: jedes Gewebe dieser Szene hat touchable = false",
   outside: "außerhalb des Volumens",
   within: (what, larger) => `${what} (in ${larger})`,
   notFelt: (what) => `${what}, nicht gefühlt`,

@@ -198,7 +198,7 @@ export const en = {
   armCodeTitle: "Shown in palpate's terminal while the device is stopped; valid once, for one minute",
   rearmTitle: "Restore the force after an emergency stop, once the tip touches nothing",
   free: "no contact",
-  nothingToFeel: "nothing to feel: every tissue of this scene has felt = false",
+  nothingToFeel: "nothing to feel: every tissue of this scene has touchable = false",
   outside: "outside the volume",
   within: (what: string, larger: string) => `${what} (within ${larger})`,
   notFelt: (what: string) => `${what}, not felt`,
