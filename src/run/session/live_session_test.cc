@@ -134,6 +134,18 @@ class Viewed : public ::testing::Test {
     ASSERT_TRUE(soon([&] { return at(above) && (latest().device[0].flags & kFlagRamp) == 0; }));
     driver_->hold(mapping.to_device(tip));
     ASSERT_TRUE(soon([&] { return at(tip) && (latest().device[0].flags & kFlagContact) != 0; }));
+    ASSERT_TRUE(is_steady());
+  }
+  /// Waits until viscous and transient forces have decayed: the same force 0.1 s of servo time later.
+  bool is_steady() {
+    TickRecord before = latest();
+    return soon([&] {
+      const TickRecord now = latest();
+      if (now.time_s < before.time_s + 0.1) return false;
+      const bool unchanged = std::abs(sent_N(now) - sent_N(before)) < 1e-6;
+      before = now;
+      return unchanged;
+    });
   }
   bool at(const Point<World>& tip) const {
     const auto now = latest().device[0].tip_world_mm;
