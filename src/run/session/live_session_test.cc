@@ -598,7 +598,7 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
 }
 
 TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
-  shell_ = ElasticConstants{20, 0.45};
+  shell_ = ElasticConstants{60, 0.45};
   std::atomic<bool> may_be_made{false};
   std::atomic<int> made{0};
   other_law_ = [&](const Model& model, TissueLaw law, std::size_t devices,
@@ -699,7 +699,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
 
 // the session continues, viewers are told, and the run replays
 TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
-  shell_ = ElasticConstants{20, 0.45};
+  shell_ = ElasticConstants{60, 0.45};
   std::atomic<bool> is_full{false};
   std::atomic<int> refused{0};
   solve_tissue_ = [&](YieldSolver& solver, const Model& model, const TickRecord& tick) {
