@@ -46,6 +46,12 @@ class Install(unittest.TestCase):
         with self.assertRaises(subprocess.CalledProcessError):
             self.run_palpate("info", self.root / "study")
 
+    def test_the_module_of_slicer_is_there(self):
+        module = self.root / "usr/share/palpate/slicer/Palpate"
+        self.assertEqual({file.name for file in module.rglob("*.py")}, {file.name for file in (TESTS.parent / "slicer/Palpate").rglob("*.py")} - {"PalpateSelfTest.py"})
+        for resource in ("Icons/Palpate.png", "UI/Palpate.ui"):
+            self.assertTrue((module / "Resources" / resource).is_file(), resource)
+
     def test_a_verb_that_is_a_program_of_its_own_is_found(self):
         self.assertIn("accuracy", self.run_palpate("verify", "--list"))
         self.assertEqual(self.run_palpate("help", "verify"), self.run_palpate("verify", "--help"))

@@ -1,0 +1,248 @@
+"""The module of 3D Slicer, in front of a stand-in for Slicer: a segmentation goes to palpate and back, a cut comes into the scene,
+lines become a plan."""
+
+import json
+import os
+import pathlib
+import re
+import sys
+import time
+import unittest
+import xml.etree.ElementTree
+
+import cli
+
+try:
+    import numpy as np
+except ImportError:
+    cli.missing("NumPy for this Python")
+
+import slicer_stub
+
+MODULE = pathlib.Path(__file__).resolve().parents[2] / "slicer/Palpate"
+sys.path[:0] = [str(MODULE), str(MODULE / "Testing/Python")]
+STUB = slicer_stub.install()
+
+from PalpateLib import nrrd, openigtlink, scene
+from PalpateLib.errors import PalpateError
+from PalpateLib.grid import Grid
+from PalpateLib.labels import Labels, Removal
+from PalpateLib.logic import SceneSession
+from PalpateSelfTest import PalpateSelfTest, oblique_grid, two_blocks  # noqa: F401: unittest finds the first one here
+
+os.environ["PATH"] = f"{pathlib.Path(cli.PALPATE).parent}:{os.environ['PATH']}"
+LPS = np.diag([-1.0, -1.0, 1.0])
+MILL = ("[[step]]\napproach = 'femur'\nspeed = 200.0\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n[[step]]\nhold = 1.0\n"
+        "[[step]]\nmotor = false\n[[step]]\nleave = true\n")
+PATIENCE_S = 120
+
+
+def until(happened, what):
+    end = time.monotonic() + PATIENCE_S
+    while not happened():
+        if time.monotonic() > end:
+            raise AssertionError(what)
+        time.sleep(0.005)
+
+
+class SlicerTest(cli.PalpateTest):
+    def setUp(self):
+        super().setUp()
+        STUB.Clear(0)
+
+    def session(self):
+        session = SceneSession()
+        self.addCleanup(session.stop)
+        return session
+
+    def joined(self, started):
+        """A session of its own that has joined a started one, and has its labels."""
+        session = self.session()
+        session.attach("127.0.0.1", started._session.port)
+        until(lambda: session.poll() and session.segmentation, "no labels come")
+        return session
+
+    def test_a_segmentation_goes_to_palpate_and_back(self):
+        volume, segmentation, grid, voxels = two_blocks()
+        # a label that LBMETA cannot name
+        identifier = segmentation.AddEmptySegment("Own", "patella", (0.1, 0.2, 0.3))
+        segmentation.GetSegment(identifier).SetTag(scene.LABEL_TAG, "300")
+        voxels[2, 3:9, 3:9] = 300
+        segmentation.GetSegment(identifier).mask = (voxels == 300).astype(np.uint8)
+        first = self.session()
+        first.start(volume, segmentation)
+        there = self.joined(first)
+        names = {"femur": 3, "tibia": 7, "label 300": 300}
+        labels = there._labels
+        self.assertEqual({segment.name: segment.label for segment in labels.segments}, names)
+        self.assertTrue((labels.layers[0] == voxels).all())
+        # the message has 32-bit positions
+        self.assertTrue(labels.grid.is_same(grid, 1e-4))
+
+        # and once more, from what came
+        second = self.session()
+        second.start(there._volume, there.segmentation)
+        again = self.joined(second)._labels
+        self.assertEqual({segment.name: segment.label for segment in again.segments}, names)
+        self.assertTrue((again.layers[0] == voxels).all())
+        self.assertTrue(again.grid.is_same(grid, 2e-4))
+
+    def test_files_have_the_geometry_and_the_names_exactly(self):
+        rng = np.random.default_rng(5)
+        for flip in (1, -1):
+            turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+            grid = Grid((5, 4, 3), turn * [0.5, 1.25, flip * 3], rng.normal(size=3) * 100)
+            a = rng.random(grid.shape) < 0.5
+            b = ~a & (rng.random(grid.shape) < 0.8)
+            labels = Labels.from_masks(grid, [("A", "Gallbladder ä", (1, 0, 0), 9, a), ("B", "b", (0, 1, 0), None, b),
+                                              ("C", "over both", (0, 0, 1), 9, np.ones(grid.shape, bool))])
+            self.assertEqual([(segment.label, segment.layer) for segment in labels.segments], [(9, 0), (1, 0), (2, 1)])
+            file = self.folder / "labels.seg.nrrd"
+            nrrd.write_segmentation(file, grid, labels)
+            info = json.loads(self.succeed("info", file, "--json").stdout)
+            self.assertEqual(info["dims"], [5, 4, 3])
+            np.testing.assert_allclose(info["origin_lps_mm"], LPS @ grid.first_mm, rtol=1e-12)
+            np.testing.assert_allclose(np.array(info["direction_rows"]) * info["spacing_mm"], LPS @ grid.steps_mm, atol=1e-12)
+            self.assertEqual(info["layers"], 2)
+            self.assertEqual({(s["id"], s["name"]) for s in info["labels"]}, {(9, "Gallbladder ä"), (1, "b"), (2, "over both")})
+
+    def test_a_cut_comes_into_every_segment_and_an_undone_one_leaves(self):
+        grid = Grid((3, 2, 2), np.eye(3), [0, 0, 0])
+        whole, part = np.ones(grid.shape, bool), np.zeros(grid.shape, bool)
+        part[0, 0] = True
+        removal = Removal(Labels.from_masks(grid, [("A", "organ", (1, 1, 1), 1, whole), ("B", "tumour", (1, 1, 1), 2, part)]))
+        served = np.ones(grid.shape, np.uint16)
+        served[0, 0] = 2
+        self.assertEqual(removal.update(served), [])
+        cut = served.copy()
+        cut[0, 0, 1] = cut[1, 1, 2] = 0
+        masks = {segment.name: mask for segment, mask in removal.update(cut)}
+        self.assertTrue((masks["organ"] == (cut != 0)).all())
+        self.assertTrue((masks["tumour"] == (part & (cut != 0))).all())
+        self.assertEqual(removal.removed_voxels, 2)
+        cut[0, 0, 1] = 2
+        self.assertEqual(sorted(segment.name for segment, _ in removal.update(cut)), ["organ", "tumour"])
+        self.assertEqual(removal.removed_voxels, 1)
+
+    @cli.long
+    def test_a_burr_cuts_the_segmentation_where_the_probe_is(self):
+        volume, segmentation, grid, voxels = two_blocks()
+        script = self.folder / "mill.toml"
+        script.write_text(MILL)
+        session = self.session()
+        session.start(volume, segmentation, device="simulated", burr_mm=4, arguments=["--script", script])
+        changed = set()
+
+        def ended():
+            try:
+                changed.update(session.poll())
+            except PalpateError:
+                return True
+            return False
+        until(ended, "the script does not end")
+        self.assertIn("femur", changed)
+        masks = {segment.name: segment.mask != 0 for segment in segmentation.segments.values()}
+        removed = (voxels != 0) & ~masks["femur"] & ~masks["tibia"]
+        self.assertEqual(int(removed.sum()), session.removed_voxels)
+        self.assertGreater(session.removed_voxels, 3)
+        self.assertFalse((masks["femur"] & (voxels != 3)).any())
+        # where the probe was: within the burr's radius, and what it pressed in
+        indices = np.argwhere(removed)[:, ::-1]
+        centres = indices @ grid.steps_mm.T + grid.first_mm
+        tips = np.array(STUB.tips)
+        nearest = np.sqrt(((centres[:, None] - tips[None]) ** 2).sum(axis=2).min(axis=1))
+        self.assertLess(nearest.max(), 2 + 1.5)
+        # the decorations, and slices that follow
+        self.assertIs(STUB.GetFirstNodeByName(scene.PROBE_MODEL).parent, STUB.GetFirstNodeByName(scene.PROBE))
+        self.assertEqual(STUB.GetFirstNodeByName(scene.ARROW).GetDisplayNode().width, 5)
+        self.assertGreater(len(STUB.jumps), 10)
+        session.stop()
+        self.assertFalse(session.is_active)
+        self.assertIsNone(STUB.GetFirstNodeByName("Palpate"))
+
+    def test_lines_become_a_plan(self):
+        volume, segmentation, grid, _ = two_blocks()
+        scan, labels, scene_file, plan = (self.folder / name for name in ("scan.nrrd", "labels.seg.nrrd", "scene.toml", "plan.toml"))
+        nrrd.write_scan(scan, *scene.scan_of(volume))
+        nrrd.write_segmentation(labels, grid, scene.labels_of(segmentation, volume))
+        self.succeed("scene", "new", "--scan", scan, "--labels", labels, "-o", scene_file)
+        line = STUB.AddNewNodeByClass("vtkMRMLMarkupsLineNode", 'To the "tibia"\n')
+        # along k through both blocks, from outside to the middle of the second one
+        line.points = [grid.steps_mm @ ijk + grid.first_mm for ijk in ([15, 12, 1.5], [15, 12, 12.5])]
+        session = self.session()
+        session.write_plan([line, line], plan)
+        shown = self.succeed("plan", "show", plan, "--scene", scene_file).stdout
+        # six slices of 1.6 mm, then three
+        self.assertRegex(shown, r"passes through .*femur 9\.\d mm, tibia 4\.\d mm")
+        self.assertEqual(shown.count("depth           17.60 mm"), 2)
+        for bad, says in [([], "no line is chosen"), ([[0, 0, 0]], "1 points")]:
+            line.points = bad
+            with self.assertRaisesRegex(PalpateError, says):
+                session.write_plan([line] if bad else [], plan)
+
+    def test_faults_are_told(self):
+        volume, segmentation, _, _ = two_blocks()
+        session = self.session()
+        bent = STUB.AddNewNodeByClass("vtkMRMLLinearTransformNode", "Bent")
+        segmentation.parent = bent
+        with self.assertRaisesRegex(PalpateError, "under another transform"):
+            session.start(volume, segmentation)
+        volume.parent, bent.linear = bent, False
+        with self.assertRaisesRegex(PalpateError, "not linear"):
+            session.start(volume, segmentation)
+        volume.parent = segmentation.parent = None
+        with self.assertRaisesRegex(PalpateError, "is no program"):
+            session.start(volume, segmentation, path="/nowhere/palpate")
+        with self.assertRaisesRegex(PalpateError, "no device"):
+            session.start(volume, segmentation, device="hammer")
+        with self.assertRaisesRegex(PalpateError, "cannot be reached"):
+            session.attach("127.0.0.1", 1)
+        self.assertFalse(session.is_active)
+        session.start(volume, segmentation)
+        with self.assertRaisesRegex(PalpateError, "is active"):
+            session.attach("127.0.0.1", 1)
+        # a joined session whose palpate ends
+        there = self.joined(session)
+        session.stop()
+
+        def is_told():
+            try:
+                there.poll()
+            except PalpateError as error:
+                return "has ended" in str(error)
+            return False
+        until(is_told, "the end is not told")
+
+    def test_a_transform_above_both_moves_them(self):
+        volume, segmentation, grid, _ = two_blocks()
+        moved = STUB.AddNewNodeByClass("vtkMRMLLinearTransformNode", "Moved")
+        moved.matrix[:3] = np.hstack([oblique_grid((2, 2, 2)).steps_mm, [[1], [2], [3]]])
+        volume.parent = segmentation.parent = moved
+        np.testing.assert_allclose(scene.labels_of(segmentation, volume).grid.ijk_to_ras(), moved.matrix @ grid.ijk_to_ras(), atol=1e-12)
+
+    def test_images_of_another_kind_are_refused(self):
+        grid, voxels = Grid((2, 2, 2), np.eye(3), [0, 0, 0]), np.arange(8, dtype="<u2")
+        fields = [1, 1, 5, 2, 1, *grid.dims, *np.eye(3).T.ravel(), 0.5, 0.5, 0.5, 0, 0, 0, *grid.dims]
+        body = openigtlink.IMAGE_HEAD.pack(*fields) + voxels.tobytes()
+        found, read = openigtlink.parse_image(body)
+        self.assertTrue(found.is_same(grid))
+        self.assertTrue((read.ravel() == voxels).all())
+        for n, other in [(1, 2), (2, 10), (3, 1), (4, 2)]:
+            with self.assertRaises(ValueError):
+                openigtlink.parse_image(openigtlink.IMAGE_HEAD.pack(*[*fields[:n], other, *fields[n + 1:]]) + voxels.tobytes())
+        with self.assertRaises(ValueError):
+            openigtlink.parse_image(body[:-1])
+
+    def test_the_extension_is_complete(self):
+        used = set(re.findall(r"self\.ui\.(\w+)", (MODULE / "Palpate.py").read_text()))
+        form = xml.etree.ElementTree.parse(MODULE / "Resources/UI/Palpate.ui")
+        self.assertEqual(used - {widget.get("name") for widget in form.iter("widget")}, set())
+        listed = (MODULE / "CMakeLists.txt").read_text()
+        for file in (MODULE / "PalpateLib").glob("*.py"):
+            self.assertIn(f"PalpateLib/{file.name}", listed)
+        compile((MODULE / "Palpate.py").read_text(), "Palpate.py", "exec")
+
+
+if __name__ == "__main__":
+    unittest.TestCase.maxDiff = None
+    cli.main()
