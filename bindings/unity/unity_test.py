@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Palpate.cs over libpalpate.so: its structs are the library's, member by member; it is compiled by mcs and its example run by mono
-where they are installed, to the same hash as Python's.
+where they are installed, to the same hash as Python's. Viewer.cs reads the messages of the manual, and receives them there.
 
-    PALPATE_LIBRARY=libpalpate.so unity_test.py
+    PALPATE_LIBRARY=libpalpate.so PALPATE=palpate unity_test.py
 """
 
 import ctypes
@@ -10,6 +10,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,7 +18,7 @@ import unittest
 
 sys.dont_write_bytecode = True
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "python"))
+sys.path[:0] = [str(HERE.parent / "python"), str(HERE.parents[1] / "tests")]
 
 try:
     import numpy as np
@@ -26,9 +27,11 @@ except ImportError:
     sys.exit(77)
 
 import palpate as pp
+import tick_stream
 from palpate import _library
 
 SOURCE = (HERE / "Runtime/Palpate.cs").read_text(encoding="utf-8")
+VIEWER = (HERE / "Runtime/Viewer.cs").read_text(encoding="utf-8")
 PLAIN = {"double": ctypes.c_double, "uint": ctypes.c_uint32, "int": ctypes.c_int32, "ulong": ctypes.c_uint64, "Flags": ctypes.c_uint32}
 STRUCTS = {"Pose": "plp_pose", "Wrench": "plp_wrench", "Record": "plp_record", "SessionOptions": "plp_session_options"}
 
@@ -45,6 +48,20 @@ def structs():
         fields = [(member.strip(), made[kind]) for kind, members in re.findall(r"public (\w+) ([\w, ]+);", body) for member in members.split(",")]
         made[name] = type(name, (ctypes.Structure,), {"_fields_": fields})
     return made
+
+
+# numbers in a message, by the function that reads them
+READ = {"UInt32": ("u32", 1), "UInt64": ("u64", 1), "Single": ("f32", 1), "Double": ("f64", 1), "Vector": ("f32", 3), "Quaternion": ("f32", 4)}
+
+
+def compiled(folder, *sources):
+    """A program of C# sources; skips the test where there is no mono."""
+    absent = [program for program in ("mcs", "mono") if shutil.which(program) is None]
+    if absent:
+        raise unittest.SkipTest(f"not installed: {', '.join(absent)} (packages mono-mcs and mono-runtime)")
+    program = pathlib.Path(folder) / "Program.exe"
+    subprocess.run(["mcs", f"-out:{program}", *(HERE / source for source in sources)], check=True)
+    return program
 
 
 class CSharp(unittest.TestCase):
@@ -66,12 +83,8 @@ class CSharp(unittest.TestCase):
             self.assertTrue(hasattr(_library.lib, name), name)
 
     def test_the_example_runs_to_the_hash_of_python(self):
-        absent = [program for program in ("mcs", "mono") if shutil.which(program) is None]
-        if absent:
-            self.skipTest(f"not installed: {', '.join(absent)} (packages mono-mcs and mono-runtime)")
         with tempfile.TemporaryDirectory() as folder:
-            program = pathlib.Path(folder) / "TwoHands.exe"
-            subprocess.run(["mcs", f"-out:{program}", HERE / "Runtime/Palpate.cs", HERE / "Samples/TwoHands.cs"], check=True)
+            program = compiled(folder, "Runtime/Palpate.cs", "Samples/TwoHands.cs")
             (pathlib.Path(folder) / "libpalpate.so").symlink_to(os.environ["PALPATE_LIBRARY"])
             said = subprocess.run(["mono", program], stdout=subprocess.PIPE, text=True, check=True,
                                   env={**os.environ, "LD_LIBRARY_PATH": folder}).stdout
@@ -80,6 +93,27 @@ class CSharp(unittest.TestCase):
         session = pp.Session(pp.load("knee-phantom:spacing=3"), frame="world", devices=2)
         session.run(tips)
         self.assertIn(f"hash {session.hash:016x}", said)
+
+    def test_its_viewer_reads_the_messages_of_the_manual(self):
+        for part in ("tick", "device"):
+            # (Flags) and new DeviceSample[] are of the number of devices and the flags
+            read = re.findall(rf"\b{part}\.(\w+) = (?:\(Flags\)|new DeviceSample\[)?wire\.(\w+)\(\)", VIEWER)
+            expected = [("Device" if name == "devices" else spelled(name), (kind, count)) for name, kind, count in tick_stream.layout(part)]
+            self.assertEqual([(name, READ[how]) for name, how in read], expected)
+
+    def test_its_viewer_receives_every_tick(self):
+        with tempfile.TemporaryDirectory() as folder:
+            program = compiled(folder, "Runtime/Palpate.cs", "Runtime/Viewer.cs", "Samples/WatchTicks.cs")
+            session = subprocess.Popen([os.environ["PALPATE"], "explore", "knee-phantom:spacing=3", "--port", "0", "--repeat"], text=True,
+                                       stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+            try:
+                port = next(found.group(1) for line in session.stderr if (found := re.search(r"open http://127\.0\.0\.1:(\d+)/", line)))
+                said = subprocess.run(["mono", program, f"ws://127.0.0.1:{port}/ws", "2000"], stdout=subprocess.PIPE, text=True, check=True).stdout
+            finally:
+                session.send_signal(signal.SIGINT)
+                session.wait()
+                session.stderr.close()
+        self.assertRegex(said, r"^\d{4} ticks to \d+, 0 lost, ")
 
 
 if __name__ == "__main__":

@@ -309,6 +309,7 @@ struct LateAnswer {
 
 class LiveHost;
 class PlaybackHost;
+class TickHistory;
 
 /// Session or recording as seen by its viewers: what there is to be looked at. A host that is neither a
 /// LiveHost nor a PlaybackHost can only be looked at and stopped. scene(), snapshot(), state() and labels()
@@ -326,6 +327,9 @@ class ViewerHost {
   /// Latest tick.
   /// @param stiffness_N_per_mm  rendered stiffness of the tissue in contact, per device
   virtual TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const = 0;
+  /// All recent ticks, for viewers that receive every one; null: there are none, as in a recording. Constant;
+  /// outlives the server.
+  virtual const TickHistory* tick_history() const { return nullptr; }
   virtual ViewedHealth health() const = 0;
   virtual ViewedState state() const = 0;
   /// Sweeps of ViewedState::sweeps from index `first` on, at most `most`, in order.

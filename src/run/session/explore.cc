@@ -377,8 +377,10 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   header.scheduler = (*loop)->scheduling().scheduler;
   ExploreWatch watch(model, (*tip)->requested());
   if (training) training->begin_session(header);
-  const auto on_tick = [&watch, &training](const TickRecord& record, std::span<const RecordingEvent> events) {
+  const auto on_tick = [&watch, &live, &training](const TickRecord& record,
+                                                  std::span<const RecordingEvent> events) {
     watch.observe(record);
+    live.observe(record);
     if (training) training->observe(record, events);
   };
   auto recorder = Recorder::start((*loop)->ring(), recording, header, on_tick, &live.log());

@@ -18,6 +18,7 @@
 #include "palpate/model/changed_model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
+#include "palpate/server/tick_history.h"
 #include "palpate/server/viewer_server.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/session/shared_plan.h"
@@ -95,6 +96,7 @@ class LiveSession final : public LiveHost {
   // ---- interface for viewers
   const ViewedScene& scene() const override;
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override;
+  const TickHistory* tick_history() const override { return &history_; }
   ViewedHealth health() const override;
   ViewedState state() const override;
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
@@ -125,6 +127,10 @@ class LiveSession final : public LiveHost {
   Result<std::string> curves(const std::string& learner) const override;
   std::shared_ptr<const ViewedPlan> plan() const override;
   Result<void> change(const PlanRequest& request) override;
+
+  /// Passes a tick on to viewers that receive every one. Called with each tick in order, on one thread, which
+  /// is not the servo's.
+  void observe(const TickRecord& record) { history_.add(record); }
 
   // ---- keys at the device
   void stop_here() { stop_.stop({Asker::kKey}); }
@@ -203,6 +209,7 @@ class LiveSession final : public LiveHost {
   mutable ViewedScene scene_;
   mutable DeformedLabels visible_labels_;
 
+  TickHistory history_;
   SessionLoop loop_;
   const ExploreWatch* watch_ = nullptr;  // set before the loop is connected
   StopSwitch stop_;

@@ -11,12 +11,12 @@
 namespace palpate::server {
 namespace {
 
-constexpr std::array<std::string_view, 33> kWords{
+constexpr std::array<std::string_view, 34> kWords{
     "role",
     // keys of requests (docs/reference/viewer-requests.md) other than settings and contact properties
     "at_s", "back_to", "begin", "code", "end", "entry_mm", "id", "learner", "name", "names", "near",
     "navigation", "patient_mm", "plan", "playing", "pointer", "poses_hz", "protocol", "remove", "save",
-    "speed", "stop", "take", "target_mm", "task", "tissue", "token", "trajectory", "type", "version",
+    "speed", "stop", "take", "target_mm", "task", "ticks", "tissue", "token", "trajectory", "type", "version",
     "yielded", kLawSetting};
 constexpr std::array<std::string_view, 5> kLaws{"chainmail", "elastic", "exponential", "layers",
                                                 "neo-hookean"};

@@ -6,10 +6,12 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "server/bundle_message.h"
 #include "server/download_pace.h"
 #include "server/fault_log.h"
 #include "server/payload_store.h"
@@ -102,6 +104,10 @@ class Hub {
   const Veil* veil_of(const Viewer& viewer) const;
   /// Veil that currently applies to learners; null: none.
   const Veil* active_veil() const;
+  /// ViewerHost::tick_history
+  const TickHistory* tick_history() const { return host_.tick_history(); }
+  /// Memory for the ticks of a bundle while it is made.
+  std::span<BundledTick> bundle_scratch() { return bundle_scratch_; }
   /// Message with the next sweeps for a viewer, and marks them as sent; empty: no more.
   std::string sweeps_after(SentSweeps& had) const;
   /// Latest deformation around a device.
@@ -170,6 +176,7 @@ class Hub {
   TickRecord veiled_tick_;  ///< Last veiled tick
   bool names_ = false;      ///< Whether learners are shown what a quiz hides
   ViewedHealth health_;
+  std::vector<BundledTick> bundle_scratch_ = std::vector<BundledTick>(kMaxBundledTicks);
   struct LastPublished {
     std::shared_ptr<const ViewedYield> yield;
     std::optional<YieldMessage> message;  ///< Message published last

@@ -1,16 +1,20 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdint>
 #include <cstdlib>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "palpate/base/contact_properties.h"
 #include "palpate/base/file.h"
 #include "palpate/device/settings.h"
+#include "palpate/server/tick_history.h"
 #include "palpate/server/viewer_server.h"
+#include "server/bundle_message.h"
 
 namespace palpate::server {
 namespace {
@@ -41,6 +45,52 @@ const char* type_of(const std::vector<ViewedTool::Capsule>& /*value*/) {
   return "Capsule[]";
 }
 
+// type of a number in a binary message, and how many of them there are
+template <class Value>
+constexpr std::string_view kWireType = "";
+template <>
+constexpr std::string_view kWireType<float> = "f32";
+template <>
+constexpr std::string_view kWireType<double> = "f64";
+template <>
+constexpr std::string_view kWireType<std::uint32_t> = "u32";
+template <>
+constexpr std::string_view kWireType<std::uint64_t> = "u64";
+struct WireField {
+  std::string name, type, description;
+  std::size_t offset = 0, count = 1;
+};
+/// Numbers of a part of a message, in order.
+class WireFields {
+ public:
+  template <class Value>
+  void operator()(const char* name, const Value& /*value*/, const char* description) {
+    add<Value>(name, 1, description);
+  }
+  template <class Value, std::size_t kCount>
+  void operator()(const char* name, const std::array<Value, kCount>& /*values*/, const char* description) {
+    add<Value>(name, kCount, description);
+  }
+  const std::vector<WireField>& fields() const { return fields_; }
+  std::size_t bytes() const { return bytes_; }
+
+ private:
+  template <class Value>
+  void add(const char* name, std::size_t count, const char* description) {
+    fields_.push_back({name, std::string(kWireType<Value>), description, bytes_, count});
+    bytes_ += count * sizeof(Value);
+  }
+
+  std::vector<WireField> fields_;
+  std::size_t bytes_ = 0;
+};
+template <class Part>
+WireFields wire_fields() {
+  WireFields fields;
+  visit_wire_fields(Part(), fields);
+  return fields;
+}
+
 /// TypeScript text, line by line.
 class Module {
  public:
@@ -60,6 +110,15 @@ class Module {
     visit_fields(fields,
                  [&](const char* field_name, const auto& value) { field(field_name, type_of(value)); });
     line("}\n");
+  }
+  void wire(const std::string& constant, const std::string& about, const WireFields& part) {
+    line("/** " + about + " */");
+    line("export const " + constant + " = {");
+    for (const WireField& field : part.fields())
+      line("  " + field.name + ": { offset: " + std::to_string(field.offset) + ", type: \"" + field.type +
+           "\", count: " + std::to_string(field.count) + " },");
+    line("} as const;");
+    line("export const " + constant + "_BYTES = " + std::to_string(part.bytes()) + ";");
   }
   const std::string& text() const { return text_; }
 
@@ -108,6 +167,10 @@ std::string protocol_types() {
   add_contact_properties(module);
   module.interface("Capsule", "Convex hull of two balls, in the tool's frame.", ViewedTool::Capsule{});
   module.interface("HeldTool", "Tool held by one device, in the tool's frame.", ViewedTool{});
+  module.wire("BUNDLED_TICK", "Numbers of each tick in a bundle (`PLPB`).", wire_fields<BundledTick>());
+  module.wire("BUNDLED_DEVICE", "Numbers of each of its devices, which follow it.",
+              wire_fields<BundledDevice>());
+  module.line();
   // without the empty line at the end
   return module.text().substr(0, module.text().size() - 1);
 }
@@ -121,6 +184,38 @@ TEST(ProtocolTypes, ThePageHasThoseOfTheTables) {
   const auto text = read_file(path);
   ASSERT_TRUE(text.ok()) << text.error().message();
   EXPECT_EQ(*text, protocol_types()) << "PALPATE_UPDATE_DOCS=1 server_test --gtest_filter='ProtocolTypes.*'";
+}
+
+// table of the manual
+std::string wire_table(const WireFields& part) {
+  std::string table = "| offset | type | name | content |\n|---|---|---|---|\n";
+  for (const WireField& field : part.fields())
+    table += "| " + std::to_string(field.offset) + " | `" + field.type +
+             (field.count > 1 ? "[" + std::to_string(field.count) + "]" : "") + "` | `" + field.name +
+             "` | " + field.description + " |\n";
+  return table;
+}
+
+TEST(ProtocolTypes, TheManualHasTheNumbersOfABundle) {
+  EXPECT_EQ(wire_fields<BundledTick>().bytes(), kBundledTick_bytes);
+  EXPECT_EQ(wire_fields<BundledDevice>().bytes(), kBundledDevice_bytes);
+  const std::string path = PALPATE_SOURCE_DIR "/docs/reference/viewer-messages.md";
+  std::string text = *read_file(path);
+  for (const auto& [part, table] : {std::pair("tick", wire_table(wire_fields<BundledTick>())),
+                                    std::pair("device", wire_table(wire_fields<BundledDevice>()))}) {
+    const std::string begin = std::string("<!-- bundled ") + part + " begin -->\n",
+                      end = std::string("<!-- bundled ") + part + " end -->";
+    const std::size_t first = text.find(begin) + begin.size(), last = text.find(end);
+    ASSERT_NE(last, std::string::npos);
+    if (std::getenv("PALPATE_UPDATE_DOCS") != nullptr)
+      text.replace(first, last - first, table);
+    else
+      EXPECT_EQ(text.substr(first, last - first), table)
+          << "PALPATE_UPDATE_DOCS=1 server_test --gtest_filter='ProtocolTypes.*'";
+  }
+  if (std::getenv("PALPATE_UPDATE_DOCS") != nullptr) {
+    ASSERT_TRUE(write_file(path, text).ok());
+  }
 }
 
 }  // namespace

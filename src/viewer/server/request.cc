@@ -234,6 +234,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.task = fields.flag("task").value_or(false);
   hello.plan = fields.flag("plan").value_or(false);
   hello.near = fields.flag("near").value_or(false);
+  hello.ticks = fields.flag("ticks").value_or(false);
   hello.navigation = fields.flag("navigation").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMaxPoses_hz)) return std::nullopt;

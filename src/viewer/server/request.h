@@ -26,6 +26,7 @@ struct Hello {
   bool task = false;        ///< Subscribes to the progress of tasks
   bool plan = false;        ///< Subscribes to the plan
   bool near = false;        ///< Subscribes to distances and no-go regions
+  bool ticks = false;       ///< Subscribes to bundles of all ticks
   bool navigation = false;  ///< Subscribes to the error estimate of a tracked tip
 };
 /// Emergency stop.

@@ -44,6 +44,8 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_FALSE(hello->task);
   EXPECT_FALSE(hello->near);
   EXPECT_FALSE(hello->navigation);
+  EXPECT_FALSE(hello->ticks);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "ticks": true})")->ticks);
   EXPECT_FALSE(hello->plan);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "plan": true})")->plan);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->near);

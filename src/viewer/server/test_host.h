@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/server/tick_history.h"
 #include "palpate/server/viewer_server.h"
 
 /// In-memory session that carries out and records every request.
@@ -114,6 +115,7 @@ class FakeHost : public LiveHost {
     stiffness_N_per_mm[0] = 0.75;
     return tick;
   }
+  const TickHistory* tick_history() const override { return &history; }
   ViewedHealth health() const override { return {999, 1, 2, 3, 4, 5, 6, 7}; }
   ViewedState state() const override {
     const std::lock_guard lock(mutex_);
@@ -337,6 +339,7 @@ class FakeHost : public LiveHost {
 
   mutable std::atomic<int> snapshots{0}, yields_requested{0};
   std::atomic<bool> pointer_taken{false};
+  TickHistory history;
 
  private:
   ViewedScene scene_;

@@ -386,6 +386,32 @@ TEST(Veil, ALearnerIsToldNothingOfItByAnyWay) {
   EXPECT_EQ(number_at<float>(open, kDevice + 84), 0.75f);
 }
 
+TEST(Veil, EveryTickIsForWhoIsNotVeiled) {
+  Quiz quiz;
+  TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
+  learner.greet({{"token", kLearnerToken}, {"ticks", true}, {"poses_hz", 120}});
+  teacher.greet({{"token", kTeacherToken}, {"ticks", true}, {"poses_hz", 120}});
+  const auto next_bundle = [](TestViewer& viewer) {
+    std::string bytes = viewer.pose();
+    while (!bytes.empty() && !bytes.starts_with("PLPB")) bytes = viewer.pose();
+    return bytes;
+  };
+  const auto add = [&quiz](std::uint64_t tick) {
+    TickRecord record;
+    record.tick = tick;
+    quiz.host.history.add(record);
+  };
+  add(1);
+  // the teacher's bundle, and ten poses of the learner without one
+  EXPECT_EQ(number_at<std::uint64_t>(next_bundle(teacher), 32), 1u);
+  for (int n = 0; n < 10; ++n) EXPECT_TRUE(learner.pose().starts_with("PLPT"));
+  // when names are shown, ticks from then on
+  teacher.send({{"type", "lesson"}, {"id", 1}, {"names", true}});
+  EXPECT_EQ(teacher.text("done")["id"], 1);
+  add(2);
+  EXPECT_EQ(number_at<std::uint64_t>(next_bundle(learner), 32), 2u);
+}
+
 /// Everything that a server sends to a learner by HTTP: heads, hashes, sizes and bodies.
 std::vector<std::string> answers_to_a_learner(const Quiz& quiz) {
   std::vector<std::string> answers;

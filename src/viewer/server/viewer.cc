@@ -124,6 +124,8 @@ void Viewer::greet(const Hello& hello) {
   receives_near_ = hello.near;
   receives_plan_ = hello.plan;
   receives_navigation_ = hello.navigation;
+  receives_ticks_ = hello.ticks && hub_.tick_history() != nullptr;
+  if (receives_ticks_) ticks_sent_.next = hub_.tick_history()->count();
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   send(hub_.welcome_for(who_));
@@ -173,6 +175,7 @@ void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_
   pose_ = pose;
   pose_.set_sequence(++sequence_);
   pose_due_ = true;
+  ticks_due_ = receives_ticks_;
   if (receives_near_ && near && !(near_ && near->equals_except_tick(*near_))) {
     near_ = *near;
     near_due_ = true;
@@ -203,6 +206,9 @@ void Viewer::write_next() {
   } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
     pose_is_next_ = true;
     write(*yield_out_, true);
+  } else if (!(pose_due_ && pose_is_next_) && next_ticks()) {
+    pose_is_next_ = true;
+    write(bundle_out_, true);
   } else if (std::exchange(near_due_, false)) {
     near_out_ = *near_;
     write(near_out_.bytes(), true);
@@ -219,6 +225,18 @@ bool Viewer::next_sweeps() {
   if (text.empty()) return false;
   text_out_ = std::move(text);
   return true;
+}
+
+// one bundle for each pose that is due; alternates with poses
+bool Viewer::next_ticks() {
+  if (!std::exchange(ticks_due_, false)) return false;
+  const TickHistory& history = *hub_.tick_history();
+  // the ticks of a veiled session stay veiled when the veil ends
+  if (hub_.veil_of(*this) != nullptr) {
+    ticks_sent_.next = history.count();
+    return false;
+  }
+  return next_bundle(history, ticks_sent_, hub_.bundle_scratch(), bundle_out_);
 }
 
 // rarely changes

@@ -11,6 +11,7 @@
 
 #include "palpate/device/telemetry.h"
 #include "palpate/server/address.h"
+#include "server/bundle_message.h"
 #include "server/near_message.h"
 #include "server/pose_message.h"
 #include "server/request.h"
@@ -38,6 +39,7 @@ inline constexpr std::uint16_t kGoingAway = 1001, kTryAgainLater = 1013;
 ///    state_due_   the state is serialised when it is sent
 ///    pose_        latest pose; replaces one not sent yet
 ///    near_        latest distances, the same; sent before the pose of the same tick
+///    ticks_sent_  position in the session's history; the next bundle is made when it is sent
 ///    training_due_, debriefing_due_  progress of a run, and the last debriefing; the same
 ///    plan_had_    text of the plan sent last; the hub has the latest
 ///    navigation_had_  text of the tracked tip's error estimate sent last; the same
@@ -101,6 +103,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void greet(const Hello& hello);
   void write_next();
   bool next_sweeps();
+  bool next_ticks();
   bool next_yield();
   bool next_training();
   bool next_plan();
@@ -145,6 +148,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool receives_near_ = false, near_due_ = false;
   std::optional<NearMessage> near_;
   NearMessage near_out_;
+  bool receives_ticks_ = false, ticks_due_ = false;
+  SentTicks ticks_sent_;
+  std::string bundle_out_;
   std::string text_out_;
 };
 

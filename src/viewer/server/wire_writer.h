@@ -9,6 +9,14 @@
 
 namespace palpate::server {
 
+/// A value as messages have it: beyond the range of float infinite.
+inline float wire_float(double value) {
+  constexpr double kMost = std::numeric_limits<float>::max();
+  constexpr float kInfinite = std::numeric_limits<float>::infinity();
+  if (std::abs(value) > kMost) return std::copysign(kInfinite, static_cast<float>(value > 0 ? 1 : -1));
+  return static_cast<float>(value);
+}
+
 /// Writes consecutive numbers in little-endian order on any machine.
 class WireWriter {
  public:
@@ -20,15 +28,7 @@ class WireWriter {
       *at_++ = static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * byte) & 0xff);
   }
   void real64(double value) { whole(std::bit_cast<std::uint64_t>(value)); }
-  // values beyond float's range become infinite
-  void real32(double value) {
-    constexpr double kMost = std::numeric_limits<float>::max();
-    constexpr float kInfinite = std::numeric_limits<float>::infinity();
-    const bool beyond = std::abs(value) > kMost;
-    const float rounded =
-        beyond ? std::copysign(kInfinite, static_cast<float>(value > 0 ? 1 : -1)) : static_cast<float>(value);
-    whole(std::bit_cast<std::uint32_t>(rounded));
-  }
+  void real32(double value) { whole(std::bit_cast<std::uint32_t>(wire_float(value))); }
   template <std::size_t kCount>
   void reals32(const std::array<double, kCount>& values) {
     for (const double value : values) real32(value);

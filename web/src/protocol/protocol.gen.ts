@@ -64,3 +64,26 @@ export interface HeldTool {
   capsules: Capsule[];
   shaver: boolean;
 }
+
+/** Numbers of each tick in a bundle (`PLPB`). */
+export const BUNDLED_TICK = {
+  tick: { offset: 0, type: "u64", count: 1 },
+  time_s: { offset: 8, type: "f64", count: 1 },
+  model_version: { offset: 16, type: "u32", count: 1 },
+  devices: { offset: 20, type: "u32", count: 1 },
+  rotation_wxyz: { offset: 24, type: "f32", count: 4 },
+} as const;
+export const BUNDLED_TICK_BYTES = 40;
+/** Numbers of each of its devices, which follow it. */
+export const BUNDLED_DEVICE = {
+  tip_patient_mm: { offset: 0, type: "f32", count: 3 },
+  proxy_patient_mm: { offset: 12, type: "f32", count: 3 },
+  orientation_wxyz: { offset: 24, type: "f32", count: 4 },
+  force_N: { offset: 40, type: "f32", count: 3 },
+  unclamped_force_N: { offset: 52, type: "f32", count: 1 },
+  depth_mm: { offset: 56, type: "f32", count: 1 },
+  flags: { offset: 60, type: "u32", count: 1 },
+  buttons: { offset: 64, type: "u32", count: 1 },
+  label: { offset: 68, type: "u32", count: 1 },
+} as const;
+export const BUNDLED_DEVICE_BYTES = 72;
