@@ -190,6 +190,18 @@ class Connector(Node):
 
     HEAD = struct.Struct(">H12s20sQQQ")
 
+    RECEIVED = {"TRANSFORM": "vtkMRMLLinearTransformNode", "POLYDATA": "vtkMRMLModelNode", "IMAGE": "vtkMRMLScalarVolumeNode"}
+
+    def __init__(self, name):
+        super().__init__(name)
+        self.incoming = []
+
+    def GetNumberOfIncomingMRMLNodes(self):
+        return len(self.incoming)
+
+    def GetIncomingMRMLNode(self, n):
+        return self.incoming[n]
+
     def SetTypeClient(self, host, port):
         self.address = (host, port)
 
@@ -207,21 +219,32 @@ class Connector(Node):
         self.socket.close()
 
     def receive(self):
-        scene = sys.modules["slicer"].mrmlScene
         with self.socket.makefile("rb") as stream:
             while len(head := stream.read(self.HEAD.size)) == self.HEAD.size:
                 _, kind, name, _, size, _ = self.HEAD.unpack(head)
                 body = stream.read(size)
                 kind, name = (field.split(b"\0")[0].decode() for field in (kind, name))
-                if len(body) == size and kind in ("TRANSFORM", "POLYDATA", "IMAGE"):
-                    scene.receive(kind, name, body)
+                if len(body) == size and kind in self.RECEIVED:
+                    self.take(kind, name, body)
+
+    def take(self, kind, name, body):
+        scene = sys.modules["slicer"].mrmlScene
+        node = next((node for node in self.incoming if node.name == name), None)
+        if node is None:
+            node = scene.AddNewNodeByClass(self.RECEIVED[kind], name)
+            self.incoming.append(node)
+        if kind == "TRANSFORM":
+            matrix = np.eye(4)
+            matrix[:3] = np.array(struct.unpack(">12f", body), dtype=float).reshape(4, 3).T
+            node.matrix = matrix
+            if name == "ProbeToRAS":
+                scene.tips.append(matrix[:3, 3])
 
 
 class Scene:
     CLASSES = {"vtkMRMLScalarVolumeNode": Volume, "vtkMRMLLabelMapVolumeNode": Volume, "vtkMRMLSegmentationNode": Segmentation,
                "vtkMRMLLinearTransformNode": Transform, "vtkMRMLModelNode": Model, "vtkMRMLMarkupsLineNode": Line,
                "vtkMRMLIGTLConnectorNode": Connector}
-    RECEIVED = {"TRANSFORM": "vtkMRMLLinearTransformNode", "POLYDATA": "vtkMRMLModelNode", "IMAGE": "vtkMRMLScalarVolumeNode"}
 
     def __init__(self):
         self.nodes, self.tips, self.jumps = [], [], []
@@ -238,17 +261,6 @@ class Scene:
 
     def Clear(self, _singletons):
         self.__init__()
-
-    def receive(self, kind, name, body):
-        node = self.GetFirstNodeByName(name) or self.AddNewNodeByClass(self.RECEIVED[kind], name)
-        if kind == "TRANSFORM":
-            matrix = np.eye(4)
-            matrix[:3] = np.array(struct.unpack(">12f", body), dtype=float).reshape(4, 3).T
-            node.matrix = matrix
-            if name == "ProbeToRAS":
-                self.tips.append(matrix[:3, 3])
-        elif kind == "POLYDATA":
-            node.points = struct.unpack_from(">6f", body, 40)
 
 
 class LogicModule:

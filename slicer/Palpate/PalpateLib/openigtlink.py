@@ -1,5 +1,5 @@
-"""Receives palpate's labels by OpenIGTLink (docs/guide/openigtlink.md). Slicer's own connector receives poses, forces and sections;
-it has no request that a scripted module can repeat after each cut."""
+"""Receives palpate's labels and their names by OpenIGTLink (docs/guide/openigtlink.md). Slicer's own connector receives poses, forces
+and sections; it makes no node of LBMETA, and sends no request for images."""
 
 import socket
 import struct

@@ -52,7 +52,7 @@ class Session:
     """A running `palpate explore`, which publishes by OpenIGTLink at a free port of this machine."""
 
     def __init__(self, program, arguments, environment=None):
-        """Waits until it publishes. @param arguments  those of explore, without --openigtlink"""
+        """Waits until it publishes and its page is served. @param arguments  those of explore, without --openigtlink"""
         command = [program, "explore", *map(str, arguments), "--openigtlink", "0"]
         try:
             self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
@@ -60,6 +60,7 @@ class Session:
         except OSError as error:
             raise PalpateError(f"cannot be started ({error.strerror})", program) from error
         self._lines = collections.deque(maxlen=200)
+        self._has_page = "--no-viewer" not in command
         self._published = threading.Event()
         self.port, self.page = None, None
         self._reader = threading.Thread(target=self._read, name="palpate messages", daemon=True)
@@ -94,5 +95,6 @@ class Session:
                 self.page = found.group(1)
             if found := PUBLISHED.search(line):
                 self.port = int(found.group(2))
+            if self.port is not None and (self.page is not None or not self._has_page):
                 self._published.set()
         self._published.set()

@@ -136,7 +136,13 @@ def connect(host, port):
 
 
 def disconnect(connector):
+    """Removes the connector with the nodes that it has received: the next one makes nodes of its own."""
     connector.Stop()
+    for node in [connector.GetIncomingMRMLNode(n) for n in range(connector.GetNumberOfIncomingMRMLNodes())]:
+        slicer.mrmlScene.RemoveNode(node)
+    model = slicer.mrmlScene.GetFirstNodeByName(PROBE_MODEL)
+    if model is not None:
+        slicer.mrmlScene.RemoveNode(model)
     slicer.mrmlScene.RemoveNode(connector)
 
 
