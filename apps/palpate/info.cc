@@ -14,6 +14,7 @@
 #include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
+#include "palpate/tissue/yield_solver.h"
 #include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
@@ -349,10 +350,17 @@ void print_memory(std::ostream& out, const SceneMemory& memory) {
 int run_info_of_scene(const InfoOptions& options, Console& console) {
   const auto memory = memory_of_scene_or_data_set({options.file}, console.progress());
   if (!memory) return console.fail(memory.error());
-  if (options.json)
-    std::cout << Json{{"memory_bytes", memory_json(*memory)}}.dump(2) << '\n';
-  else
-    print_memory(std::cout, *memory);
+  const double cell_mm = memory->tissue_cell_mm, resolved_mm = kResolvedNoduleCells * cell_mm;
+  if (options.json) {
+    Json json{{"memory_bytes", memory_json(*memory)}};
+    if (cell_mm > 0) json["soft_tissue"] = {{"cell_mm", cell_mm}, {"resolved_nodule_mm", resolved_mm}};
+    std::cout << json.dump(2) << '\n';
+    return kExitOk;
+  }
+  print_memory(std::cout, *memory);
+  if (cell_mm > 0)
+    std::cout << "soft tissue solved on cells of " << number(cell_mm, 3) << " mm: nodules of "
+              << number(resolved_mm, 3) << " mm and more have their full contrast\n";
   return kExitOk;
 }
 

@@ -59,11 +59,13 @@ struct LoadedScene {
   std::string names_from = {};
 };
 
-/// Memory required by a scene, bytes, estimated before allocation.
+/// Estimates about a scene before its model is built: the memory that it requires, bytes, and its cells.
 struct SceneMemory {
   std::uint64_t read = 0;  ///< Volumes while reading
   std::uint64_t scan = 0;  ///< Scan retained by the model
   MemoryForecast model;
+  /// Edge length of the cells on which its soft tissue is solved. 0: its tissue law solves none.
+  double tissue_cell_mm = 0;
 
   /// Peak usage, and usage after loading.
   std::uint64_t peak() const { return std::max(read + model.labels, scan + model.labels + model.peak); }

@@ -88,11 +88,17 @@ struct SolverSettings {
   /// from which on they resolve it. Up to the first, the base's compliance is that of the thickness measured
   /// through the voxels; from the second on, that of the solution; between them, a blend of both.
   double thin_layer_cells = 4, resolved_layer_cells = 8;
+  /// Depth to which a rigid structure below the box is looked up in the voxels.
+  double max_base_depth_mm = 80;
   /// Largest change of a cell's solid fraction per frame when material is removed or restored; two iterations
   /// can follow that much.
   double max_fill_change = 0.2;
-  /// Size of the box: along the contiguous axis in memory, and across it.
+  /// Size of the box: along the contiguous axis in memory, and across it. It is the budget of a frame: on the
+  /// processor of docs/results/tissue.md a frame of that many cells takes half of its 1/64 s.
   int cells_along = 47, cells_across = 32;
+  /// Default size of the cells: that of the voxels, or as much larger, up to max_cell_voxels, as the box
+  /// needs to reach box_radii radii of the widest tool across; within min_cell_mm ... max_cell_mm.
+  double box_radii = 3, max_cell_voxels = 2, min_cell_mm = 0.8, max_cell_mm = 3;
   /// Size of the box for the neo-Hookean law, smaller because a frame costs three times as much per cell.
   int finite_cells_along = 31, finite_cells_across = 26;
   /// Newton steps per frame, linear iterations per step, and iterations of the tangential solve.
@@ -120,9 +126,14 @@ struct SolverSettings {
     of("min_patch_cells", min_patch_cells);
     of("thin_layer_cells", thin_layer_cells);
     of("resolved_layer_cells", resolved_layer_cells);
+    of("max_base_depth_mm", max_base_depth_mm);
     of("max_fill_change", max_fill_change);
     of("cells_along", cells_along);
     of("cells_across", cells_across);
+    of("box_radii", box_radii);
+    of("max_cell_voxels", max_cell_voxels);
+    of("min_cell_mm", min_cell_mm);
+    of("max_cell_mm", max_cell_mm);
     of("finite_cells_along", finite_cells_along);
     of("finite_cells_across", finite_cells_across);
     of("finite_steps", finite_steps);

@@ -22,9 +22,17 @@ inline constexpr double kYieldFrame_s = kYieldSettings.blend_s;
 /// Number of ticks per solver frame, rounded; at least 1.
 std::uint64_t ticks_of_yield_frame(double rate_hz);
 
-/// Edge length of the cells on which a model's soft tissue is solved, mm: Model::tissue_cell_mm or, if that
-/// is 0, twice the smallest voxel spacing, clamped to 0.8 ... 3 mm; multiplied by Model::tissue_coarsened.
+/// Default edge length of the cells on which soft tissue is solved, mm: the finest that the budget of a frame
+/// permits (SolverSettings::box_radii).
+/// @param voxel_mm  smallest voxel spacing; above 0
+/// @param tools     all tools of the model; their widest part counts
+double default_yield_cell_mm(double voxel_mm, std::span<const Tool> tools);
+/// Edge length of a model's cells, mm: Model::tissue_cell_mm or, if that is 0, the default; multiplied by
+/// Model::tissue_coarsened.
 double yield_cell_mm(const Model& model);
+/// Diameter in cells from which a stiff nodule is resolved. A smaller one is rendered with a fraction of
+/// its contrast.
+inline constexpr double kResolvedNoduleCells = 5;
 
 /// Displacement field of soft tissue around a tool, mm per N of the tool's force.
 struct YieldField {

@@ -29,4 +29,14 @@ std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
                                               const Point<Patient>& at, const Vector<Patient>& outward,
                                               double circle_mm, double max_mm);
 
+/// Mean of 1 / t over nine rays into the tissue, with t the distance to the first rigid structure: one in the
+/// middle, and eight beside it at half its t, so that a narrow structure counts in part. A ray that meets a
+/// cavity, the end of the volume or no rigid structure between `min_mm` and `max_mm` counts as 0. Soft
+/// structures are passed, whatever their modulus.
+/// @param at       contact point on the surface
+/// @param outward  unit normal of the surface
+double deep_base_per_mm(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
+                        const Point<Patient>& at, const Vector<Patient>& outward, double min_mm,
+                        double max_mm);
+
 }  // namespace palpate

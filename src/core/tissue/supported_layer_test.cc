@@ -62,6 +62,25 @@ TEST(SupportedLayer, ALayerThatIsTrimmedIsThinner) {
   EXPECT_NEAR(layer->thickness_mm, 2, 0.1);
 }
 
+TEST(DeepBase, IsTheMeanOfTheRaysThatReachIt) {
+  LayerScene scene;
+  scene.thickness_mm = 10;
+  scene.skin_mm = 2;
+  const auto base_per_mm = [](const Model& model, const Point<Patient>& at, double min_mm, double max_mm) {
+    return deep_base_per_mm(carved_labels(model), materials_of(model), at, Vector<Patient>(0, 0, 1), min_mm,
+                            max_mm);
+  };
+  const auto model = layer_block(scene);
+  EXPECT_NEAR(base_per_mm(*model, {0, 0, 0}, 5, 80), 0.1, 0.003) << "whatever the soft tissue above it";
+  EXPECT_EQ(base_per_mm(*model, {0, 0, 0}, 11, 80), 0);
+  EXPECT_EQ(base_per_mm(*model, {0, 0, 0}, 5, 9), 0);
+  // three of nine rays end beside the block
+  EXPECT_NEAR(base_per_mm(*model, {17, 0, 0}, 5, 80), 0.1 * 6 / 9, 0.003);
+  EXPECT_EQ(base_per_mm(*model, {500, 0, 0}, 5, 80), 0);
+  scene.base = false;
+  EXPECT_EQ(base_per_mm(*layer_block(scene), {0, 0, 0}, 5, 80), 0);
+}
+
 // Force of the settled solution by which the tick renders a layer, beside the exact one of the layer.
 TEST(YieldSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
   for (const double cell_mm : {1.0, 2.0})

@@ -88,6 +88,30 @@ void support_by_layer(const SupportedLayer& layer, double cell_mm, LocalComplian
   spot.surroundings_per_compliance *= resolved;
 }
 
+// Distance from a point in the box to its faces along a unit direction.
+double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<Patient>& along) {
+  const Eigen::Vector3d start = box.local_mm(at), step = box.local_mm(at + along) - start;
+  double nearest_mm = std::numeric_limits<double>::infinity();
+  for (int axis = 0; axis < 3; ++axis) {
+    if (step[axis] == 0) continue;
+    const double face_mm = step[axis] > 0 ? box.cells[static_cast<std::size_t>(axis)] * box.cell_mm : 0;
+    nearest_mm = std::min(nearest_mm, (face_mm - start[axis]) / step[axis]);
+  }
+  return nearest_mm;
+}
+
+// Adds the compliance of a rigid structure below the box, where the springs of its faces assume endless
+// tissue.
+void support_by_deep_base(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
+                          const ElasticBox& box, const OnSurface& contact, LocalCompliance& spot) {
+  const double inside_mm = to_face_mm(box, contact.at, -contact.outward);
+  const double per_mm = deep_base_per_mm(labels, by_label, contact.at, contact.outward, inside_mm,
+                                         kSolverSettings.max_base_depth_mm);
+  if (per_mm > 0)
+    spot.surroundings_mm_per_N +=
+        layer_base_mm_per_N(1 / per_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
+}
+
 bool presses(const DeviceTick& device) {
   return device.contact_label[0] != 0 && device.depth_mm > 0;
 }
@@ -121,11 +145,21 @@ std::uint64_t ticks_of_yield_frame(double rate_hz) {
   return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::floor(rate_hz * kYieldFrame_s + 0.5)));
 }
 
+double default_yield_cell_mm(double voxel_mm, std::span<const Tool> tools) {
+  double radius_mm = 0;
+  for (const Tool& tool : tools) {
+    radius_mm = std::max(radius_mm, tool.radius_mm);
+    for (const ToolCapsule& capsule : tool.capsules) radius_mm = std::max(radius_mm, capsule.radius_mm);
+  }
+  const double reaching_mm = kSolverSettings.box_radii * radius_mm / kSolverSettings.cells_across;
+  return std::clamp(std::clamp(reaching_mm, voxel_mm, kSolverSettings.max_cell_voxels * voxel_mm),
+                    kSolverSettings.min_cell_mm, kSolverSettings.max_cell_mm);
+}
+
 double yield_cell_mm(const Model& model) {
-  constexpr double kMin_mm = 0.8, kMax_mm = 3;
   const double made_mm = model.tissue_cell_mm > 0
                              ? model.tissue_cell_mm
-                             : std::clamp(2 * model.labels->geometry().min_spacing_mm(), kMin_mm, kMax_mm);
+                             : default_yield_cell_mm(model.labels->geometry().min_spacing_mm(), model.tools);
   return made_mm * model.tissue_coarsened;
 }
 
@@ -422,6 +456,7 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     }
     if (spot.is_known()) {
       spot.find_surroundings();
+      support_by_deep_base(labels, by_label, region->grid().box(), *contact, spot);
       if (layer) support_by_layer(*layer, cell_mm, spot);
     } else if (layer) {
       // the layer is thinner than a cell, whose nodes are all held

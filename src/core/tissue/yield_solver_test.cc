@@ -99,6 +99,80 @@ TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
   EXPECT_NEAR(spot.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
 }
 
+TEST(YieldSolver, CellsAreThoseOfTheVoxelsWhereTheBoxReachesBeyondTheTool) {
+  Model model = *soft_block(false);
+  model.tissue_cell_mm = 0;
+  EXPECT_EQ(yield_cell_mm(model), 1);
+  model.tools[0].radius_mm = 12;
+  const double finger_mm = yield_cell_mm(model);
+  EXPECT_NEAR(finger_mm, kSolverSettings.box_radii * 12 / kSolverSettings.cells_across, 1e-12);
+  // the widest part of any tool counts, and twice the voxels are the limit
+  model.tools.push_back(Tool());
+  model.tools[0].radius_mm = 3;
+  model.tools[1].capsules = {{{0, 0, 0}, {0, 0, 30}, 12}};
+  EXPECT_EQ(yield_cell_mm(model), finger_mm);
+  model.tools[1].capsules[0].radius_mm = 100;
+  EXPECT_EQ(yield_cell_mm(model), 2);
+  model.tissue_coarsened = 1.25;
+  EXPECT_EQ(yield_cell_mm(model), 2.5);
+}
+
+// A nodule of 8 mm whose top is 2 mm deep doubles the force by default, as on cells half as large.
+TEST(YieldSolver, AShallowNoduleIsFeltByDefaultAsOnFinerCells) {
+  const auto contrast = [](double cell_mm) {
+    const auto force_N = [&](bool nodule) {
+      constexpr double kDepth_mm = 2;
+      Model model = *soft_block(false);
+      model.tissue_cell_mm = cell_mm;
+      model.tools[0].radius_mm = 4;
+      if (nodule) {
+        Volume<LabelId> labels(model.labels->geometry());
+        const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+        for (int k = 0; k < labels.geometry().dims[2]; ++k)
+          for (int j = 0; j < labels.geometry().dims[1]; ++j)
+            for (int i = 0; i < labels.geometry().dims[0]; ++i) {
+              const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+              const bool hard = (p - Eigen::Vector3d(0, 0, -6)).norm() < 4;
+              labels.at(i, j, k) = static_cast<LabelId>(p.z() > 0 ? 0 : p.z() < -20 ? 3 : hard ? 2 : 1);
+            }
+        model.labels = label_bricks(labels);
+      }
+      TickRecord record = pressed_at(0, 0);
+      record.device[0].tip_patient_mm[2] = 4 - kDepth_mm;
+      record.device[0].depth_mm = kDepth_mm;
+      record.device[0].contact_N[0] = 0.1;
+      YieldSolver solver;
+      for (int n = 0; n < 6; ++n) {
+        const LocalCompliance& spot = solver.solve(model, record).spot[0];
+        record.device[0].contact_N[0] = yield_force(tissue_at(spot), kDepth_mm, 4).force_N;
+      }
+      return record.device[0].contact_N[0];
+    };
+    return force_N(true) / force_N(false) - 1;
+  };
+  const double by_default = contrast(0), fine = contrast(0.5);
+  EXPECT_GT(by_default, 0.3);
+  EXPECT_NEAR(by_default / fine, 1, 0.2);
+}
+
+TEST(YieldSolver, ARigidBaseBelowTheBoxIsCounted) {
+  // the plate is 20 mm deep: within the box on cells of 1 mm, below it on cells of 0.5 mm
+  Model model = *soft_block(false);
+  const auto force_N = [&](double cell_mm) {
+    constexpr double kDepth_mm = 1;
+    model.tissue_cell_mm = cell_mm;
+    TickRecord record = pressed_at(0, 0);
+    record.device[0].tip_patient_mm[2] = 3 - kDepth_mm;
+    record.device[0].depth_mm = kDepth_mm;
+    YieldSolver solver;
+    for (int n = 0; n < 6; ++n) solver.solve(model, record);
+    return yield_force(tissue_at(solver.frame().spot[0]), kDepth_mm, 3).force_N;
+  };
+  const double hertz_N = 4.0 / 3 * 0.01 / (1 - 0.45 * 0.45) * std::sqrt(3.0);
+  EXPECT_GT(force_N(1), 1.03 * hertz_N);
+  EXPECT_NEAR(force_N(0.5) / force_N(1), 1, 0.04);
+}
+
 TEST(YieldSolver, CoarserCellsAreFewerAndSayNearlyTheSame) {
   for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean}) {
     Model model = *soft_block(true, 1, law);

@@ -13,6 +13,7 @@
 #include "palpate/model/ramp_structures.h"
 #include "palpate/model/stiffness_layers.h"
 #include "palpate/preparation/preparation.h"
+#include "palpate/tissue/yield_solver.h"
 #include "palpate/volume/overlaps.h"
 
 namespace palpate {
@@ -496,6 +497,12 @@ Result<SceneMemory> memory_of_parts(const Scene& scene, const ReadyParts& ready,
   if (!forecast) return forecast.error();
   SceneMemory memory{read, 0, *forecast};
   if (ready.scan) memory.scan = ready.scan->geometry().voxel_count() * sizeof(float);
+  const ModelParts& parts = ready.parts;
+  if (is_elastic(parts.tissue_law))
+    memory.tissue_cell_mm =
+        parts.tissue_cell_mm > 0
+            ? parts.tissue_cell_mm
+            : default_yield_cell_mm(parts.labels->geometry().min_spacing_mm(), parts.tools);
   return memory;
 }
 

@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "palpate/loading/loading.h"
+#include "palpate/tissue/yield_solver.h"
 
 namespace palpate {
 namespace {
@@ -50,6 +51,19 @@ TEST(MemoryOf, StandsAsForetold) {
     EXPECT_GT(over(foretold.model.surfaces, is.surfaces), 0.97);
     EXPECT_LT(over(foretold.model.surfaces, is.surfaces), 1.25);
   }
+}
+
+TEST(MemoryOf, StatesTheCellsOfSoftTissue) {
+  SceneMemory foretold;
+  const auto loaded = load_scene_or_data_set({"palpation-block:spacing=1.5,width=44,thickness=25"}, {}, {},
+                                             {}, [&](const SceneMemory& memory) { foretold = memory; });
+  ASSERT_TRUE(loaded.ok());
+  ASSERT_TRUE(is_elastic(loaded->model->tissue_law));
+  EXPECT_EQ(foretold.tissue_cell_mm, 1.5);
+  EXPECT_EQ(yield_cell_mm(*loaded->model), foretold.tissue_cell_mm);
+  const auto layers = memory_of_scene_or_data_set({"knee-phantom:spacing=3"});
+  ASSERT_TRUE(layers.ok());
+  EXPECT_EQ(layers->tissue_cell_mm, 0);
 }
 
 }  // namespace

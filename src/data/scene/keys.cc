@@ -459,7 +459,8 @@ SceneKeys declared_keys() {
                      .min = 0.2,
                      .max = 10,
                      .meaning = "For all laws but `layers`: edge of the cubic cells of the solver. Default: "
-                                "twice the smallest voxel spacing, at least 0.8 and at most 3."},
+                                "the smallest voxel spacing, at least 0.8 and at most 3; up to twice as much "
+                                "for a tool with a radius of more than 10 voxels."},
                     {.name = "relaxation",
                      .type = kFlag,
                      .default_text = "false",

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "palpate/tissue/yield_solver.h"
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"
@@ -54,6 +55,12 @@ std::string callouts(const Run& run) {
   }
   for (const Caveat& caveat : run.model.caveats)
     html += callout("notice", "Limitation of the model:", escape(caveat.text) + ".");
+  if (run.yields())
+    html += callout("notice", "Resolution of soft tissue:",
+                    "its forces were solved on cells of " + number(yield_cell_mm(run.model), 1) +
+                        " mm. A nodule of less than " +
+                        number(kResolvedNoduleCells * yield_cell_mm(run.model), 1) +
+                        " mm is rendered with a fraction of its contrast.");
   if (!run.recording.summary) {
     html += callout("notice", "This recording was cut short.",
                     "It ends without a summary: everything below describes the part that was written, and "

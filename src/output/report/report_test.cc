@@ -466,6 +466,8 @@ TEST_F(Report, ShowsTissueWhereItHasYieldedTo) {
   for (const std::string other : {"1", "2", "3"}) EXPECT_EQ(scan_of(html, other), scan_of(still, other));
   EXPECT_EQ(html, page());
   EXPECT_THAT(html, HasSubstr("by linear elasticity"));
+  EXPECT_THAT(html, HasSubstr("solved on cells of"));
+  EXPECT_THAT(still, Not(HasSubstr("solved on cells of")));
   Model mail = model;
   mail.tissue_law = TissueLaw::kChainMail;
   const std::string moved = report_html(recording, mail).value();
