@@ -62,9 +62,11 @@ struct PointContact {
   ContactSite site;
   Vector<Patient> force_N;  ///< Force on the tool, friction and viscosity included
   Point<Patient> proxy;     ///< Proxy of the tool's origin; its own position for a direct method
+  bool presses = false;     ///< With the proxy: whether the tool is below the surface and meets a force
 
-  /// Whether it counts as a touch: the force is perceptible, or the point is so deep inside a structure that
-  /// the field has no direction.
+  /// Whether it counts as a touch. With the proxy: `presses`, however small the force, because that of soft
+  /// tissue becomes perceptible only at a depth. With a direct method, or inside a punctured structure: the
+  /// force is perceptible, or the point is so deep inside a structure that the field has no direction.
   bool is_touch() const;
 };
 

@@ -104,7 +104,9 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, const Con
   contact.force_N = force_N;
   if (proxy.contacts == 0) return contact;
   contact.sample.gradient = -normal_of(result);
-  contact.site = site_of(model, most.label, (proxy.position - tip).norm());
+  const double depth_mm = (proxy.position - tip).norm();
+  contact.site = site_of(model, most.label, depth_mm);
+  contact.presses = depth_mm > kProxySettings.arrived_mm && most.force_N > 0;
   return contact;
 }
 
@@ -154,7 +156,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
 
 bool PointContact::is_touch() const {
   const bool inside = sample.value >= 0.5 * site.level;
-  return site.label != 0 && (inside || force_N.norm() >= kContactSettings.min_N);
+  return site.label != 0 && (presses || inside || force_N.norm() >= kContactSettings.min_N);
 }
 
 double DeviceContext::max_stiffness_N_per_mm() const {

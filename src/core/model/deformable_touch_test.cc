@@ -1,0 +1,143 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "palpate/model/make_model.h"
+#include "palpate/servo/servo.h"
+#include "palpate/tissue/yield_solver.h"
+
+/// Contact of large tools, and of two tools, with deformable tissue: the complete tick with the elastic
+/// solver.
+namespace palpate {
+namespace {
+
+/// Ticks of four solver frames.
+constexpr int kSettled = 64;
+constexpr double kVoxel_mm = 0.8, kThickness_mm = 36, kModulus_kPa = 20, kPoissonsRatio = 0.45;
+
+// Soft tissue 64 mm wide and 36 mm thick, with the surface at z = 0, between two voxels. The solver's box
+// ends within it, so that it is a half-space to the tools.
+std::shared_ptr<const Model> thick_block(double radius_mm) {
+  static std::shared_ptr<const Model> prepared;
+  if (prepared == nullptr) {
+    constexpr int kAcross = 80, kSoft = static_cast<int>(kThickness_mm / kVoxel_mm), kAir = 20;
+    GridGeometry grid;
+    grid.dims = {kAcross, kAcross, kSoft + kAir};
+    grid.spacing_mm = {kVoxel_mm, kVoxel_mm, kVoxel_mm};
+    const double middle_mm = -0.5 * (kAcross - 1) * kVoxel_mm;
+    grid.origin = Point<Patient>(middle_mm, middle_mm, (0.5 - kSoft) * kVoxel_mm);
+    Volume<LabelId> labels(grid);
+    for (int k = 0; k < kSoft; ++k)
+      for (int j = 0; j < kAcross; ++j)
+        for (int i = 0; i < kAcross; ++i) labels.at(i, j, k) = 1;
+    ModelParts parts;
+    parts.labels = label_bricks(labels);
+    parts.segments = {{1, "tissue", {}, 0, 1}};
+    Tissue soft;
+    soft.name = "tissue";
+    soft.stiffness_N_per_mm = 0.2;
+    soft.elastic = ElasticConstants{kModulus_kPa, kPoissonsRatio};
+    parts.tissues = {soft};
+    parts.tissue_of_label = {-1, 0};
+    parts.tissue_law = TissueLaw::kElastic;
+    Tool tool;
+    tool.radius_mm = kWidestTool_mm;
+    parts.tools = {tool};
+    auto made = make_model(std::move(parts));
+    PALPATE_CHECK(made.ok());
+    const ForceMethod proxy = ForceMethod::kProxy;
+    prepared = prepared_for(*made, {&proxy, 1}).value();
+  }
+  auto model = std::make_shared<Model>(*prepared);
+  model->tools[0].radius_mm = radius_mm;
+  return model;
+}
+
+/// Spheres that are pressed into the block at 1 kHz.
+class PressingTools {
+ public:
+  struct Sphere {
+    double x_mm = 0, depth_mm = -3;  ///< Depth of its lowest point below the undeformed surface
+  };
+  PressingTools(double radius_mm, std::size_t count, bool passivity = false)
+      : devices(count), model_(thick_block(radius_mm)), radius_mm_(radius_mm) {
+    parameters_.method = ForceMethod::kProxy;
+    parameters_.friction = parameters_.viscosity = false;
+    parameters_.passivity = passivity;
+    // the force ramp of the output stage is over
+    for (auto& hand : state_.hands) hand.output.gain = 1;
+    tick_once();
+  }
+  std::vector<Sphere> devices;
+
+  void tick_once() {
+    if (yields_.advance(*model_, &record_)) parameters_.yields = yields_.frame();
+    std::array<DeviceState, kMaxDevices> states;
+    std::array<Wrench, kMaxDevices> wrenches;
+    for (std::size_t d = 0; d < devices.size(); ++d)
+      states[d].tip =
+          model_->X_WorldPatient * Point<Patient>(devices[d].x_mm, -0.2, radius_mm_ - devices[d].depth_mm);
+    tick(*model_, parameters_, std::span(states).first(devices.size()), 1e-3, state_,
+         std::span(wrenches).first(devices.size()), record_);
+  }
+  void stay(int ticks) {
+    for (int n = 0; n < ticks; ++n) tick_once();
+  }
+  const DeviceTick& of(std::size_t device) const { return record_.device[device]; }
+  /// Force on a tool in the patient's axes.
+  Vector<Patient> force_N(std::size_t device) const {
+    const auto& force = record_.device[device].force_N;
+    return model_->X_WorldPatient.inverse() * Vector<World>(force[0], force[1], force[2]);
+  }
+
+ private:
+  std::shared_ptr<const Model> model_;
+  double radius_mm_;
+  Parameters parameters_;
+  SessionState state_;
+  TickRecord record_;
+  VirtualClockYieldSolver yields_{1000};
+};
+
+// Hertz's force of a sphere; N per mm^1.5
+double hertz_N_per_mm15(double radius_mm) {
+  return 4.0 / 3 * contact_modulus_N_per_mm2({kModulus_kPa, kPoissonsRatio}) * std::sqrt(radius_mm);
+}
+
+class DeformableTouch : public ::testing::TestWithParam<double> {};
+
+TEST_P(DeformableTouch, BeginsAtTheSurfaceWithTheForceOfHertz) {
+  constexpr double kStep_mm = 0.01, kPerceived_N = 1e-3, kPressed_mm = 1;
+  const double limit_mm = 0.1 * kVoxel_mm, radius_mm = GetParam();
+  PressingTools tool(radius_mm, 1);
+  const DeviceTick& reported = tool.of(0);
+  double touched_mm = -1, perceived_mm = -1;
+  for (double depth_mm = -0.3; depth_mm < kPressed_mm; depth_mm += kStep_mm) {
+    tool.devices[0].depth_mm = depth_mm;
+    tool.tick_once();
+    if (touched_mm < -0.5 && (reported.flags & kFlagContact) != 0) touched_mm = depth_mm;
+    if (perceived_mm < -0.5 && reported.unclamped_force_N > kPerceived_N) perceived_mm = depth_mm;
+    if ((reported.flags & kFlagContact) != 0) {
+      ASSERT_EQ(reported.label, 1);
+      ASSERT_EQ(reported.contact_label[0], 1);
+    }
+  }
+  EXPECT_NEAR(touched_mm, 0, limit_mm);
+  EXPECT_NEAR(perceived_mm, 0, limit_mm);
+  tool.devices[0].depth_mm = kPressed_mm;
+  tool.stay(kSettled);
+  EXPECT_NEAR(tool.force_N(0).norm() / (hertz_N_per_mm15(radius_mm) * std::pow(kPressed_mm, 1.5)), 1, 0.07);
+}
+
+INSTANTIATE_TEST_SUITE_P(Radii, DeformableTouch, ::testing::Values(4.0, 6.0, 12.0),
+                         [](const auto& one) { return "R" + std::to_string(static_cast<int>(one.param)); });
+
+}  // namespace
+}  // namespace palpate
