@@ -34,6 +34,7 @@ struct PassivityInput {
   double delay_s = 0;      ///< Assumed delay from a command to its force
   /// Velocity of the tip relative to the object, mean of 10 ms; mm/s of the device.
   Vector<World> velocity_mm_s = {};
+  double received_mJ = 0;  ///< Work that other tools have done on the contact since the last tick
 };
 
 /// Reduction of the requested force by the controller, mainly by a damper along the force.

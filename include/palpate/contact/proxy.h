@@ -312,6 +312,8 @@ struct ProxyOptions {
   /// of this tool. null: no solution yet, each structure is an elastic half-space.
   const ComplianceFrame* compliance = nullptr;
   std::size_t device = 0;
+  /// Contacts of all devices with deformable tissue in the last tick. Empty: there is one device.
+  std::span<const TissuePress> presses = {};
   /// Relaxation times of the model. null: nothing relaxes.
   const RelaxationTimes* relaxation_times = nullptr;
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
@@ -364,6 +366,7 @@ struct ProxyResult : ProxyForce {
   /// change gives no force until the tip is in free space.
   bool wedged = false;
   bool ruptured = false;  ///< Whether a structure was punctured in this tick
+  TissuePress press;      ///< Contact with deformable tissue; unset if there is none
   /// Whether the proxy has not reached its goal: the tool moved or turned farther than the work limit of one
   /// tick allows, or the proxy slips. It continues in the next tick. Contacts cannot be punctured meanwhile.
   bool lagging = false;

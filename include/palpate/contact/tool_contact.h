@@ -27,6 +27,7 @@ struct TickContext {
   const ComplianceFrame* compliance =
       nullptr;             ///< Local compliance of deformable tissue; null: no solution yet
   Holes* holes = nullptr;  ///< As ProxyOptions::holes
+  std::span<const TissuePress> presses = {};  ///< As ProxyOptions::presses
 };
 
 /// Tick inputs of one device.
@@ -99,6 +100,10 @@ struct ToolContact {
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
   std::uint32_t flags = 0;  ///< Flags of the proxy: kFlagInside, kFlagWedged, kFlagRuptured, kFlagRelease
+  TissuePress press;        ///< Contact with deformable tissue; unset if there is none
+  /// Work that the other tools have done on that contact in this tick, at the device; below 0: they took
+  /// energy from it.
+  double received_mJ = 0;
   /// Whether the proxy was reset because tissue was put back over it; its force fades out.
   bool released = false;
 };

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <span>
 
 #include "palpate/contact/elastic_constants.h"
 #include "palpate/contact/feel.h"
@@ -126,6 +127,39 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
 /// falls as F^(-2/3), as slowly as that of the thinnest layer's depth, so that the depth never folds back.
 /// @param first_N  F1
 double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double force_N);
+
+/// Contact of a device's tool with deformable tissue in one tick, as it displaces the tissue under the tools
+/// of other devices.
+struct TissuePress {
+  double force_N = 0;            ///< Normal force on the tissue; 0: none
+  double tangent_N_per_mm = 0;   ///< dF / d depth
+  double displaced_mm = 0;       ///< Depth by which the other tools lowered the surface under this one
+  double modulus_N_per_mm2 = 0;  ///< E* of the tissue; 0: no contact
+  double base_per_mm = 0;        ///< -B E* of tissue on a rigid base; 0: a half-space, or softer
+  double radius_mm = 0;          ///< Radius of the pressing sphere
+  Point<Patient> at;             ///< Point of action on the undeformed surface
+  Vector<Patient> outward;       ///< Direction of the force on the tool; unit
+  int surface = -1;              ///< Index of the touched surface
+
+  bool is_known() const { return modulus_N_per_mm2 > 0; }
+  void hash_into(std::uint64_t& hash) const;
+};
+
+/// Effect of the other tools on one tool.
+struct NeighbourEffect {
+  double displaced_mm = 0;      ///< Depth by which they lower the undeformed surface under it
+  Vector<Patient> force_per_N;  ///< Tangential force on it per unit of its own normal force
+};
+/// Superposition of the point forces of other tools (Boussinesq 1885): on a half-space each lowers the
+/// surface by F / (pi E* r) at a distance r, on a layer less, as the places of one tool do (footprint.h).
+/// Only tools on the same surface count, by the cosine between their normals. The mutual compliance is
+/// symmetric in both tools, and limited so that their common stiffness matrix stays positive definite. The
+/// tangential force makes the superposition conservative: each tool is pushed towards the dent of the other.
+/// @param presses  contacts of all devices in the last tick
+/// @param device   index of the tool in `presses`; its own entry supplies its last tangent stiffness
+/// @param own      its contact; force, tangent and displacement are not read
+NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::size_t device,
+                                    const TissuePress& own);
 
 /// Force of a rigid frictionless sphere at a depth d. d0(F) is the depth in a half-space of E* (Sneddon
 /// 1965).

@@ -55,7 +55,8 @@ struct SessionState {
     std::uint32_t proxy_version = 0;  ///< Version of the model whose surfaces the proxy is on
     bool pushed_directly = false;     ///< A direct method pushed the tip in the previous tick
     CouplingState coupling;
-    BurrState burr;  ///< Default-constructed unless the tool is a burr
+    TissuePress press;  ///< Contact with deformable tissue in the last tick; unset with a single device
+    BurrState burr;     ///< Default-constructed unless the tool is a burr
     // last requested force after blending, and the offset to the previous source's force, which is fading out
     Wrench requested;
     Wrench difference;

@@ -85,10 +85,12 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   // deformable structures
   if (pressed.any()) {
     const DeformableForce tissue =
-        press(pressed, {surfaces_, in.spheres, contacts, tip_, in.layer.position, stretched_mm}, options_,
-              yield, relaxation);
+        palpate::press(pressed, {surfaces_, in.spheres, contacts, tip_, in.layer.position, stretched_mm},
+                       options_, yield, relaxation);
     relaxed_ = relaxed_ || tissue.relaxed;
     const double share = pressed.multiplier_mm / mean.multiplier_mm;
+    press_ = tissue.press;
+    press_.force_N *= share;
     stiffness += share * tissue.secant_N_per_mm;
     own_stiffness += share * tissue.own_secant_N_per_mm;
     force.tangent_N_per_mm += share * tissue.law.tangent_N_per_mm;

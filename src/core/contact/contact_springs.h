@@ -90,6 +90,8 @@ class ContactSprings {
   double friction() const { return options_.friction && normal_N_ > 0 ? friction_N_ / normal_N_ : 0; }
   const PunctureForces& puncture_forces() const { return puncture_forces_; }
   const PenetrationPath& path() const { return path_; }
+  /// Contact with deformable tissue; unset if there is none.
+  const TissuePress& press() const { return press_; }
 
  private:
   // contact properties of a layer, averaged over its contacts by their multipliers and ownership shares
@@ -118,6 +120,7 @@ class ContactSprings {
   double friction_N_ = 0, normal_N_ = 0;
   bool relaxed_ = false;  // whether a layer's contact has advanced the relaxation state
   PunctureForces puncture_forces_;
+  TissuePress press_;
 };
 
 }  // namespace palpate

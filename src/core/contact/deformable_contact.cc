@@ -73,7 +73,7 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
                       ComplianceState& yield, RelaxationState& relaxation) {
   // values of the last tick: those of this one are looked up where the footprint lies
   const double base_per_mm = std::max(0.0, -yield.surroundings_mm_per_N * yield.modulus_N_per_mm2);
-  const Footprint foot = footprint_under(pressed, tool, base_per_mm);
+  Footprint foot = footprint_under(pressed, tool, base_per_mm);
   const double length_mm = tool.stretched_mm.norm();
   const ComplianceFrame* const frame = options.compliance;
   const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
@@ -84,6 +84,16 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
                        options.dt_s, yield, pressed.strain_stiffening * per_multiplier);
   tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
   DeformableForce force;
+  TissuePress& own = force.press;
+  own.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
+  own.base_per_mm = base_per_mm;
+  own.radius_mm = std::max(pressed.radius_mm * per_multiplier, kYieldSettings.min_radius_mm);
+  own.at = at;
+  own.outward = tool.stretched_mm.normalized();
+  own.surface = std::ranges::max_element(tool.contacts, {}, &ProxyContact::multiplier_mm)->surface;
+  const NeighbourEffect others = displaced_by_others(options.presses, options.device, own);
+  own.displaced_mm = others.displaced_mm;
+  foot.depth_mm -= others.displaced_mm;
   if (!(foot.depth_mm > 0)) return force;
   const double max_N_per_mm = options.max_stiffness_N_per_mm / foot.stiffer;
   force.law = yield_force(tissue, foot.depth_mm, foot.radius_mm, max_N_per_mm);
@@ -93,7 +103,13 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   force.secant_N_per_mm = force.law.force_N / length_mm;
   force.own_secant_N_per_mm = limited ? yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
                                       : force.secant_N_per_mm;
-  if (options.relaxation_times == nullptr) return force;
+  const auto finish = [&] {
+    own.force_N = force.law.force_N;
+    own.tangent_N_per_mm = force.law.tangent_N_per_mm;
+    force.law.tangential_force_N += others.force_per_N * own.force_N;
+    return force;
+  };
+  if (options.relaxation_times == nullptr) return finish();
   RelaxingContact contact{spot.relaxed, at, kYieldSettings.dent_radii * pressed.radius_mm * per_multiplier,
                           kYieldSettings.blend_s};
   if (!spot.is_known()) {
@@ -101,7 +117,7 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
     contact.parts.add(pressed.relaxed, per_multiplier);
   }
   relax(tissue, contact, foot, max_N_per_mm, options, relaxation, force);
-  return force;
+  return finish();
 }
 
 }  // namespace palpate

@@ -43,6 +43,7 @@ struct DeformableForce {
   /// Force over the length of the spring vector; `own` is without the device's stiffness limit.
   double secant_N_per_mm = 0, own_secant_N_per_mm = 0;
   bool relaxed = false;  ///< Whether the relaxation state was advanced by this tick
+  TissuePress press;     ///< The contact as other tools meet it
 };
 
 /// Force of deformable tissue at the depth of the spring vector.

@@ -18,6 +18,13 @@ double is_deeper(double a_mm, double b_mm, double radius_mm) {
 
 }  // namespace
 
+double pair_interaction_per_mm(double aside_mm, double radius_mm, double base_per_mm) {
+  const double per_mm = aside_mm < radius_mm ? aside_mm / radius_mm / (std::numbers::pi * radius_mm)
+                                             : 1 / (std::numbers::pi * aside_mm);
+  const double x = 0.5 * std::numbers::pi * base_per_mm * aside_mm;
+  return x < 1 ? per_mm + 0.5 * base_per_mm * x : base_per_mm;
+}
+
 Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along, double base_per_mm) {
   PALPATE_CHECK(!places.empty() && places.size() <= kMaxPressPlaces);
   std::array<double, kMaxPressPlaces> counts;
@@ -66,18 +73,12 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   foot.stiffer = std::max(1.0, steep * work / (all * all));
   foot.arm_mm = foot.arm_mm * (1 / all);
   for (std::size_t n = 0; n < places.size(); ++n) force[n] /= all;
-  // two places closer than a radius count partly as one place
   pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
-      const double aside = std::sqrt(aside_mm2[pair]), radius = radius_mm(a, b);
-      const double per_mm =
-          aside < radius ? aside / radius / (std::numbers::pi * radius) : 1 / (std::numbers::pi * aside);
-      // A place lowers another one by 1 / (pi E* r) (1 - x)^2, x = pi base r / 2, up to x = 1. The base is
-      // added: the law of the sphere takes it away again under the sum of all forces.
-      const double x = 0.5 * std::numbers::pi * base_per_mm * aside;
       foot.interaction_per_mm +=
-          2 * force[a] * force[b] * (x < 1 ? per_mm + 0.5 * base_per_mm * x : base_per_mm);
+          2 * force[a] * force[b] *
+          pair_interaction_per_mm(std::sqrt(aside_mm2[pair]), radius_mm(a, b), base_per_mm);
     }
   return foot;
 }

@@ -44,6 +44,14 @@ struct Footprint {
 Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along,
                        double base_per_mm = 0);
 
+/// Compliance between two places under unit forces, times E*, plus `base_per_mm` because the law of the
+/// sphere takes the base away again under the sum of all forces: 1 / (pi r) (1 - x)^2 with x = pi base r / 2,
+/// and 0 from x = 1 on. Places closer than a radius count partly as one place.
+/// @param aside_mm     lateral distance r
+/// @param radius_mm    the smaller radius; above 0
+/// @param base_per_mm  as of footprint_of
+double pair_interaction_per_mm(double aside_mm, double radius_mm, double base_per_mm);
+
 /// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
 /// are the maximum over the given surfaces.
 /// @param all       all surfaces of the model

@@ -73,7 +73,8 @@ double withdrawal_factor(double force_N, double stiffness_N_per_mm, double step_
 
 PassivityOutput control_passivity(const PassivityInput& input, bool act, PassivityState& state) {
   // energy put in, limited to what the contact can store
-  state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.displacement_mm), input.stored_mJ);
+  state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.displacement_mm) + input.received_mJ,
+                             input.stored_mJ);
 
   // in free space only a debt remains
   const double force_N = input.force_N.norm();

@@ -631,6 +631,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   add_release(state.release, result);
   result.normal = springs.normal();
   result.friction = springs.friction();
+  result.press = springs.press();
   springs.path().report(result);
   result.ruptured = puncture(surfaces, spheres, hand, springs.puncture_forces(), options.holes, state);
   return result;

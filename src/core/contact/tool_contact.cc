@@ -203,6 +203,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   options.device = hand.number;
   options.relaxation_times = times.any() ? &times : nullptr;
   options.holes = tick.holes;
+  options.presses = tick.presses;
   if (peak_N > 0) options.max_force_N = peak_N / hand.device.force_gain;
   return options;
 }
@@ -250,6 +251,13 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
                                ? outermost.stored_mJ
                                : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
+  tool.press = result.press;
+  if (hand.number < tick.presses.size()) {
+    // at the place of the last tick: the tool's own motion is work of its operator
+    const TissuePress& before = tick.presses[hand.number];
+    const double now_mm = displaced_by_others(tick.presses, hand.number, before).displaced_mm;
+    tool.received_mJ = before.force_N * (before.displaced_mm - now_mm) * (gains.force_gain / gains.scale);
+  }
   const double stiffness_N_per_mm =
       outermost.deformable ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -

@@ -139,5 +139,106 @@ TEST_P(DeformableTouch, BeginsAtTheSurfaceWithTheForceOfHertz) {
 INSTANTIATE_TEST_SUITE_P(Radii, DeformableTouch, ::testing::Values(4.0, 6.0, 12.0),
                          [](const auto& one) { return "R" + std::to_string(static_cast<int>(one.param)); });
 
+constexpr double kPairRadius_mm = 3;
+
+// Forces of two spheres on a half-space: Hertz's law at the depth less the other's Boussinesq displacement.
+std::array<double, 2> superposed_N(const std::array<double, 2>& depth_mm, double apart_mm) {
+  const double mutual_mm_per_N =
+      1 / (std::numbers::pi * contact_modulus_N_per_mm2({kModulus_kPa, kPoissonsRatio}) * apart_mm);
+  std::array<double, 2> force_N{};
+  for (int n = 0; n < 200; ++n)
+    for (const std::size_t d : {0, 1}) {
+      const double left_mm = std::max(0.0, depth_mm[d] - mutual_mm_per_N * force_N[1 - d]);
+      force_N[d] = hertz_N_per_mm15(kPairRadius_mm) * std::pow(left_mm, 1.5);
+    }
+  return force_N;
+}
+
+TEST(NeighbouringTools, LoseForceAsTheSuperpositionOfBoussinesqSays) {
+  constexpr double kDepth_mm = 1;
+  PressingTools tools(kPairRadius_mm, 2);
+  tools.devices[0] = {-3.5, kDepth_mm};
+  tools.stay(kSettled);
+  const double alone_N = tools.force_N(0).norm(), hertz_N = superposed_N({kDepth_mm, -1}, 7)[0];
+  EXPECT_NEAR(alone_N / hertz_N, 1, 0.05);
+  for (const double apart_mm : {6.0, 7.0, 10.0, 18.0}) {
+    tools.devices[0].x_mm = -0.5 * apart_mm;
+    for (const double deeper_mm : {0.0, 1.0}) {
+      tools.devices[1] = {0.5 * apart_mm, kDepth_mm + deeper_mm};
+      tools.stay(kSettled);
+      const auto expected_N = superposed_N({kDepth_mm, kDepth_mm + deeper_mm}, apart_mm);
+      // relative to the forces without the other tool, which the first check compares with Hertz
+      EXPECT_NEAR(tools.force_N(0).norm() / alone_N, expected_N[0] / hertz_N, 0.05) << apart_mm;
+      EXPECT_GT(tools.force_N(0).x(), 0) << "the dent of the other tool attracts it";
+    }
+  }
+  // the first one, 1 mm deep, loses more than a third to another one 2 mm deep
+  tools.devices = {{-3.5, kDepth_mm}, {3.5, -1}};
+  tools.stay(kSettled);
+  const double first_N = tools.force_N(0).norm();
+  tools.devices[1].depth_mm = 2;
+  tools.stay(kSettled);
+  EXPECT_LT(tools.force_N(0).norm(), 0.67 * first_N);
+  EXPECT_NE(tools.of(0).flags & kFlagContact, 0u);
+  tools.devices[1].depth_mm = -1;
+  tools.stay(kSettled);
+  EXPECT_NEAR(tools.force_N(0).norm(), first_N, 1e-3 * first_N);
+}
+
+TEST(NeighbouringTools, GiveBackWhatBothHandsPutIn) {
+  PressingTools tools(kPairRadius_mm, 2);
+  tools.devices = {{-3.5, -0.2}, {3.5, -0.2}};
+  tools.stay(40);
+  double given_mJ = 0, most_mJ = 0;
+  const auto lead = [&](std::size_t device, double along_mm, double down_mm) {
+    constexpr int kSteps = 300;
+    for (int n = 0; n < kSteps; ++n) {
+      tools.devices[device].x_mm += along_mm / kSteps;
+      tools.devices[device].depth_mm += down_mm / kSteps;
+      const Vector<Patient> before_N = tools.force_N(device);
+      tools.tick_once();
+      const Vector<Patient> mean_N = (before_N + tools.force_N(device)) * 0.5;
+      given_mJ += Vector<Patient>(along_mm, 0, -down_mm).dot(mean_N) / kSteps;
+      most_mJ = std::max(most_mJ, -given_mJ);
+    }
+  };
+  lead(0, 0, 1.7);
+  lead(1, 0, 1.7);
+  lead(0, -3, 0);
+  lead(1, 0, -1.7);
+  lead(0, 3, 0);
+  lead(0, 0, -1.7);
+  EXPECT_GT(most_mJ, 0.05);
+  EXPECT_NEAR(given_mJ, 0, 0.02 * most_mJ);
+}
+
+// A neighbour that comes and goes leaves the passivity observer of the other tool as it was.
+TEST(NeighbouringTools, WhatANeighbourReturnsIsNotTakenForEnergyFromNowhere) {
+  constexpr double kDepth_mm = 2, kStep_mm = 0.02;
+  PressingTools both(kPairRadius_mm, 2, true), alone(kPairRadius_mm, 2, true);
+  for (PressingTools* tools : {&both, &alone}) {
+    tools->devices = {{-3.5, -0.1}, {3.5, -0.1}};
+    tools->stay(20);
+    const auto lead = [tools](std::size_t device, double to_mm) {
+      double& depth_mm = tools->devices[device].depth_mm;
+      const double step_mm = std::copysign(kStep_mm, to_mm - depth_mm);
+      while (std::abs(to_mm - depth_mm) > kStep_mm) {
+        depth_mm += step_mm;
+        tools->tick_once();
+      }
+    };
+    lead(0, kDepth_mm);
+    if (tools == &both) {
+      lead(1, kDepth_mm);
+      lead(1, -0.1);
+    }
+  }
+  both.stay(kSettled);
+  alone.stay(kSettled);
+  const double energy_mJ = alone.of(0).energy_mJ;
+  EXPECT_GT(energy_mJ, 0.01);
+  EXPECT_NEAR(both.of(0).energy_mJ, energy_mJ, 0.02 * energy_mJ);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -101,6 +101,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   }
   if (hand.proxy.yield.modulus_N_per_mm2 > 0) hash_part(hash, hand.proxy.yield);
   if (hand.proxy.relaxation.remembers()) hash_part(hash, hand.proxy.relaxation);
+  if (hand.press.is_known()) hash_part(hash, hand.press);
   const CouplingState& coupling = hand.coupling;
   hash.add(hand.proxy_version, hand.pushed_directly, coupling.stiffness_N_per_mm);
   hash_place(hash, coupling.multiplier_mm);
@@ -136,6 +137,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
 void SessionState::Hand::reset_contact() {
   proxy = {};
   coupling = {};
+  press = {};
 }
 
 void SessionState::Hand::reset_path() {

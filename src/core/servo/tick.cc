@@ -167,7 +167,7 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
       {request.requested.force_N * (clamped * hand.output.gain), requested_N * hand.output.gain, acted_N,
        contact.displacement_mm, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
        pending_impulse_N_s(hand.delay, request.requested.force_N.normalized(), delay_s), device_delay_s,
-       contact.velocity_mm_s},
+       contact.velocity_mm_s, tool.received_mJ},
       shared.parameters.passivity, hand.passivity);
   const double factor = std::min(reduced.factor, max_factor);
   if (factor == 1) return;
@@ -265,6 +265,14 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
   return tool;
 }
 
+// contacts of all devices with deformable tissue in the last tick; none with a single device
+std::span<const TissuePress> last_presses(const SessionState& state, std::size_t devices,
+                                          std::array<TissuePress, kMaxDevices>& presses) {
+  if (devices < 2) return {};
+  for (std::size_t d = 0; d < devices; ++d) presses[d] = state.hands[d].press;
+  return std::span(presses).first(devices);
+}
+
 // one tick of one device, from its state to the wrench and the record
 void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand, Wrench& wrench,
                  DeviceTick& out) {
@@ -284,6 +292,7 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   } else {
     tool = request_force(shared, in, hand, request, out);
   }
+  hand.press = shared.tick.presses.empty() ? TissuePress{} : tool.press;
 
   // every force passes the output stage
   const Output sent = make_output(request, in.own.limits, in.max_force_N, dt_s, hand.output);
@@ -347,10 +356,17 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   if (!is_deformable) state.last_ignored_yield_frame = parameters.yields.number;
   const bool is_touchable = is_deformable && (state.last_ignored_yield_frame == 0 ||
                                               parameters.yields.number > state.last_ignored_yield_frame);
-  const TickContext context{
-      model,       parameters.method, parameters.friction,      parameters.viscosity,
-      dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), is_touchable ? &parameters.yields : nullptr,
-      &state.holes};
+  std::array<TissuePress, kMaxDevices> presses;
+  const TickContext context{model,
+                            parameters.method,
+                            parameters.friction,
+                            parameters.viscosity,
+                            dt_s,
+                            X_WorldPatient,
+                            X_WorldPatient.inverse(),
+                            is_touchable ? &parameters.yields : nullptr,
+                            &state.holes,
+                            last_presses(state, devices.size(), presses)};
   record.rotation_applied_wxyz = plain(state.rotation_applied);
 
   // a change of force source starts a blend

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -97,6 +98,36 @@ TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
   patch.add(1, load);
   ASSERT_TRUE(ElasticSolver(*grid).solve(load, unit, 200, 1e-5).converged);
   EXPECT_NEAR(spot.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
+}
+
+// The analytic compliance between two tools against that of the cells, on a layer of 20 mm on a plate.
+TEST(YieldSolver, OneToolLowersTheSurfaceUnderAnotherAsTheSolutionSays) {
+  const auto model = soft_block(false);
+  YieldSolver solver;
+  for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
+  const LocalCompliance& spot = solver.frame().spot[0];
+  YieldField field;
+  ASSERT_TRUE(solver.field_of(0, field));
+  const auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), *field.box);
+  ASSERT_TRUE(grid.ok());
+  const auto press = [&](const Point<Patient>& at) {
+    TissuePress pressed;
+    pressed.force_N = 1;
+    pressed.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
+    pressed.base_per_mm = -spot.surroundings_mm_per_N * spot.modulus_N_per_mm2;
+    pressed.radius_mm = 3;
+    pressed.at = at;
+    pressed.outward = Vector<Patient>(0, 0, 1);
+    return pressed;
+  };
+  for (const double apart_mm : {7.0, 9.0, 12.0}) {
+    const std::array presses{press(spot.at + Vector<Patient>(apart_mm, 0, 0)), press(spot.at)};
+    const PressurePatch under(*grid, presses[0].at, presses[0].outward, spot.patch_radius_mm);
+    const double own_mm = spot.compliance_mm_per_N;
+    EXPECT_NEAR(displaced_by_others(presses, 0, presses[0]).displaced_mm, under.displacement(*field.unit_mm),
+                0.06 * own_mm)
+        << apart_mm;
+  }
 }
 
 TEST(YieldSolver, CellsAreThoseOfTheVoxelsWhereTheBoxReachesBeyondTheTool) {
