@@ -196,7 +196,7 @@ struct Model {
   /// Prepared force field of each direct method (palpate/direct/force_field.h), by ForceMethod. null: not
   /// prepared. With `field` the trilinear one is always prepared.
   std::array<std::shared_ptr<const ForceField>, kDirectMethods.size()> methods;
-  /// Surfaces for the proxy: one per felt structure, then the common surfaces of touching structures and
+  /// Surfaces for the proxy: one per touchable structure, then the common surfaces of touching structures and
   /// layers. Empty: not prepared.
   std::vector<ContactSurface> surfaces;
   /// Label of each structure surface, i.e. of the first entries of `surfaces`.

@@ -42,7 +42,7 @@ struct ModelParts {
 
 /// Builds a model from its parts. It still has to be prepared for a force method, by prepared_for(): its
 /// inward ramps are made where a direct method is first prepared. Only a smoothed field, and that of a model
-/// without felt structures, which is 0 everywhere, are there from the start, with the trilinear method. Data
+/// without touchable structures, which is 0 everywhere, are there from the start, with the trilinear method. Data
 /// for display only (scan, side) can be added.
 /// Errors: kBadInput for parts that are missing, not finite, or refer to what is not there, with the name of
 /// the member as location; for a ramp width that does not suit the voxels, a burr less than two voxels
@@ -53,7 +53,7 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts);
 /// Result of with_ramp_field().
 struct MadeField {
   std::shared_ptr<const Model> model;  ///< Prepared for the trilinear method
-  std::vector<RampFigures> ramps;      ///< One per felt structure
+  std::vector<RampFigures> ramps;      ///< One per touchable structure
   double full_force_N = 0;             ///< Full scale of these ramps
 };
 /// The model with a new field of inward ramps for its tissues, and with no direct method but the trilinear
@@ -72,7 +72,7 @@ Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const M
 
 /// The model prepared for these methods in addition to its own; the same object if it already is. For a
 /// direct method it gets the field that these methods share; a model for the proxy alone has none. For the
-/// proxy, felt structures that touch get a common outer surface, all others their own
+/// proxy, touchable structures that touch get a common outer surface, all others their own
 /// (palpate/surfaces/surfaces.h), which takes seconds; among structures that touch, those with a puncture
 /// force and the remainder beneath them get additional surfaces. Structures whose distances the model
 /// reports, or that are no-go regions, get their own surface and its tree, whatever the methods. Version and

@@ -30,7 +30,7 @@ struct RunSetup {
 
 /// Sets up a run of the simulated hand.
 /// @param script  none: the default script, which presses every bone and cartilage of a knee, or otherwise
-///                the largest felt structures that the tool can reach. Larger ones that it cannot reach are
+///                the largest touchable structures that the tool can reach. Larger ones that it cannot reach are
 ///                listed in Script::limitations and `trouble`, with the reason.
 /// Errors: an unknown device or hand, with the line of the script; no reachable structure without a script;
 /// those of ready_for.

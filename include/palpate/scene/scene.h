@@ -376,7 +376,7 @@ struct Script {
   std::vector<int> lines;              ///< Line of each step, for errors
   int device_line = 0, hand_line = 0;  ///< 0: not set by the script
   std::string source;
-  /// Limitations of a script planned for a scene: felt structures that it leaves out or presses with less
+  /// Limitations of a script planned for a scene: touchable structures that it leaves out or presses with less
   /// force, and the reason, one sentence each.
   std::vector<std::string> limitations = {};
 };

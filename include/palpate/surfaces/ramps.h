@@ -9,7 +9,7 @@
 #include "palpate/volume/volume.h"
 
 /// Inward ramps: the field of the direct force methods that does not enlarge structures. It is exactly 0 at
-/// every voxel centre outside all felt structures and rises inside with the depth below free space.
+/// every voxel centre outside all touchable structures and rises inside with the depth below free space.
 ///
 ///     labels in S -> signed distance -> smoothed, every voxel keeping its sign -> depth d(S)
 ///

@@ -127,7 +127,7 @@ struct Leaks {
 /// and at most half of the voxels are felt. The surface may be open there. Sides of fewer than 9 voxels are
 /// pockets and do not count; neither do two structures that touch in this way, nor holes of voxels that share
 /// faces, which are as drawn. None are found within two voxels of the volume's border, where structures end.
-/// @param structures  all felt structures: together they form the barrier to the tool
+/// @param structures  all touchable structures: together they form the barrier to the tool
 /// Errors: kInterrupted.
 Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                       int threads = 0, const Progress& progress = {});

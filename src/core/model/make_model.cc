@@ -213,7 +213,7 @@ Result<void> set_field(std::shared_ptr<const Field> field, Model& model) {
   return {};
 }
 
-// field of a model without felt structures
+// field of a model without touchable structures
 std::shared_ptr<const Field> empty_field(const GridGeometry& grid, bool eight_bits) {
   return eight_bits ? field_of(Bricks<std::uint8_t>(grid, 0)) : field_of(Bricks<std::uint16_t>(grid, 0));
 }

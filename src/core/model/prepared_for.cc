@@ -29,7 +29,7 @@ std::vector<LabelId> touchable_structures(const Model& model) {
 
 Error too_many(std::size_t structures, std::size_t common) {
   std::string what = "the proxy takes at most " + std::to_string(kMaxSurfaces) +
-                     " surfaces, but the scene has " + std::to_string(structures) + " felt structures";
+                     " surfaces, but the scene has " + std::to_string(structures) + " touchable structures";
   if (common > 0) what += " and " + std::to_string(common) + " surfaces shared by structures in contact";
   return {ErrorKind::kBadInput, what, "",
           "set touchable = false on tissues that are not touched, or choose another method"};

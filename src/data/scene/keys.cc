@@ -625,7 +625,7 @@ SceneKeys declared_keys() {
       .distances =
           {"[distances]",
            "Structures whose distance to the tool is reported in every tick: from the outline of the tool to "
-           "the surface of the structure, negative inside. Each needs as much memory as a felt structure.",
+           "the surface of the structure, negative inside. Each needs as much memory as a touchable structure.",
            {{.name = "structures",
              .type = kChoice,
              .default_text = "\"none\"",
@@ -713,7 +713,7 @@ const SceneKeys& scene_key_tables() {
 const ScriptKeys& script_key_tables() {
   constexpr std::string_view kStructure =
       "The structure, by exact name or by number (`\"#95\"`): a place that a hand can reach is found from "
-      "the labels. Or a point, LPS: the felt structure with the nearest surface, at most 5 mm away.";
+      "the labels. Or a point, LPS: the touchable structure with the nearest surface, at most 5 mm away.";
   static const std::vector<std::string_view> kDirections{"superior",  "inferior", "anterior",
                                                          "posterior", "left",     "right"};
   static const ScriptKeys keys{

@@ -29,7 +29,7 @@ bool has_every_structure(const Model& model, const Script& script) {
   });
 }
 
-// the felt structures by their number of voxels, largest first
+// the touchable structures by their number of voxels, largest first
 std::vector<LabelId> largest_touchable(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> labels;
@@ -144,7 +144,7 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
   std::string why;
   for (std::size_t n = 0; n < std::min<std::size_t>(3, script.limitations.size()); ++n)
     why += (n == 0 ? ": " : "; ") + script.limitations[n];
-  return Error{ErrorKind::kBadInput, "the tool cannot reach any felt structure" + why, model.title,
+  return Error{ErrorKind::kBadInput, "the tool cannot reach any touchable structure" + why, model.title,
                "set touchable = false on the structures that cover them, or write a script (--script)"};
 }
 

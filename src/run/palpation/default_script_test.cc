@@ -123,7 +123,7 @@ TEST(DefaultScript, WhereNothingIsReachedTheErrorSaysWhy) {
   const auto result = palpated(labels);
   ASSERT_FALSE(result.ok());
   EXPECT_THAT(result.error().what,
-              HasSubstr("the tool cannot reach any felt structure: brain is not palpated: "
+              HasSubstr("the tool cannot reach any touchable structure: brain is not palpated: "
                         "the scan cuts it off on all sides"));
 }
 

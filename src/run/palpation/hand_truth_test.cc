@@ -223,7 +223,7 @@ TEST_F(HandTruth, WhatIsNotThereNotFeltOrAmbiguousIsAnErrorWithItsLine) {
               AllOf(HasSubstr("test script:2"), HasSubstr("2 structures"), HasSubstr("\"#1\", \"#2\"")));
   EXPECT_THAT(error_of(scene, touch_named("shown")), HasSubstr("not felt"));
   EXPECT_THAT(error_of(scene, touch("approach = \"#1\"\nnearest = \"e\"")), HasSubstr("no structure 'e'"));
-  EXPECT_THAT(error_of(scene, touch("approach = [40, 0, 0]")), HasSubstr("no felt structure within 5 mm"));
+  EXPECT_THAT(error_of(scene, touch("approach = [40, 0, 0]")), HasSubstr("no touchable structure within 5 mm"));
   run(scene, touch_named("#1") + touch_named("#2"));
   expect_all_held(2, 2);
 }

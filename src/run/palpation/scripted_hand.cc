@@ -92,7 +92,7 @@ Result<LabelId> find_structure(const Model& model, const std::string& name, cons
     if (model.is_touchable(s.id))
       known += (known.empty() ? "" : ", ") + (s.name.empty() ? "#" + std::to_string(s.id) : s.name);
   return Error{ErrorKind::kBadInput, "no structure '" + name + "' in this scene", where,
-               "felt structures are: " + known};
+               "touchable structures are: " + known};
 }
 
 // a subsample of the voxel centres on a structure's border
@@ -202,7 +202,7 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
     step.structure = contact_structure_near(*model_, *approach->point);
     if (step.structure == 0)
       return Error{ErrorKind::kBadInput,
-                   "no felt structure within 5 mm of the point " + place_text(*approach->point), where,
+                   "no touchable structure within 5 mm of the point " + place_text(*approach->point), where,
                    "give a point on a surface, in patient coordinates (mm, LPS), or name a structure"};
     wish.near = {*approach->point};
   } else {

@@ -122,7 +122,7 @@ const NoGoRegion* no_go_at(const Model& model, const Point<Patient>& tip) {
   return push.region < 0 ? nullptr : &model.no_go[static_cast<std::size_t>(push.region)];
 }
 
-// felt structure that is most often in front of the surface of a structure; 0: none
+// touchable structure that is most often in front of the surface of a structure; 0: none
 LabelId in_front_of(const Model& model, LabelId structure, std::span<const SurfaceCandidate> candidates) {
   constexpr std::size_t kMaxSampled = 200;
   constexpr double kFarthest_mm = 200;

@@ -170,7 +170,7 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
   ExploreOptions options = with_arm({kSimulatedHand, "arm"}, 500);
   const Recording recording =
       run(options, touch(), [&](const ExploreStatus& status) { reported = status.careful_bounds; });
-  EXPECT_THAT(reported, HasSubstr("how stiff held arm may be made is not known"));
+  EXPECT_THAT(reported, HasSubstr("the stable stiffness of held arm is unknown"));
   EXPECT_THAT(result_->trouble.front() + result_->trouble.back(), HasSubstr("held arm"));
   DeviceInfo info;
   info.rate_hz = 500;
