@@ -437,7 +437,8 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
     training.have_to_fit = true;
     // a person starts the task when ready, from the page or by a key
     training.begins_at_once = options.devices.front() == kSimulatedHand || options.no_viewer;
-  } else if (!loaded.data_set.empty() && !options.no_viewer) {
+  } else if (!loaded.data_set.empty() && !options.no_viewer && !options.serving.openigtlink) {
+    // a published session has no tasks: a receiver would see what a task hides
     for (const EmbeddedFile& file : embedded_tasks()) {
       auto task = parse_task(file.text, std::string(file.name));
       PALPATE_CHECK(task.ok());
@@ -585,9 +586,11 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
       "--may-move", options.may_move,
       "Allow an arm to move by itself during initialisation: confirm that nobody is within its reach");
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
-  verb->add_option("-t,--task", options.task,
-                   "Task to train, scored while it is done: a file or the name of a task (palpate task "
-                   "list); default: the page offers the tasks made for the scene");
+  verb->add_option(
+      "-t,--task", options.task,
+      "Task to train, scored while it is done: a file or the name of a task (palpate task "
+      "list); default: the page offers the tasks made for the scene, unless the session is published "
+      "by OpenIGTLink");
   verb->add_option("--learner", options.learner, "Pseudonym of the learner whose runs are recorded")
       ->check(CLI::Validator(
           [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));

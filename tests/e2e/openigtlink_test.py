@@ -52,7 +52,8 @@ class OpenIgtLinkTest(cli.PalpateTest):
         self.fail("it prints no port")
 
     def test_a_scripted_hand_touches_what_it_reports(self):
-        client = Client(self.started("explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--no-viewer", "--repeat"))
+        # with its page, which offers no tasks then
+        client = Client(self.started("explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--port", "0", "--repeat"))
         structures, largest_N, tips = set(), 0.0, set()
         for _ in range(2000):
             kind, name, body = client.next()

@@ -125,7 +125,7 @@ def line_of(node):
 def connect(host, port):
     """@returns a connector, which receives poses, forces and sections into nodes of their names"""
     try:
-        connector = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLIGTLConnectorNode", "Palpate")
+        connector = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLIGTLConnectorNode", "Palpate connection")
     except RuntimeError:
         connector = None
     if connector is None:

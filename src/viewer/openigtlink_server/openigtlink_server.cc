@@ -30,7 +30,7 @@
 
 #include "openigtlink_server/published_session.h"
 #include "palpate/base/printable.h"
-#include "palpate/openigtlink/messages.h"
+#include "palpate/openigtlink/requests.h"
 #include "palpate/server/address.h"
 #include "palpate/server/ordinary_thread.h"
 
@@ -69,15 +69,10 @@ class FileDescriptor {
   int number_ = -1;
 };
 
-// only the heads of requests are evaluated
-bool wants_no_body(const std::string&) {
-  return false;
-}
-
 struct Client {
   FileDescriptor socket;
   std::string peer;
-  igtl::MessageSplitter input{wants_no_body};
+  igtl::RequestReader input;
   std::deque<Message> queue;  ///< Messages to be sent, before the next frame
   std::size_t sent = 0;       ///< Bytes of the first one that the system has taken
   Clock::time_point progress = Clock::now();
@@ -201,18 +196,27 @@ class Server final : public OpenIgtLinkServer {
     }
     const auto used = client.input.take(
         std::span(buffer).first(static_cast<std::size_t>(received)),
-        [&](const igtl::Head& head, std::span<const std::uint8_t>) { answer(client, head); });
+        [&](igtl::Request request, const std::string& name) { answer(client, request, name); });
     if (!used) client.fault = "does not send OpenIGTLink messages";
   }
-  void answer(Client& client, const igtl::Head& head) {
-    if (head.type == "GET_LBMETA") queue(client, session_.label_list());
-    if (head.type == "GET_IMGMETA") queue(client, session_.image_list());
+  void answer(Client& client, igtl::Request request, const std::string& name) {
     // without a name a client asks for any image
-    const bool is_labels = head.name.empty() || head.name == openigtlink_server::kLabelsName;
-    if (head.type == "GET_IMAGE" && is_labels) client.wants_labels = true;
-    if (head.type == "GET_IMAGE" && head.name == openigtlink_server::kSliceName) client.slice.reset();
-    if (head.type == "STT_IMAGE" && is_labels) client.wants_labels = client.follows_labels = true;
-    if (head.type == "STP_IMAGE" && is_labels) client.follows_labels = false;
+    const bool is_labels = name.empty() || name == openigtlink_server::kLabelsName;
+    switch (request) {
+      case igtl::Request::kLabelList:
+        return queue(client, session_.label_list());
+      case igtl::Request::kImageList:
+        return queue(client, session_.image_list());
+      case igtl::Request::kImage:
+        client.wants_labels = client.wants_labels || is_labels;
+        if (name == openigtlink_server::kSliceName) client.slice.reset();
+        return;
+      case igtl::Request::kStartImages:
+        if (is_labels) client.wants_labels = client.follows_labels = true;
+        return;
+      case igtl::Request::kStopImages:
+        client.follows_labels = client.follows_labels && !is_labels;
+    }
   }
 
   static void queue(Client& client, Message message) {

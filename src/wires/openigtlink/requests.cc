@@ -1,0 +1,29 @@
+#include "palpate/openigtlink/requests.h"
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+#include <utility>
+
+namespace palpate::igtl {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, Request>, 5> kRequests{
+    {{"GET_LBMETA", Request::kLabelList},
+     {"GET_IMGMETA", Request::kImageList},
+     {"GET_IMAGE", Request::kImage},
+     {"STT_IMAGE", Request::kStartImages},
+     {"STP_IMAGE", Request::kStopImages}}};
+
+}  // namespace
+
+RequestReader::RequestReader() : messages_([](const std::string&) { return false; }) {}
+
+Result<void> RequestReader::take(std::span<const std::uint8_t> bytes, const OnRequest& on_request) {
+  return messages_.take(bytes, [&](const Head& head, std::span<const std::uint8_t>) {
+    const auto found = std::ranges::find(kRequests, head.type, &std::pair<std::string_view, Request>::first);
+    if (found != kRequests.end()) on_request(found->second, head.name);
+  });
+}
+
+}  // namespace palpate::igtl
